@@ -182,13 +182,13 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
     is_spared = vakonomic and first.coordinates > MOST_REDUCED
     if not is_spared and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
         chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
-        table, account, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
+        table, statistics, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
         yield dataclasses.replace(
             first,
             name="reduced",
             rows=0,
-            steps=account.steps,
-            seconds=account.seconds,
+            steps=statistics.steps,
+            seconds=statistics.seconds,
             table=table,
             stopped="" if stop is None else f"stopped at t = {stop.t:.9g}: {stop}",
         )

@@ -26,7 +26,7 @@ def equilibrium(
     model = as_model(model)
     ready = cache.compiled(model)
     start = rest_point.begin(ready, limit)
-    laws = static_laws.of_rest(ready.system, start.levels)
+    laws = static_laws.of_rest(ready.system, start.invariant_values)
     problem = rest_point.problem(ready, laws, start)
     rows = tuple(range(len(ready.system.rows.rows)))
     return static_points.answered(ready, StaticQuestion("potential", problem, start, rows, ()), starts, seed)

@@ -30,7 +30,9 @@ def stationary(
     written = given_expression.function(model, of, "--of")
     ready = cache.compiled(model)
     start = rest_point.begin(ready, limit)
-    laws = static_laws.of_function(ready.system, level_functions.value(ready.system, written), start.levels)
+    laws = static_laws.of_function(
+        ready.system, level_functions.value(ready.system, written), start.invariant_values
+    )
     problem = rest_point.problem(ready, laws, start)
     system = ready.system
     names = [row.name for row in system.rows.rows]

@@ -40,7 +40,7 @@ RISING = {ca.OP_EXP, ca.OP_TANH, ca.OP_ATAN, ca.OP_SINH, ca.OP_ASINH, ca.OP_ERF}
 MOST_POWER = 16
 
 # The columns of `function`, in their order.
-COLUMNS = ("g", "g_t", "gamma", "has_gradient", "speeds", "noise", "nearness", "slow", "lowest", "pull")
+COLUMNS = ("g", "g_t", "gamma", "has_gradient", "speeds", "noise", "touching_gap", "slow", "lowest", "pull")
 # Numbers of a run: rtol, span, size and speed.
 CHOSEN = 4
 
@@ -90,10 +90,10 @@ def function(parts: Parts) -> ca.Function:
     speeds = ca.densify(G @ v) + g_t
     local = largest(q) + ca.fabs(g) + span * terms
     noise = EPS * (ca.fmax(ROUNDINGS * local, FEW * extent) + 4 * ca.fabs(t) * terms)
-    rank_margin = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
+    touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
-    columns = [g, g_t, gamma, has, speeds, noise, rank_margin, slow, RESOLVED * EPS * extent, pull]
+    columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull]
     packed = ca.densify(ca.vertcat(*columns, entries, size, speed))[order(G.sparsity()).tolist()]
     return ca.Function("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
 

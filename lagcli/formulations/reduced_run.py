@@ -55,12 +55,12 @@ def run(
 ) -> tuple[Floats, ReducedStatistics, ReducedStop | None]:
     """Rows (k, 1 + columns) of a system from q, v (n,) with parameters p; why it stopped, where it did."""
     q, v, p = begin
-    functions, account = DenseFunctions(system, p), ReducedStatistics()
+    functions, statistics = DenseFunctions(system, p), ReducedStatistics()
     places = _reaction_columns(system)
     found: list[Floats] = []
     stopped = None
     try:
-        for t, motion in _rows(functions, grid, (q, v), settings, account):
+        for t, motion in _rows(functions, grid, (q, v), settings, statistics):
             lam = maggi.multipliers(functions, t, motion)
             row = functions.row(t, (motion.q, motion.v, motion.a), lam)
             row[places] = maggi.reaction(functions, t, motion)
@@ -68,7 +68,7 @@ def run(
     except ReducedStop as stop:
         stopped = stop
     table = np.array(found) if found else np.zeros((0, 1 + len(system.columns)))
-    return table + 0.0, account, stopped
+    return table + 0.0, statistics, stopped
 
 
 def _reaction_columns(system: System) -> list[int]:
@@ -86,7 +86,7 @@ def _rows(
     grid: Grid,
     begin: tuple[Floats, Floats],
     settings: Simulation,
-    account: ReducedStatistics,
+    statistics: ReducedStatistics,
 ) -> Iterator[tuple[float, ReducedMotion]]:
     """The motion at each time of the grid, from q and v at its start. Raises `ReducedStop`."""
     began = time.perf_counter()
@@ -96,13 +96,13 @@ def _rows(
         motion = chart.at(t, chart.y)
     except ChartError as ended:
         raise ReducedStop(t, str(ended)) from None
-    account.charts += 1
+    statistics.charts += 1
     functions.settle(t, motion.q)
     y = chart.y
     tolerance = step_tolerance.of_steps(settings)
     h = _first(motion, grid)
     timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
-    account.seconds += time.perf_counter() - began
+    statistics.seconds += time.perf_counter() - began
     pace_from = t
     yield t, motion
     for i in range(1, grid.count):
@@ -110,7 +110,7 @@ def _rows(
         goal = grid.time(i)
         while t < goal:
             if chart.turned(t, motion) > TURNED:
-                chart, y, motion = _renewed(functions, t, motion, account)
+                chart, y, motion = _renewed(functions, t, motion, statistics)
             switch = timetable.switch(t)
             if switch is not None:
                 t = min(switch[1], goal)
@@ -121,7 +121,7 @@ def _rows(
             taken = goal - t if last else taken
             error, found = _step(chart, t, taken, (y, motion), tolerance)
             if found is None or not error < 1.0:
-                account.rejected += 1
+                statistics.rejected += 1
                 h = taken * (
                     max(SHRINK, SAFETY * error ** (-1 / dop853_tableau.ORDER)) if error < np.inf else 0.25
                 )
@@ -130,10 +130,10 @@ def _rows(
                         t, "the steps become too small: the rows are dependent, or the forces too steep"
                     )
                 continue
-            account.steps += 1
+            statistics.steps += 1
             y, motion = found
             t = goal if last else t + taken
-            if account.steps % controller.PARAMETERS.pace == 0:
+            if statistics.steps % controller.PARAMETERS.pace == 0:
                 pace_from, advanced = t, t - pace_from
                 if (grid.end - t) * controller.PARAMETERS.pace > controller.PARAMETERS.hopeless * advanced:
                     raise ReducedStop(
@@ -143,15 +143,15 @@ def _rows(
             functions.settle(t, motion.q)
             grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853_tableau.ORDER)))
             h = max(h, grown) if taken < h else grown
-        account.seconds += time.perf_counter() - began
+        statistics.seconds += time.perf_counter() - began
         yield t, motion
 
 
 def _renewed(
-    functions: DenseFunctions, t: float, motion: ReducedMotion, account: ReducedStatistics
+    functions: DenseFunctions, t: float, motion: ReducedMotion, statistics: ReducedStatistics
 ) -> tuple[Chart, Floats, ReducedMotion]:
     """The motion in a chart around it."""
-    account.charts += 1
+    statistics.charts += 1
     try:
         chart = Chart(functions, t, motion.q, motion.v)
         return chart, chart.y, chart.at(t, chart.y)

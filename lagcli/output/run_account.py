@@ -110,7 +110,7 @@ def of(
     """
     from lagcli.start import assembly_moves
 
-    chosen, told = system.model.simulation, report.told
+    chosen, told = system.model.simulation, report.reported
     return Stats(
         report.steps,
         report.rejected,

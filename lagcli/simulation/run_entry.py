@@ -122,23 +122,23 @@ def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInB
     from lagcli.simulation.run_state.checkpoint import CheckpointError
 
     declared, timed = initial.declared(system), cached.timed(system.model)
-    if len(point.mark.turns) != (system.cuts.count if system.cuts else 0):
+    if len(point.run_state.turns) != (system.cuts.count if system.cuts else 0):
         raise CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
     enforced = invariants.EnforcedInvariants(
-        _integrals(system, cached, point), point.mark.invariant_values, declared.p
+        _integrals(system, cached, point), point.run_state.invariant_values, declared.p
     )
     chosen = system.model.simulation
-    run = run_start.resume(enforced, point.mark, chosen, system.columns, timed)
-    return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(point.mark.row))
+    run = run_start.resume(enforced, point.run_state, chosen, system.columns, timed)
+    return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(point.run_state.row))
 
 
 def _integrals(system: System, cached: CachedFunctions, point: Checkpoint) -> invariants.Integrals:
     """The integrals of a checkpoint. Raises `CheckpointError` where one is none of this system."""
     from lagcli.simulation.run_state.checkpoint import CheckpointError
 
-    if point.mark.selection.count != len(system.multiplier_rows):
+    if point.run_state.selection.count != len(system.multiplier_rows):
         raise CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:
-        return cached.integrals(system, point.integrals).keeping(point.mark.selection)
+        return cached.integrals(system, point.integrals).keeping(point.run_state.selection)
     except (ExpressionError, level_functions.UnknownName):
         raise CheckpointError("it is a damaged checkpoint: it holds integrals of other names") from None

@@ -33,7 +33,7 @@ class RunReport:
     q, v, a: the state there and its accelerations, (n,) each; selection: the independent rows it is stepped with;
     indeterminate: rows whose multipliers, or impulses, are not unique or were not at some time; steps: accepted ones;
     rejected; evaluations: of the right-hand side; solve_seconds: wall time, of a repeated run too; position_drift,
-    velocity_drift: as in `statistics.Figures`; energy_imbalance: a part of what was exchanged, None where it is not
+    velocity_drift: as in `statistics.Extremes`; energy_imbalance: a part of what was exchanged, None where it is not
     known; exchanged: the largest T so far plus the largest change of V; crossings: singular configurations up to t;
     told: the tally of incidents handed out; ended_by: the event that has ended the run; complete: the rows of
     the grid up to t, be they made or not; accuracy: of rows, where the run is repeated.
@@ -55,7 +55,7 @@ class RunReport:
     exchanged: float
     largest_penetration: float
     crossings: tuple[RankDrop, ...]
-    told: Tally
+    reported: Tally
     ended_by: str | None
     complete: int
     notes: tuple[str, ...]
@@ -102,9 +102,9 @@ class RunInBlocks:
             # Of a run that stops or is interrupted the report is that of the time reached.
             self.report = self._report()
 
-    def mark(self) -> RunState:
+    def run_state(self) -> RunState:
         """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
-        return (self.reference or self._run).mark()
+        return (self.reference or self._run).run_state()
 
     def require_rows_left(self) -> None:
         """Raise `CheckpointError` where a resumed run has nothing left to do."""
@@ -117,7 +117,7 @@ class RunInBlocks:
 
     def _report(self) -> RunReport:
         run, statistics, again = self._run, self._run.statistics, self.reference
-        figures = statistics.figures or NO_ROWS
+        extremes = statistics.extremes or NO_ROWS
         n = run.y.size // 2
         return RunReport(
             t=run.origin + run.t,
@@ -130,14 +130,14 @@ class RunInBlocks:
             rejected=statistics.rejected,
             evaluations=statistics.evaluations,
             solve_seconds=statistics.solve_seconds + (again.solve_seconds if again else 0.0),
-            position_drift=figures.position_drift,
-            velocity_drift=figures.velocity_drift,
+            position_drift=extremes.position_drift,
+            velocity_drift=extremes.velocity_drift,
             energy_imbalance=statistics.energy_imbalance,
-            exchanged=figures.moving + figures.resting,
+            exchanged=extremes.moving + extremes.resting,
             largest_penetration=statistics.largest_penetration,
             # The last step may lead beyond the time reached.
             crossings=tuple(one for one in statistics.crossings if one.t <= run.origin + run.t),
-            told=statistics.told,
+            reported=statistics.reported,
             ended_by=statistics.ended_by,
             complete=run.complete,
             notes=statistics.notes,

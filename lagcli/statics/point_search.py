@@ -122,7 +122,7 @@ class PointSearch:
         first, problem = not self.starts, self.problem
         waits = self.options.has_potential and problem.n + problem.C > refine.PARAMETERS.large
         if first:
-            self.take(self._nearest(begin, () if waits else refine.PARAMETERS.aside))
+            self.take(self._nearest(begin, () if waits else refine.PARAMETERS.offset))
         elif problem.K and self.options.pushes:
             self.take(refine.pushed(problem, begin, self.scales))
         sets = (
@@ -135,7 +135,7 @@ class PointSearch:
             if self.spent > PARAMETERS.budget:
                 break
         if first and waits and not self.points:
-            self.take(self._nearest(begin, refine.PARAMETERS.aside))
+            self.take(self._nearest(begin, refine.PARAMETERS.offset))
         self.starts += 1
 
     def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:

@@ -33,7 +33,7 @@ class RefineParameters:
     """A contact of which g and lambda are this small is closed and carries nothing."""
     changes: int = 12
     """Sets of closed contacts that are tried in turn."""
-    aside: tuple[float, ...] = (0.003, 0.03, 0.1, 0.3)
+    offset: tuple[float, ...] = (0.003, 0.03, 0.1, 0.3)
     """How far starts beside the first one lie, as parts of the size of things."""
     large: int = 60
     """Above so many unknowns a search costs so much that the starts aside wait until the way downhill has failed."""
@@ -62,7 +62,7 @@ class NoEquilibrium:
 
 
 def nearest_equilibrium(
-    problem: StaticProblem, begin: Floats, asides: Sequence[float] = PARAMETERS.aside
+    problem: StaticProblem, begin: Floats, asides: Sequence[float] = PARAMETERS.offset
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
 

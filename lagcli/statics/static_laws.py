@@ -55,12 +55,12 @@ class EnforcedLevel:
         return turned - chart.period * ca.floor(turned / chart.period + 0.5)
 
 
-def of_rest(system: System, levels: Sequence[EnforcedLevel]) -> StaticLaws:
+def of_rest(system: System, invariant_values: Sequence[EnforcedLevel]) -> StaticLaws:
     """The equations of a point of rest: q' = q'' = 0 satisfies (D.24)."""
     symbols, rows, dynamics = system.symbols, system.rows, system.dynamics
     F, value = (_at_rest(system, part) for part in (dynamics.h, dynamics.rest))
     moving = [rows.b[i] for i in range(rows.b.numel()) if not rows.b[i].is_zero()]
-    conditions = [system.f, *(level.expression for level in levels), *moving]
+    conditions = [system.f, *(level.expression for level in invariant_values), *moving]
     return StaticLaws(
         symbols.t,
         symbols.q,
@@ -75,11 +75,11 @@ def of_rest(system: System, levels: Sequence[EnforcedLevel]) -> StaticLaws:
     )
 
 
-def of_function(system: System, f: ca.SX, levels: Sequence[EnforcedLevel]) -> StaticLaws:
+def of_function(system: System, f: ca.SX, invariant_values: Sequence[EnforcedLevel]) -> StaticLaws:
     """The equations of a stationary point of f(q) on the holonomic surfaces and on levels, whose rows come last in
     B."""
     q = system.symbols.q
-    held = _column([level.expression for level in levels])
+    held = _column([level.expression for level in invariant_values])
     B = ca.vertcat(system.rows.B[: system.holonomic_count, :], ca.jacobian(held, q))
     return StaticLaws(
         system.symbols.t,

@@ -159,8 +159,8 @@ def test_a_run_broken_off_anywhere_goes_on_bit_for_bit(
     sides = set()
     for rows in np.random.default_rng(samples).integers(1, samples, 8):
         first, point = cut(text, int(rows), **options)
-        assert point.mark.row == first[-1, 0]
-        sides.add(np.sign(point.mark.row - point.mark.t))
+        assert point.run_state.row == first[-1, 0]
+        sides.add(np.sign(point.run_state.row - point.run_state.t))
         second = ready(text, point, **options)
         rest = np.concatenate(list(second.blocks()))
         assert same_bits(np.concatenate([first, rest]), uncut.rows)
@@ -196,7 +196,7 @@ def test_the_end_of_a_run_leaves_no_trace_in_its_checkpoint(text: str) -> None:
         rest = np.concatenate(list(again.blocks()))
         assert same_bits(rest, whole.rows[whole.t > duration])
         assert again.stats.steps == whole.stats.steps
-        rejected.append(point.mark.rejected)
+        rejected.append(point.run_state.rejected)
         assert rows[-1, 0] == duration
     # Kinks in time are known beforehand, and met.
     assert len(set(rejected)) > (2 if text is KINKS else 5)
@@ -230,11 +230,11 @@ def test_a_finer_grid_cannot_look_behind_the_checkpoint(monkeypatch: pytest.Monk
     for _ in range(20):
         next(blocks)
     point = going.checkpoint()
-    assert point.mark.row == 0 < point.mark.t
+    assert point.run_state.row == 0 < point.run_state.t
     finer = ready(PENDULUM, point, duration=10, output_step=0.001)
-    assert finer.passed_over == np.ceil(point.mark.t / 0.001) - 1
+    assert finer.passed_over == np.ceil(point.run_state.t / 0.001) - 1
     t = np.concatenate(list(finer.blocks()))[:, 0]
-    assert point.mark.t <= t[0] < point.mark.t + 0.001
+    assert point.run_state.t <= t[0] < point.run_state.t + 0.001
     assert ready(PENDULUM, point, duration=10, samples=3).passed_over == 0
 
 
@@ -268,7 +268,7 @@ def test_checkpoints_are_written_at_once_then_now_and_then_and_at_the_end(
 
     def counted(keeper: checkpoint_file.Keeper) -> bool:
         done = write(keeper)
-        written.append(checkpoint.read(tmp_path / "run.json").mark.t)
+        written.append(checkpoint.read(tmp_path / "run.json").run_state.t)
         return done
 
     monkeypatch.setattr(checkpoint_file.Keeper, "write", counted)
@@ -317,7 +317,7 @@ def test_a_run_with_an_integral_goes_on_bit_for_bit_before_and_after_a_change_of
     used = set()
     for rows in np.unique(np.linspace(1, 0.9 * samples, 30).astype(int)):
         first, point = cut(LINE, int(rows), **options)
-        used |= {level and level.chart for level in point.mark.invariant_values}
+        used |= {level and level.chart for level in point.run_state.invariant_values}
         second = ready(LINE, point, **options)
         rest = np.concatenate(list(second.blocks()))
         assert same_bits(np.concatenate([first, rest]), uncut)
@@ -423,41 +423,41 @@ def changed(**changes: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     "damage",
     [
-        changed(mark__t=float("nan")),
-        changed(mark__step=float("inf")),
-        changed(mark__step=0.0),
-        changed(mark__step=-1.0),
-        changed(mark__step=10**400),
-        changed(mark__y=[1.0, 2.0]),
-        changed(mark__k=[]),
-        changed(mark__y=[0.0] * 6 + [True]),
-        changed(mark__y=[0.0] * 6 + ["1"]),
-        changed(mark__y=[0.0] * 6 + [float("nan")]),
-        changed(mark__y=3.0),
-        changed(mark__steps=1.5),
-        changed(mark__steps=-1),
-        changed(mark__figures={}),
-        changed(mark__figures=None),
-        changed(mark__row=None),
-        changed(mark__levels=None),
-        changed(mark__levels=7),
-        changed(mark__levels=[[0, 1.0]]),
-        changed(mark__levels=[[0.5, 1.0, 1.0]]),
-        changed(mark__levels=[[0, 1.0, float("inf")]]),
-        changed(mark__levels=[[0, 1.0, 1.0]]),
-        changed(mark__notes=[1]),
+        changed(run_state__t=float("nan")),
+        changed(run_state__step=float("inf")),
+        changed(run_state__step=0.0),
+        changed(run_state__step=-1.0),
+        changed(run_state__step=10**400),
+        changed(run_state__y=[1.0, 2.0]),
+        changed(run_state__k=[]),
+        changed(run_state__y=[0.0] * 6 + [True]),
+        changed(run_state__y=[0.0] * 6 + ["1"]),
+        changed(run_state__y=[0.0] * 6 + [float("nan")]),
+        changed(run_state__y=3.0),
+        changed(run_state__steps=1.5),
+        changed(run_state__steps=-1),
+        changed(run_state__extremes={}),
+        changed(run_state__extremes=None),
+        changed(run_state__row=None),
+        changed(run_state__invariant_values=None),
+        changed(run_state__invariant_values=7),
+        changed(run_state__invariant_values=[[0, 1.0]]),
+        changed(run_state__invariant_values=[[0.5, 1.0, 1.0]]),
+        changed(run_state__invariant_values=[[0, 1.0, float("inf")]]),
+        changed(run_state__invariant_values=[[0, 1.0, 1.0]]),
+        changed(run_state__notes=[1]),
         lambda whole: whole.pop("integrals"),
         lambda whole: whole.update(integrals="0"),
-        changed(mark__row=-1e308),
-        changed(mark__t=-1e308),
-        changed(mark__t=0.5),
-        changed(mark__evaluations=7),
+        changed(run_state__row=-1e308),
+        changed(run_state__t=-1e308),
+        changed(run_state__t=0.5),
+        changed(run_state__evaluations=7),
         changed(identity__q=[0.0]),
         changed(identity__parameters=[1]),
         changed(identity__parameters={"ramp": [1]}),
         changed(identity__fingerprint=7),
-        lambda whole: whole.pop("mark"),
-        lambda whole: whole.update(mark=[1, 2]),
+        lambda whole: whole.pop("run_state"),
+        lambda whole: whole.update(run_state=[1, 2]),
     ],
 )
 def test_a_damaged_checkpoint_is_refused(damage: Callable[[dict[str, Any]], None], point: Path) -> None:
@@ -523,12 +523,12 @@ def test_what_is_not_of_its_type_is_told_with_its_place(
         saved_form.read(Shape, tree)
 
 
-def test_the_form_of_a_file_is_the_one_of_format_7() -> None:
+def test_the_form_of_a_file_is_the_one_of_format_8() -> None:
     identity = {
         "fingerprint": "f", "parameters": {"g": 9.81, "w": [0.0, 1.0, 2.0]}, "q": [1.0], "v": [2.0], "start": 0.0,
         "rtol": 1e-9, "atol": None, "method": "dop853", "max_step": None,
     }  # fmt: skip
-    figures = dict.fromkeys(
+    extremes = dict.fromkeys(
         (
             "start", "rest", "position_drift", "velocity_drift", "imbalance", "moving", "resting", "largest",
             "unbalanced", "penetration",
@@ -537,13 +537,13 @@ def test_the_form_of_a_file_is_the_one_of_format_7() -> None:
     )  # fmt: skip
     tally = {"incidents": 2, "instants": 1, "impacts": 1, "releases": 0, "accumulations": 0}
     tally["last"] = 0.25
-    mark = {
+    run_state = {
         "t": 0.5, "y": [1.0, 2.0, 0.0], "k": [2.0, 0.0, 0.0], "step": 0.1, "pace_from": 0.0, "steps": 3,
-        "rejected": 0, "evaluations": 36, "row": 0.5, "figures": figures,
-        "selection": {"kept": [0], "circuits": [[1, 0]], "inactive": [2], "idle": []},
-        "levels": [[0, 0.6, 0.8], None], "notes": ["n"],
+        "rejected": 0, "evaluations": 36, "row": 0.5, "extremes": extremes,
+        "selection": {"independent": [0], "dependencies": [[1, 0]], "inactive": [2], "idle": []},
+        "invariant_values": [[0, 0.6, 0.8], None], "notes": ["n"],
         "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
-        "tally": tally, "told": tally,
+        "tally": tally, "reported": tally,
         "contacts": {
             "touching": [2], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
             "deepest": 0.0, "shared": [1],
@@ -552,11 +552,17 @@ def test_the_form_of_a_file_is_the_one_of_format_7() -> None:
     chart = {"above": "x", "below": "1", "period": None}
     integrals = [{"text": "x", "rows": ["r"], "charts": [chart]}, {"text": "y", "rows": ["r"], "charts": []}]
     table = {"file": "t.csv", "step": 0.1, "count": 6, "checksum": 7, "has_event_rows": False}
-    parts = {"identity": identity, "mark": mark, "integrals": integrals, "table": table, "events": None}
-    head = {"lagcli-checkpoint": 7, "version": lagcli.__version__}
+    parts = {
+        "identity": identity,
+        "run_state": run_state,
+        "integrals": integrals,
+        "table": table,
+        "events": None,
+    }
+    head = {"lagcli-checkpoint": 8, "version": lagcli.__version__}
     whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
     point = checkpoint.decoded(json.dumps(whole).encode())
-    assert point.mark.invariant_values[0] == (0, 0.6, 0.8)
+    assert point.run_state.invariant_values[0] == (0, 0.6, 0.8)
     assert json.loads(checkpoint.encoded(point)) == whole
 
 
@@ -617,10 +623,10 @@ def test_a_disk_that_is_full_for_a_while_costs_nothing_but_a_late_checkpoint(
     keeper.take(second)
     with pytest.raises(OSError, match="No space"):
         keeper.write()
-    assert checkpoint.read(tmp_path / "run.json").mark.t == first.mark.t
+    assert checkpoint.read(tmp_path / "run.json").run_state.t == first.run_state.t
     monkeypatch.setattr(checkpoint, "encoded", encoded)
     assert keeper.write()
-    assert checkpoint.read(tmp_path / "run.json").mark.t == second.mark.t
+    assert checkpoint.read(tmp_path / "run.json").run_state.t == second.run_state.t
     assert not keeper.write()
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
 
@@ -655,7 +661,7 @@ def test_an_interrupted_process_goes_on_byte_for_byte(tmp_path: Path, number: in
     err = process.communicate()[1].decode()
     assert process.returncode == code, err
     first = (tmp_path / "run.csv.partial").read_bytes()
-    assert f"{checkpoint.read(tmp_path / 'c.json').mark.row!r}," in first.decode().splitlines()[-1] + ","
+    assert f"{checkpoint.read(tmp_path / 'c.json').run_state.row!r}," in first.decode().splitlines()[-1] + ","
     resumed = command(
         *options, "-o", "rest.csv", "--checkpoint", "c.json", "--resume", "c.json", folder=tmp_path
     )

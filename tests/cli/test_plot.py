@@ -17,6 +17,7 @@ import pytest
 import lagcli
 from lagcli.api import plot
 from lagcli.cli.terminal import exits, watching
+from lagcli.errors import diagnostics
 from lagcli.output.charts import (
     chart_figure,
     chart_table,
@@ -445,7 +446,7 @@ def test_strangers_names_are_drawn_to_the_letter_within_the_page(many: int, tmp_
     xml.etree.ElementTree.parse(tmp_path / "a.svg")
     lines = list(chart_terminal.lines(drawn, chart_terminal.TerminalLook(80)))
     assert not any("\x1b" in line or "\u202e" in line for line in lines)
-    assert max(map(chart_terminal._columns, lines)) <= 80
+    assert max(map(diagnostics.columns, lines)) <= 80
 
 
 @pytest.mark.parametrize("fmt", ["png", "svg", "pdf"])

@@ -130,7 +130,7 @@ def test_rows_that_a_checkpoint_has_passed_survive_a_kill(command, here, ending,
     point = checkpoint.read("ck")
     safe = np.load(f"{file}.rows", max_header_size=10**6)
     assert list(safe.dtype.names) == list(whole.columns)
-    assert len(safe) >= point.table.count == np.searchsorted(whole.t, point.mark.row) + 1
+    assert len(safe) >= point.table.count == np.searchsorted(whole.t, point.run_state.row) + 1
     assert np.array_equal(np.stack([safe[n] for n in whole.columns], 1), whole.rows[: len(safe)])
     # The rows after the checkpoint alone, as ever; the others stay where they are.
     assert cli("-o", f"rest.{ending}", "--resume", "ck").returncode == 0
@@ -140,7 +140,8 @@ def test_rows_that_a_checkpoint_has_passed_survive_a_kill(command, here, ending,
     done = cli("-o", file, "--resume", "ck", "--checkpoint", "ck")
     assert done.returncode == 0, done.stderr
     assert (
-        f"with the {point.table.count} rows up to t = {point.mark.row:.9g} of the run before" in done.stderr
+        f"with the {point.table.count} rows up to t = {point.run_state.row:.9g} of the run before"
+        in done.stderr
     )
     assert np.array_equal(read(file)[1], whole.rows)
     assert not Path(f"{file}.rows").exists()

@@ -31,7 +31,8 @@ def recorded() -> Iterator[Places]:
         if code not in files:
             path = Path(code.co_filename)
             file = path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else ""
-            files[code] = "" if file == "__init__.py" else file  # the lazy names of the root
+            # The lazy names of the root, and the making of an object, which is data that is handed on.
+            files[code] = "" if file in ("__init__.py", "frozen.py") else file
         return files[code]
 
     def profile(frame: FrameType, event: str, _: object) -> None:

@@ -501,7 +501,7 @@ def checkpoints(
     for _ in range(draw(st.sampled_from((0, 1, 1, 1, 2)))):
         tree = _changed(draw, tree)
     if isinstance(tree, dict) and draw(st.booleans()):
-        tree = {**tree, "sum": seal({key: tree.get(key) for key in ("identity", "mark")})}
+        tree = {**tree, "sum": seal({key: tree.get(key) for key in ("identity", "run_state")})}
     indent, by_name = draw(st.sampled_from((None, None, 1, "\t"))), draw(st.booleans())
     text = json.dumps(tree, indent=indent, sort_keys=by_name)
     for _ in range(draw(st.sampled_from((0, 0, 0, 0, 1, 2)))):
@@ -518,7 +518,7 @@ def _changed(draw: st.DrawFn, tree: Any) -> Any:
         list(tree) if isinstance(tree, dict) else list(range(len(tree))) if isinstance(tree, list) else []
     )
     if places and draw(st.sampled_from((*[True] * 15, False))):
-        place = draw(st.sampled_from([*places, *["mark"] * 6] if "mark" in places else places))
+        place = draw(st.sampled_from([*places, *["run_state"] * 6] if "run_state" in places else places))
         same = copy.copy(tree)
         same[place] = _changed(draw, tree[place])
         return same

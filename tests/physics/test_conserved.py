@@ -346,11 +346,11 @@ PARABOLA = held("y**2/x", LevelFunction("y**2", "x"), LevelFunction("y", "sqrt(a
 def integrals_of(model: lagcli.Model, found: tuple[FirstIntegral, ...]) -> invariants.Integrals:
     """Integrals with the functions that runs of a model keep for one another."""
     compiled = cache.compiled(model)
-    return compiled.independent.integrals(compiled.system, found)
+    return compiled.cached.integrals(compiled.system, found)
 
 
 def chart_of(going: simulation_run.SimulationRun) -> list[int | None]:
-    return [level and level.chart for level in going.checkpoint().mark.invariant_values]
+    return [level and level.chart for level in going.checkpoint().run_state.invariant_values]
 
 
 def test_a_start_where_the_gradient_vanishes_takes_the_next_chart() -> None:
@@ -516,10 +516,10 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:
     model = lagcli.loads(FACTOR)
     compiled = cache.compiled(model)
-    assert integrals_of(model, ()).functions(()) is compiled.independent.plain
+    assert integrals_of(model, ()).functions(()) is compiled.cached.plain
     plain = compiled.numeric
     found = integrals_of(model, held("y*exp(x)", LevelFunction("y*exp(x)")))
-    assert found.functions((None,)) is compiled.independent.plain
+    assert found.functions((None,)) is compiled.cached.plain
     holding = found.functions((found.at(_start(model)).level(0, 0)._replace(),)).numeric
     assert holding.project.n_instructions() < 2 * plain.project.n_instructions()
     assert holding.rhs.n_instructions() == plain.rhs.n_instructions()
@@ -554,7 +554,7 @@ def test_integrals_that_are_not_known_are_told() -> None:
         going = prepare_run.prepare(model, run_settings.chosen(model, {"duration": 0.1}), None, limit)
         assert going.notes == (expected,)
         list(going.blocks())
-        assert going.checkpoint().mark.notes == (expected,)
+        assert going.checkpoint().run_state.notes == (expected,)
     family = '{for: "i = 1..6", equation: "q[i]*d(q[i]) = dt"}'
     text = f"""
 lagcli: 1

@@ -152,7 +152,7 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_in_a_later_turn(tmp_path):
     model = lagcli.loads(HELIX.format(rows=CYLINDER + "bead.z = h*atan2(bead.y, bead.x)"))
     path = tmp_path / "c.json"
     lagcli.simulate(model, duration=2, samples=21, checkpoint=path)
-    assert abs(checkpoint.read(path).mark.turns[0]) > 3 * np.pi
+    assert abs(checkpoint.read(path).run_state.turns[0]) > 3 * np.pi
     rest = lagcli.simulate(model, resume=path)
     whole = lagcli.simulate(model)
     assert np.array_equal(rest.rows, whole.rows[-len(rest.rows) :])
@@ -164,7 +164,7 @@ def test_a_checkpoint_with_another_number_of_angles_is_damaged(tmp_path):
     path = tmp_path / "c.json"
     lagcli.simulate(model, duration=0.5, samples=2, checkpoint=path)
     point = checkpoint.read(path)
-    broken = dataclasses.replace(point, mark=dataclasses.replace(point.mark, turns=()))
+    broken = dataclasses.replace(point, run_state=dataclasses.replace(point.run_state, turns=()))
     path.write_bytes(checkpoint.encoded(broken))
     with pytest.raises(ValueError, match="number of angles"):
         lagcli.simulate(model, resume=path)

@@ -306,7 +306,7 @@ def test_memory_and_blocks_are_those_of_a_stream(monkeypatch):
         points.append(ready.checkpoint())
         assert len(ready._run.reference._waiting) <= max(map(len, seen))
         if len(block):
-            assert points[-1].mark.row == block[-1, 0]
+            assert points[-1].run_state.row == block[-1, 0]
     assert len(seen) > 10
     rows = np.concatenate(seen)
     assert np.array_equal(rows[:, :-4], lagcli.simulate(model, samples=401).rows)

@@ -243,12 +243,12 @@ def compiled(model):
 
 def test_a_step_far_from_a_switch_is_looked_at_in_few_places():
     text = POTENTIAL % "1e-9*abs(p.x)/(p.y + 40)"
-    assert compiled(lagcli.loads(text)) == [("clearance", 5)]
+    assert compiled(lagcli.loads(text)) == [("margin", 5)]
     assert compiled(lagcli.loads(text.replace("p.y + 40", "40*p.y**2 + 1"))) == []
     near = text.replace("abs(p.x)/(p.y + 40)", "atan2(p.y, p.x - 40)**2")
-    assert compiled(lagcli.loads(near)) == [("clearance", 5), ("changes", 17)]
+    assert compiled(lagcli.loads(near)) == [("margin", 5), ("changes", 17)]
     # Here the cut is far, though the sign changes.
-    assert compiled(lagcli.loads(near.replace("- 40", "+ 40"))) == [("clearance", 5)]
+    assert compiled(lagcli.loads(near.replace("- 40", "+ 40"))) == [("margin", 5)]
 
 
 def test_what_a_run_looks_at_grows_as_the_family():

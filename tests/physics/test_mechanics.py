@@ -509,7 +509,7 @@ def test_other_values_need_no_new_build():
     )
     assert second.numeric is first.numeric
     dop853 = method.METHODS["dop853"]()
-    assert second.independent.plain.scheme(dop853) is first.independent.plain.scheme(dop853)
+    assert second.cached.plain.scheme(dop853) is first.cached.plain.scheme(dop853)
     anew = cache.compiled(lagcli.loads(text, parameters={"n": 3}))
     assert anew.numeric is not first.numeric
 

@@ -235,4 +235,4 @@ def test_closed_rows_on_a_surface_with_roots_are_seen_at_once():
     with spent.at_most_calls(4_500_000):
         result = found(system)
     assert (result.dims, result.growth, result.inside) == ((3,), (0,), (True,) * 3)
-    assert result.held == 2
+    assert result.holonomic_rank == 2

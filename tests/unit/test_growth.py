@@ -127,7 +127,7 @@ def test_proportional_rows_are_proved_to_follow_in_lots(monkeypatch):
 
 def test_rows_that_follow_are_proved_up_to_a_number_and_beyond_it_the_count_is_open(monkeypatch):
     assert examine.MOST_DEPENDENCIES == 3000
-    monkeypatch.setattr(examine, "MOST_CIRCUITS", 20)
+    monkeypatch.setattr(examine, "MOST_DEPENDENCIES", 20)
     assert dof(COPIES, n=21) == 2
     found = lagcli.dof(lagcli.loads(COPIES.format(n=22)))
     assert found.configuration_dof is None

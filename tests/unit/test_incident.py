@@ -32,12 +32,12 @@ def test_a_resumed_run_tells_no_incident_that_was_handed_out_before() -> None:
     before.add(incident(1.0, "impact"))
     mark = before.tally
     before.add(incident(2.0, "impact"))
-    resumed = RunStatistics(tally=mark, told=before.told)
+    resumed = RunStatistics(tally=mark, reported=before.reported)
     resumed.add(incident(2.0, "impact"))
     assert not resumed.incidents
     resumed.add(incident(3.0, "impact"))
     assert [i.t for i in resumed.incidents] == [3.0]
-    assert resumed.told.impacts == 3
+    assert resumed.reported.impacts == 3
 
 
 @pytest.mark.parametrize("tally", [NONE, NONE.plus(incident(0.1, "impact")).plus(incident(0.3, "release"))])

@@ -33,7 +33,7 @@ class StaticStart:
     """
 
     state: State
-    levels: tuple[EnforcedLevel, ...]
+    invariant_values: tuple[EnforcedLevel, ...]
     enforced: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -55,7 +55,7 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
         state = assembly.configuration(case.system, case.numeric, declared)
     state = dataclasses.replace(state, v=declared.v)
     known = ready.first_integrals(limit)
-    levels: list[EnforcedLevel] = []
+    invariant_values: list[EnforcedLevel] = []
     enforced: list[str] = []
     notes = [*known.notes, *jump_warnings.out_of_sight(built)]
     for integral in known.integrals:
@@ -63,9 +63,9 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
         if chart is None:
             notes.append(f"the integral {integral.text} is not held: no form of it serves at the start")
         else:
-            levels.append(chart)
+            invariant_values.append(chart)
             enforced += integral.rows
-    return StaticStart(state, tuple(levels), tuple(dict.fromkeys(enforced)), tuple(notes))
+    return StaticStart(state, tuple(invariant_values), tuple(dict.fromkeys(enforced)), tuple(notes))
 
 
 def problem(ready: CompiledModel, laws: StaticLaws, start: StaticStart) -> StaticProblem:
@@ -82,10 +82,10 @@ def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
     nearer in the metric. Raises `diagnostics.ModelError` where no configuration satisfies the rows.
     """
     start = begin(ready)
-    asked, q = problem(ready, static_laws.of_rest(ready.system, start.levels), start), start.state.q
+    asked, q = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start), start.state.q
     falls = point_values.potential_origin(asked) == "declared"
     is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
-    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.aside)]
+    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.offset)]
     if falls:
         equations = RestEquations(asked, (), rest_equations.scales(asked, q))
         bottom = surface_descent.lowest(equations, q, 1.0)

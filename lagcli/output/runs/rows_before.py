@@ -55,7 +55,7 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
         raise BadRequest(f"{told}: {error}; {instead}") from None
     except OSError as error:
         raise BadRequest(f"{told}: cannot read {path}: {error.strerror}") from None
-    return RowsBefore(path, rows, point.mark.origin + point.mark.row, plan.noun)
+    return RowsBefore(path, rows, point.run_state.origin + point.run_state.row, plan.noun)
 
 
 def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
@@ -64,7 +64,7 @@ def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> N
     if point is None or record is None or plan.file is None or resume is None:
         return
     if plan.path.is_file() and checkpoint_file.table_of(pathlib.Path(resume), record.file) == plan.path:
-        t = point.mark.origin + point.mark.row
+        t = point.run_state.origin + point.run_state.row
         raise BadRequest(
             f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
             f" {plan.noun} after t = {t:.9g}: give another file, or move that one away"
@@ -81,7 +81,7 @@ def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", 
     path = row_file.path_of(table)
     if not path.is_file():
         return ""
-    t = point.mark.origin + point.mark.row
+    t = point.run_state.origin + point.run_state.row
     option, noun = ("-o", "rows") if field == "table" else ("--events", "events")
     return (
         f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
@@ -92,7 +92,7 @@ def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", 
 def late_marks(run: SimulationRun, path: str) -> str:
     """That the figure of a resumed run marks no incidents of the run before, which are in no file; or nothing."""
     point = run.resumed
-    if point is None or not point.mark.told.incidents:
+    if point is None or not point.run_state.reported.incidents:
         return ""
-    t = max(point.mark.origin + point.mark.row, point.mark.told.last or -math.inf)
+    t = max(point.run_state.origin + point.run_state.row, point.run_state.reported.last or -math.inf)
     return f"marks of incidents in {path} begin after t = {t:.9g}: those before are in no file that goes on"

@@ -50,7 +50,7 @@ def draw(path: str, run: SimulationRun, kept: DecimatedRows, picked: list[int]) 
 
         figure.draw(
             pathlib.Path(path),
-            [run.columns[i] for i in picked],
+            tuple(run.columns[i] for i in picked),
             rows[:, picked],
             title=run.model.title or pathlib.Path(run.model.path).stem,
             units=run.model.units,

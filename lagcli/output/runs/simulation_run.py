@@ -76,8 +76,8 @@ class SimulationRun:
         # The account covers the whole run: rows that were handed out before it was resumed too.
         self.outcome = Outcome()
         if self.resumed is not None:
-            mark = self.resumed.mark
-            self.outcome = Outcome(self._run.handed_out, mark.origin + mark.row)
+            state = self.resumed.run_state
+            self.outcome = Outcome(self._run.handed_out, state.origin + state.row)
 
     @functools.cached_property
     def warnings(self) -> tuple[diagnostics.Diagnostic, ...]:
@@ -123,7 +123,7 @@ class SimulationRun:
         """Hand out two more rows at each instant of incidents, before and after it."""
         self._has_event_rows = True
         if self.resumed is not None:
-            self.outcome.rows += 2 * self.resumed.mark.told.instants
+            self.outcome.rows += 2 * self.resumed.run_state.reported.instants
 
     @functools.cached_property
     def _others(self) -> RunColumns:
@@ -230,7 +230,7 @@ class SimulationRun:
 
     def checkpoint(self) -> checkpoints.Checkpoint:
         """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
-        return checkpoints.Checkpoint(self._identity, self._run.mark(), self._prepared.integrals)
+        return checkpoints.Checkpoint(self._identity, self._run.run_state(), self._prepared.integrals)
 
     @functools.cached_property
     def _identity(self) -> checkpoints.Identity:

@@ -77,11 +77,11 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     others = near[~ended[near]]
     if near.size > 1 and others.size:
         after = here.moved(onward.x)
-        told = after if onward is found else here.moved(found.x)
-        lifted, pull = _lifted(told, after, others)
+        reported = after if onward is found else here.moved(found.x)
+        lifted, pull = _lifted(reported, after, others)
         # With e = 1 there is no end: of that one flight is told.
         left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
-        lasting[lifted], ended[lifted] = 2 * told.speeds[lifted] / (pull * left), True
+        lasting[lifted], ended[lifted] = 2 * reported.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
     struck = approaching.copy()
@@ -137,14 +137,14 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
     return bouncing[small], pull[small]
 
 
-def _lifted(told: ContactInstant, after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
-    """Contacts that part by the law, `told`, but stay closed without the rebounds that are left out, `after`, and
+def _lifted(reported: ContactInstant, after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
+    """Contacts that part by the law, `reported`, but stay closed without the rebounds that are left out, `after`, and
     -d2g/dt2 of them, which presses: those that an impact of others lifts too slowly, or by such a rebound."""
-    speeds = told.speeds[among]
+    speeds = reported.speeds[among]
     lifted = among[speeds > 0]
     if lifted.size:
         is_slow = np.abs(after.speeds[lifted]) <= after.slow[lifted]
-        lifted = lifted[is_slow & (told.speeds[lifted] > told.creeping[lifted])]
+        lifted = lifted[is_slow & (reported.speeds[lifted] > reported.creeping[lifted])]
     if not lifted.size:
         return lifted, np.zeros(0)
     rests = after.near & (np.abs(after.speeds) <= after.slow)
@@ -210,6 +210,6 @@ def _pressed(
     presses = forces > here.least_forces(numbers, x)
     if sunk is not None:
         # Within a step nothing takes it out again.
-        none = accelerations * here.span**2 <= here.rank_margin
+        none = accelerations * here.span**2 <= here.touching_gap
         presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
     return Pressing(x, accelerations, tuple(numbers[presses].tolist()))

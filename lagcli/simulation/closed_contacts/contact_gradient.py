@@ -121,7 +121,7 @@ def _jumps(here: ContactInstant, contact: int) -> bool:
     slope, own = here.direction(contact)[1], here.entries(contact)
     if not slope > 0:
         return False
-    random, offset = np.random.default_rng(0), PARAMETERS.closed * float(here.rank_margin[contact]) / slope
+    random, offset = np.random.default_rng(0), PARAMETERS.closed * float(here.touching_gap[contact]) / slope
     near = far = 0.0
     for _ in range(PARAMETERS.pairs):
         way = random.standard_normal(here.units.size) * here.units

@@ -117,7 +117,7 @@ class ContactInstant:
         K, count = values.count, len(contact_values.COLUMNS)
         columns = packed[: count * K].reshape(count, K)
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
-        self.noise, self.rank_margin, self.slow, self.lowest, self.pull = columns[5:]
+        self.noise, self.touching_gap, self.slow, self.lowest, self.pull = columns[5:]
         self.has_gradient: Flags = has_gradient > 0
         self._entries = packed[count * K : -2]
         self.size, self._speed = packed[-2:].tolist()
@@ -145,7 +145,7 @@ class ContactInstant:
         """True if at another velocity (n,) all contacts that are nearly closed part or approach, far faster than what
         counts as none."""
         speeds = np.abs(self.speeds + self.changes(v - self.state.v))
-        return bool((speeds > CLEARLY * self.slow)[self.g <= CLOSELY * self.rank_margin].all())
+        return bool((speeds > CLEARLY * self.slow)[self.g <= CLOSELY * self.touching_gap].all())
 
     def at(self, state: State) -> ContactInstant:
         """The contacts at another state."""
@@ -252,8 +252,8 @@ class ContactInstant:
         columns, entries = values.column[places], self._entries[places]
         x, of_equalities, (square, free, left) = values.response(self.state, columns, entries)
         terms = float(np.abs(entries) @ np.abs(self.state.v[columns])) + abs(float(self.g_t[contact]))
-        told = float(square), float(free), float(left)
-        return Response(x.copy(), of_equalities.ravel().copy(), *told, terms)
+        reported = float(square), float(free), float(left)
+        return Response(x.copy(), of_equalities.ravel().copy(), *reported, terms)
 
     def few(self, contacts: Numbers) -> FewContacts | None:
         """Contacts that are few and stand well apart from each other and from equality rows, of which none is
@@ -286,7 +286,7 @@ class ContactInstant:
     @cached_property
     def near(self) -> Flags:
         """The contacts that are closed, (K,)."""
-        return np.asarray(self.g <= self.rank_margin)
+        return np.asarray(self.g <= self.touching_gap)
 
     @cached_property
     def force(self) -> Floats:

@@ -93,7 +93,7 @@ class ContactChanges:
         here = self.here()
         gaps, self._lowest = here.noise.copy(), here.lowest
         touching = list(self._run.contacts.touching)
-        gaps[touching] = here.rank_margin[touching]
+        gaps[touching] = here.touching_gap[touching]
         if self._run.contacts.again == 0:
             self._require_apart(here, 2.0)
         forces = np.zeros(self._count)
@@ -104,7 +104,7 @@ class ContactChanges:
         return gaps, forces
 
     def _require_apart(self, here: ContactInstant, room: float) -> None:
-        deep = np.flatnonzero(here.g < -room * here.rank_margin).tolist()
+        deep = np.flatnonzero(here.g < -room * here.touching_gap).tolist()
         if deep:
             raise self._jump(*max((float(-here.g[j]), j) for j in deep))
 
@@ -112,7 +112,7 @@ class ContactChanges:
         """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
         their gaps: their walls jump."""
         here = self.here()
-        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.rank_margin[j]]
+        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.touching_gap[j]]
         if deep:
             raise self._jump(*max(deep))
 
@@ -135,7 +135,7 @@ class ContactChanges:
     def _sunk(self, here: ContactInstant) -> Flags:
         """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something
         that falls over."""
-        sunk = (here.g < -here.rank_margin) & (here.speeds < 0.0)
+        sunk = (here.g < -here.touching_gap) & (here.speeds < 0.0)
         touching = np.zeros(self._count, dtype=bool)
         touching[list(self._run.contacts.touching)] = True
         return np.asarray(sunk & touching)
@@ -173,7 +173,7 @@ class ContactChanges:
         first = self._rows + self._count
         events = [i - first for i in hits if i >= first]
         if events:
-            self.events.tell(events)
+            self.events.report(events)
         if any(i < first for i in hits):
             here = self.here()
             self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first])
@@ -269,7 +269,7 @@ class ContactChanges:
         kinds: tuple[Kind, ...] = ("accumulation", "contact")
         for kind in kinds:
             for j in due:
-                self.log.tell(kind, names[j], InstantLines(line, line))
+                self.log.report(kind, names[j], InstantLines(line, line))
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
         run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
 
@@ -290,12 +290,12 @@ class ContactChanges:
         bound.y[:], bound.k[:], *_ = bound.project.results
         self._run.statistics.evaluations += 1
 
-    def _tell(self, told: _Told, is_start: bool) -> None:
-        run, names, blow = self._run, [row.name for row in self._system.contacts.rows], told.blow
+    def _tell(self, reported: _Told, is_start: bool) -> None:
+        run, names, blow = self._run, [row.name for row in self._system.contacts.rows], reported.blow
         impulses = np.zeros(self._rows + self._count)
         kinds: list[tuple[Kind, Iterable[int]]] = [
-            ("accumulation", sorted(told.cut)),
-            ("contact", sorted(told.cut)),
+            ("accumulation", sorted(reported.cut)),
+            ("contact", sorted(reported.cut)),
         ]
         if blow is not None:
             impulses[: self._rows] = blow.of_equalities
@@ -303,13 +303,13 @@ class ContactChanges:
             kinds.append(("impact", np.flatnonzero(blow.struck).tolist()))
         if blow is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
-            kinds.append(("contact", sorted(told.enforced - told.held_before - ending)))
-            kinds.append(("release", sorted(told.held_before - told.enforced)))
-        lines = InstantLines(told.before, told.after, impulses)
+            kinds.append(("contact", sorted(reported.enforced - reported.held_before - ending)))
+            kinds.append(("release", sorted(reported.held_before - reported.enforced)))
+        lines = InstantLines(reported.before, reported.after, impulses)
         for kind, contacts in kinds:
             for j in contacts:
-                self.log.tell(kind, names[j], lines)
-        self.events.tell(told.events, lines)
+                self.log.report(kind, names[j], lines)
+        self.events.report(reported.events, lines)
 
     def _decided(self, law: Callable[[], Found]) -> Found:
         try:

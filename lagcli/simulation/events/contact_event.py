@@ -135,7 +135,7 @@ class ContactEvent(Event):
         """See `Event`."""
         at_end, self._at_end = self._at_end, []
         if at_end:
-            self._changes.events.tell(at_end)
+            self._changes.events.report(at_end)
 
     def act(self) -> None:
         """See `Event`."""
@@ -230,8 +230,8 @@ class ContactEvent(Event):
             # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
             rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
             noise[is_event] = rounding[places][is_event]
-            told = self._changes.events
-            told.sizes, told.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
+            reported = self._changes.events
+            reported.sizes, reported.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
         turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
         unarmed = run.contacts.unarmed
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True

@@ -65,14 +65,14 @@ class EventValues:
         wanted = [DIRECTIONS[event.direction] for event in self._events]
         return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]
 
-    def tell(self, numbers: Iterable[int], lines: InstantLines | None = None) -> None:
+    def report(self, numbers: Iterable[int], lines: InstantLines | None = None) -> None:
         """Tell of events where the run stands, with its own lines where there are no others; one that stops ends it."""
         for number in numbers:
             if lines is None:
                 line = self._log.line()
                 lines = InstantLines(line, line)
             event = self._events[number]
-            self._log.tell("event", event.name, lines)
+            self._log.report("event", event.name, lines)
             if event.action == "stop":
                 self._run.statistics.ended_by = event.name
 
@@ -111,9 +111,9 @@ def arriving(watch: StepWatch, run: Stepper, kinds: WatchKinds, events: Sequence
     arrives = (np.abs(end) <= room) & (begin * slope < 0) & (np.abs(begin) > room)
     arrives &= (kinds.direction == zero_search.BOTH) | (np.sign(slope) == kinds.direction)
     last = run.origin + found.reached - AT_END * math.ulp(found.reached)
-    told = {incident.name for incident in found.within if incident.t >= last}
+    reported = {incident.name for incident in found.within if incident.t >= last}
     numbers = kinds.numbers - kinds.first_event
-    return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in told]
+    return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in reported]
 
 
 def within(watch: StepWatch, run: Stepper, x: float, place: int) -> tuple[float, Floats]:

@@ -49,7 +49,7 @@ class IncidentLog:
         before, after = _columns(sides.before), _columns(sides.after)
         return Incident(float(self._run.origin + t), kind, name, impulses, before, after)
 
-    def tell(self, kind: Kind, name: str, sides: InstantLines) -> None:
+    def report(self, kind: Kind, name: str, sides: InstantLines) -> None:
         """Tell of an incident where the run stands."""
         self._run.statistics.add(self.incident(self._run.t, kind, name, sides))
 

@@ -49,18 +49,18 @@ class Accuracy:
     @property
     def sentence(self) -> str:
         """The digits of all kinds in words; empty where nothing but zeros was computed."""
-        told: list[str] = []
+        reported: list[str] = []
         for name, digits, until in zip(_NAMES, self.digits.values(), self.until, strict=True):
             if digits is None:
                 continue
             count = str(math.floor(digits))
             better = f" (to {SURE} up to t = {until:.9g})" if digits < SURE and until < self.t else ""
-            told.append(f"{name} to {count}{better}" if told else self._first(name, count, better))
+            reported.append(f"{name} to {count}{better}" if reported else self._first(name, count, better))
         none = [name for kind, name in zip(KINDS, _NAMES, strict=True) if kind in self.zero]
         if none:
             is_one = none == ["R"]
-            told.append(f"{' and '.join(none)} {'is' if is_one else 'are'} zero to rounding")
-        return ", ".join(told) + self._parting + self._incidents
+            reported.append(f"{' and '.join(none)} {'is' if is_one else 'are'} zero to rounding")
+        return ", ".join(reported) + self._parting + self._incidents
 
     @property
     def _incidents(self) -> str:

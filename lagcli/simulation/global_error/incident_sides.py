@@ -146,16 +146,16 @@ class IncidentErrors:
         """
         found = []
         for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
-            told = list(group)
-            others = [self._other(one, LATE * (t - start)) for one in told]
+            reported = list(group)
+            others = [self._other(one, LATE * (t - start)) for one in reported]
             place = int(np.searchsorted(rows[:, 0], t, "left")) - 1
             least = rows[place, 1:] if place >= 0 else np.zeros(len(self._kinds))
             partners = sorted((one for one in others if one is not None), key=lambda incident: incident.t)
             before = after = np.full(len(self._kinds), np.nan)
-            if len(partners) == len(told):
-                before = np.maximum(least, self._errors(told[0].before, partners[0].before))
-                after = np.maximum(before, self._errors(told[-1].after, partners[-1].after))
-            for one in told:
+            if len(partners) == len(reported):
+                before = np.maximum(least, self._errors(reported[0].before, partners[0].before))
+                after = np.maximum(before, self._errors(reported[-1].after, partners[-1].after))
+            for one in reported:
                 lines = np.append(one.before, before), np.append(one.after, after)
                 found.append(dataclasses.replace(one, before=lines[0], after=lines[1]))
         return found

@@ -116,15 +116,15 @@ class RunWithReference:
                 raise run_stop.RunStop(self._broken)
             self._taken += known
             yield np.hstack([rows, errors])
-            self._mark = self._run.mark()
+            self._mark = self._run.run_state()
 
-    def mark(self) -> RunState:
+    def run_state(self) -> RunState:
         """The state to go on from after the rows handed out so far."""
         if self._cut is None:
-            return self._run.mark()
-        mark = self._mark or self._run.mark()
-        told = functools.reduce(Tally.plus, self._incidents, mark.told)
-        return dataclasses.replace(mark, row=self._cut, told=told)
+            return self._run.run_state()
+        run_state = self._mark or self._run.run_state()
+        reported = functools.reduce(Tally.plus, self._incidents, run_state.reported)
+        return dataclasses.replace(run_state, row=self._cut, reported=reported)
 
     def take_incidents(self) -> list[Incident]:
         """Those of the first run that come with the last block, their lines with the errors."""

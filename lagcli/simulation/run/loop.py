@@ -36,7 +36,7 @@ class Run:
 
     begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
     for a run that is resumed; row: time of the last row handed out; passed_over: rows that are lost to a grid other
-    than that of the mark. Times in here, `t` and the grid too, are counted from `origin`.
+    than that of the run state. Times in here, `t` and the grid too, are counted from `origin`.
     """
 
     def __init__(
@@ -122,12 +122,12 @@ class Run:
                 " duration goes on"
             )
 
-    def mark(self) -> RunState:
+    def run_state(self) -> RunState:
         """The state to go on from, with all rows handed out so far; for the time between two blocks."""
-        figures = self.statistics.figures
-        assert figures is not None, "the first block holds the first row"
-        told = self.statistics.told
-        return dataclasses.replace(self._stepper.state(), row=self._row, figures=figures, told=told)
+        extremes = self.statistics.extremes
+        assert extremes is not None, "the first block holds the first row"
+        reported = self.statistics.reported
+        return dataclasses.replace(self._stepper.state(), row=self._row, extremes=extremes, reported=reported)
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
@@ -175,7 +175,7 @@ class Run:
                 return False
             if writer.is_done:
                 stepper.t = self.grid.end
-                stepper.tell_within()
+                stepper.report_within()
                 for event in self._events:
                     event.end()
                 return True

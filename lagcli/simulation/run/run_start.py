@@ -72,18 +72,18 @@ def start(
 
 def resume(
     enforced: EnforcedInvariants,
-    mark: RunState,
+    run_state: RunState,
     settings: Simulation,
     columns: tuple[str, ...],
     timed: TimeFunctions | None = None,
 ) -> Run:
     """A run that goes on from where another was marked; held: as it was there. Else as `start`."""
-    grid = _grid(settings, mark.origin)
-    # The rows that another grid has between the last one handed out and the mark are lost.
-    after = grid.after(mark.row)
-    first = max(after, grid.first(mark.t))
-    stepper = Stepper(enforced, mark, settings, grid, timed if enforced.has_time else None)
-    return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, mark.row, first - after)
+    grid = _grid(settings, run_state.origin)
+    # The rows that another grid has between the last one handed out and the state are lost.
+    after = grid.after(run_state.row)
+    first = max(after, grid.first(run_state.t))
+    stepper = Stepper(enforced, run_state, settings, grid, timed if enforced.has_time else None)
+    return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, run_state.row, first - after)
 
 
 def _grid(settings: Simulation, origin: float) -> grids.Grid:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.simulation.run_state.incident import NONE, RankDrop, Tally
-from lagcli.simulation.run_state.statistics import NO_ROWS, Figures
+from lagcli.simulation.run_state.statistics import NO_ROWS, Extremes
 from lagcli.simulation.scheme.invariants import InvariantValues
 
 Floats = npt.NDArray[np.float64]
@@ -62,7 +62,7 @@ class RunState:
     rejected: int = 0
     evaluations: int = 0
     row: float = -math.inf
-    figures: Figures = NO_ROWS
+    extremes: Extremes = NO_ROWS
     selection: Selection
     invariant_values: InvariantValues = ()
     notes: tuple[str, ...] = ()
@@ -71,5 +71,5 @@ class RunState:
     origin: float = 0.0
     turns: tuple[float, ...] = ()
     tally: Tally = NONE
-    told: Tally = NONE
+    reported: Tally = NONE
     contacts: ContactState = NOTHING

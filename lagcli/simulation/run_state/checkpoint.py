@@ -67,7 +67,7 @@ class Checkpoint:
     went, where that is a file; events: the same of its incidents."""
 
     identity: Identity
-    mark: RunState
+    run_state: RunState
     integrals: tuple[FirstIntegral, ...]
     table: CheckpointTable | None = None
     events: CheckpointTable | None = None
@@ -165,13 +165,13 @@ def decoded(data: bytes) -> Checkpoint:
             "it is a damaged checkpoint: something is missing or no finite number"
         ) from None
     if (
-        not len(point.mark.y)
-        == len(point.mark.k)
+        not len(point.run_state.y)
+        == len(point.run_state.k)
         == 2 * len(point.identity.q) + 1
         == 2 * len(point.identity.v) + 1
     ):
         raise CheckpointError("it is a damaged checkpoint: its parts are not of one length")
-    if point.mark.origin + min(point.mark.t, point.mark.row) < point.identity.start:
+    if point.run_state.origin + min(point.run_state.t, point.run_state.row) < point.identity.start:
         raise CheckpointError("it is a damaged checkpoint: it is from before the start of its run")
     if control_sum(saved_form.saved(point)) != whole.get("sum"):
         raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
@@ -196,14 +196,14 @@ def _require_version(form: object, version: object) -> None:
 
 def _require_sound(point: Checkpoint) -> None:
     """Raise `ValueError` for numbers that no run has."""
-    mark, selection = point.mark, point.mark.selection
-    if mark.step <= 0:
+    run_state, selection = point.run_state, point.run_state.selection
+    if run_state.step <= 0:
         raise ValueError("a step that does not advance")
-    if len(mark.invariant_values) != len(point.integrals):
+    if len(run_state.invariant_values) != len(point.integrals):
         raise ValueError("levels of other integrals")
-    if mark.told.incidents < mark.tally.incidents:
+    if run_state.reported.incidents < run_state.tally.incidents:
         raise ValueError("incidents that nobody was told")
-    for integral, level in zip(point.integrals, mark.invariant_values, strict=True):
+    for integral, level in zip(point.integrals, run_state.invariant_values, strict=True):
         if level is not None and level.chart >= len(integral.charts):
             raise ValueError("a chart that there is not")
     if not all(selection.dependencies):

@@ -14,7 +14,7 @@ Floats = npt.NDArray[np.float64]
 
 
 # Of these `RunState` has fields of the same names: what is counted up to the state from which a step is tried.
-COUNTED = ("steps", "rejected", "evaluations", "notes", "crossings", "tally", "told")
+COUNTED = ("steps", "rejected", "evaluations", "notes", "crossings", "tally", "reported")
 
 # Below this part of the energies themselves nothing is exchanged but rounding.
 ENERGY_ROUNDOFF = 1e-10
@@ -23,7 +23,7 @@ LAST_DIGITS = 16 * 2.0**-52
 
 
 @frozen_value
-class Figures:
+class Extremes:
     """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
 
     position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|
@@ -44,12 +44,12 @@ class Figures:
     unbalanced: float = 0.0
     penetration: float = 0.0
 
-    def with_rows(self, rows: Floats) -> Figures:
+    def with_rows(self, rows: Floats) -> Extremes:
         """The extremes with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
         if not len(rows):
             return self
         position, velocity, jacobi, rest, work = rows.T
-        return Figures(
+        return Extremes(
             self.start,
             self.rest,
             max(self.position_drift, float(position.max())),
@@ -63,7 +63,7 @@ class Figures:
         )
 
 
-NO_ROWS = Figures(0.0, 0.0)
+NO_ROWS = Extremes(0.0, 0.0)
 
 
 def _size(values: Floats) -> float:
@@ -72,7 +72,7 @@ def _size(values: Floats) -> float:
 
 @dataclasses.dataclass(slots=True)
 class RunStatistics:
-    """The account of a run; `figures` is None before its first row.
+    """The account of a run; `extremes` is None before its first row.
 
     steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
     is to say about integrals that are not held all the time; crossings: singular configurations that were passed;
@@ -86,11 +86,11 @@ class RunStatistics:
     rejected: int = 0
     evaluations: int = 0
     solve_seconds: float = 0.0
-    figures: Figures | None = None
+    extremes: Extremes | None = None
     notes: tuple[str, ...] = ()
     crossings: tuple[RankDrop, ...] = ()
     tally: Tally = NONE
-    told: Tally = NONE
+    reported: Tally = NONE
     incidents: list[Incident] = dataclasses.field(default_factory=list)
     deepest: float = 0.0
     resting: float = 0.0
@@ -98,20 +98,20 @@ class RunStatistics:
     is_balanced: bool = dataclasses.field(default=True, init=False)
 
     def __post_init__(self) -> None:
-        self.is_balanced = self.figures is None or not self.figures.unbalanced
+        self.is_balanced = self.extremes is None or not self.extremes.unbalanced
 
     def add(self, incident: Incident) -> None:
         """An incident that the state reached is behind; one that was told before is none to tell."""
         self.tally = self.tally.plus(incident)
-        if self.tally.incidents > self.told.incidents:
-            self.told = self.tally
+        if self.tally.incidents > self.reported.incidents:
+            self.reported = self.tally
             self.incidents.append(incident)
 
     def doubt(self) -> None:
         """From here on W is not known."""
         self.is_balanced = False
-        if self.figures is not None:
-            self.figures = dataclasses.replace(self.figures, unbalanced=1.0)
+        if self.extremes is not None:
+            self.extremes = dataclasses.replace(self.extremes, unbalanced=1.0)
 
     @property
     def energy_imbalance(self) -> float | None:
@@ -119,7 +119,7 @@ class RunStatistics:
 
         For particles that is the largest T plus the largest change of V.
         """
-        found = self.figures
+        found = self.extremes
         if not self.is_balanced:
             return None
         if found is None:
@@ -134,18 +134,18 @@ class RunStatistics:
     @property
     def largest_penetration(self) -> float:
         """The largest -g_j over all rows and ends of steps, in units of g_j."""
-        return max(self.deepest, self.figures.penetration if self.figures else 0.0)
+        return max(self.deepest, self.extremes.penetration if self.extremes else 0.0)
 
     def keep_depth(self, depth: float) -> None:
         """Take the largest -g_j of rows that were kept."""
-        if self.figures is not None and depth > self.figures.penetration:
-            self.figures = dataclasses.replace(self.figures, penetration=depth)
+        if self.extremes is not None and depth > self.extremes.penetration:
+            self.extremes = dataclasses.replace(self.extremes, penetration=depth)
 
     def keep(self, rows: Floats) -> None:
         """Take the figures of rows, (k, 5), in their order."""
-        if self.figures is None and len(rows):
+        if self.extremes is None and len(rows):
             unbalanced = float(not self.is_balanced)
             _, _, jacobi, rest, work = rows[0].tolist()
-            self.figures = Figures(jacobi - work, rest, unbalanced=unbalanced)
-        if self.figures is not None:
-            self.figures = self.figures.with_rows(rows)
+            self.extremes = Extremes(jacobi - work, rest, unbalanced=unbalanced)
+        if self.extremes is not None:
+            self.extremes = self.extremes.with_rows(rows)

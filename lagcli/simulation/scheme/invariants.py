@@ -43,7 +43,7 @@ DEPENDS = "it depends on other constraints"
 
 
 class InvariantValue(NamedTuple):
-    """The surface on which an integral is held: the number of its chart, and what above and below were.
+    """The surface on which an integral is enforced: the number of its chart, and what above and below were.
 
     Both are divided by their hypotenuse, but for a chart with a period.
     """
@@ -127,7 +127,7 @@ class Integrals:
         )
 
     def functions(self, invariant_values: InvariantValues) -> RunFunctions:
-        """The functions of the system with these levels held."""
+        """The functions of the system with these levels enforced."""
         choice = tuple(None if level is None else level.chart for level in invariant_values)
         taken = [self._charts.charts[self._first[i] + c] for i, c in enumerate(choice) if c is not None]
         if not taken:
@@ -189,7 +189,7 @@ class _Forms:
         return above[k, :] * level.below - below[k, :] * level.above
 
     def fault(self, i: int, level: InvariantValue) -> str:
-        """Why integral i cannot be held on a level at the state; empty where it can."""
+        """Why integral i cannot be enforced on a level at the state; empty where it can."""
         k = self._first[i] + level.chart
         here = self._gradient(self._here, k, level)
         numbers = [*self._here[0][k].tolist(), level.above, level.below, *here.nonzeros()]
@@ -242,7 +242,7 @@ class EnforcedInvariants:
 
     @property
     def functions(self) -> RunFunctions:
-        """The functions of the system with these levels held."""
+        """The functions of the system with these levels enforced."""
         return self.integrals.functions(self.invariant_values)
 
     def keeping(self, selection: Selection) -> EnforcedInvariants:
@@ -251,7 +251,7 @@ class EnforcedInvariants:
 
     @property
     def has_time(self) -> bool:
-        """True if t occurs in what moves the system or in an event; it does not depend on what is held."""
+        """True if t occurs in what moves the system or in an event; it does not depend on what is enforced."""
         return self.integrals.has_time
 
     @property
@@ -261,7 +261,7 @@ class EnforcedInvariants:
 
     @property
     def is_any(self) -> bool:
-        """True if any integral is held."""
+        """True if any integral is enforced."""
         return any(level is not None for level in self.invariant_values)
 
     @property
@@ -290,7 +290,7 @@ def let_go(
 ) -> tuple[EnforcedInvariants, tuple[str, ...], Tried]:
     """Let go of the levels that do not lead from a state to one ahead, with other charts where they do.
 
-    `ahead` is where the system without integrals would go, in a step in which the levels held failed. `tried`:
+    `ahead` is where the system without integrals would go, in a step in which the levels enforced failed. `tried`:
     charts that failed in this step before, given back with those that do now.
     """
     forms = enforced.integrals.at(ahead)
@@ -330,7 +330,7 @@ class _Choice:
 
     A level goes through the first of `states`, and its chart serves at all of them. wanted: the integrals to be
     held; tried: charts that are passed over; reasons: why an integral is not held, empty where it is, or follows
-    from what is held.
+    from what is enforced.
     """
 
     def __init__(
@@ -389,7 +389,7 @@ class _Choice:
         self.reasons[i] = ""
 
     def _follows(self, i: int) -> bool:
-        """True if integral i depends on those that are held beside the state too, so that they hold it."""
+        """True if integral i depends on those that are enforced beside the state too, so that they hold it."""
         numeric, state = self._found.functions(()).numeric, self._state
         surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
         size = float(np.abs(state.q).max(initial=0.0)) or 1.0

@@ -40,8 +40,8 @@ def line_at(numeric: NumericSystem) -> ca.Function:
     """line_at(t, y, p) -> t, the row of the table, the figures of `statistics`, W and a sum of them all."""
     size, parameters = step_end.sizes_of(numeric)
     t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
-    _, row, figures = numeric.record.call([t, y, p], *INLINED)
-    line = ca.vertcat(t, row, figures, y[size - 1])
+    _, row, extremes = numeric.record.call([t, y, p], *INLINED)
+    line = ca.vertcat(t, row, extremes, y[size - 1])
     return ca.Function("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
 
 

@@ -108,9 +108,9 @@ class Stepper:
         self._bind(enforced, state.y, state.k)
         self.control = StepController(self.method.order, state.step, state.pace_from)
         self.found = FoundStep(state.t)
-        figures = state.figures if math.isfinite(state.row) else None
+        extremes = state.extremes if math.isfinite(state.row) else None
         counted = {name: getattr(state, name) for name in COUNTED}
-        self.statistics = RunStatistics(figures=figures, **counted)
+        self.statistics = RunStatistics(extremes=extremes, **counted)
         self.contacts = state.contacts
         self.statistics.deepest, self.statistics.resting = state.contacts.deepest, resting.energy
         self.watch = SingularityMonitor(state.watch)
@@ -325,7 +325,7 @@ class Stepper:
         control.step = found.proposed
         if self._turns.is_any:
             self._count_turns()
-        self.tell_within()
+        self.report_within()
         self.settle()
         if self.statistics.steps % LENGTH.pace == 0 and not was_still:
             end = self.grid.end
@@ -338,7 +338,7 @@ class Stepper:
                 here = self.state_at(self.t, bound.y)
                 raise stop_diagnosis.hopeless(bound.enforced, here, LENGTH.pace, advanced, end - self.t)
 
-    def tell_within(self) -> None:
+    def report_within(self) -> None:
         """Tell of the incidents within the step that was found, up to its end and that of the run."""
         found, self.found.within = self.found.within, []
         last = self.origin + min(self.found.reached, self.grid.end)

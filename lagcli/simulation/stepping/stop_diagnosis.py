@@ -72,8 +72,8 @@ def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float
     is_near, is_alone = tried.rank_margin < DEPENDENT, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
     if is_near and tried.is_soon and apart is None:
-        told = _named(system, singular_point.closest(numeric, here, is_alone))
-        what = f"the gradient of {told} vanishes" if is_alone else f"the rows {told} become dependent"
+        reported = _named(system, singular_point.closest(numeric, here, is_alone))
+        what = f"the gradient of {reported} vanishes" if is_alone else f"the rows {reported} become dependent"
         run, last = system.model.simulation, tried.last
         is_behind = run.start < last and here.t - last < BEHIND * run.duration
         behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
@@ -97,8 +97,8 @@ def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float
             CONTACT,
         )
     if apart is not None and tried.rank_margin < WEIGHED:
-        told = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
-        return StepFailure(f"{BELOW_ROUNDING}: {told}", TOO_SMALL)
+        reported = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
+        return StepFailure(f"{BELOW_ROUNDING}: {reported}", TOO_SMALL)
     if not math.isfinite(tried.error) or not math.isfinite(tried.residual):
         return StepFailure(
             "the accelerations or multipliers are not finite there: the constraints become dependent,"
@@ -108,9 +108,9 @@ def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float
     if tried.residual > most_residual:
         parting = singular_point.departed(numeric, tried.ahead, most_residual)
         if parting:
-            told = _named(system, parting)
+            reported = _named(system, parting)
             return StepFailure(
-                f"the rows {told} contradict each other beyond: they agree up to here", NO_SOLUTION
+                f"the rows {reported} contradict each other beyond: they agree up to here", NO_SOLUTION
             )
         return StepFailure("the constraints have no solution after this time", NO_SOLUTION)
     return StepFailure(BELOW_ROUNDING, TOO_SMALL)
@@ -173,10 +173,10 @@ def is_pole(rates: Sequence[Floats]) -> bool:
     return all(0.0 < far <= GROWN * near for near, far in itertools.pairwise(sizes))
 
 
-def impulse(told: str) -> StepFailure:
+def impulse(reported: str) -> StepFailure:
     """Why a run ends where an energy or a place jumps; told: what does."""
     return StepFailure(
-        f"{told}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
+        f"{reported}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
     )
 
 
