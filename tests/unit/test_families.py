@@ -470,7 +470,7 @@ def test_random_families_are_what_they_are_written_out(document: str, worth: int
         assert {found.code for found in caught.value.diagnostics} == codes
         return
     of_plain = system.build(plain)
-    assert list(map(written_out.name, of_family.columns)) == list(of_plain.columns)
+    assert list(map(written_out.name, system.build(family).columns)) == list(of_plain.columns)
     for mine, theirs in zip(ours, functions(of_plain), strict=True):
         assert mine.shape == theirs.shape
         scale = 1 + np.nanmax(np.abs(theirs), initial=0)
