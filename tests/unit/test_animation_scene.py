@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import pathlib
 from collections.abc import Callable
 
@@ -11,7 +13,7 @@ import pytest
 import lagcli
 from lagcli.api import animate, animate_modes
 from lagcli.model.model import Model
-from lagcli.output.animation import links, nets, places, quadratic_algebra, quadratic_form
+from lagcli.output.animation import links, nets, page, places, quadratic_algebra, quadratic_form
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -88,6 +90,24 @@ holonomic:
 def test_a_rope_is_a_string_with_its_length() -> None:
     (link,) = gallery("rope-slack-and-taut").links
     assert (link.kind, link.name, link.length) == ("string", "rope", 1.0)
+    assert link.lengths is None
+
+
+def test_a_rope_that_is_let_out_has_its_length_at_each_instant() -> None:
+    text = (
+        "particles: {a: {mass: 1, position: [0, 0, -0.5]}}\n"
+        "inequality: {rope: 'distance(a, [0, 0, 0]) <= 1 + t/2'}"
+    )
+    scene = scene_of(text + FALLING)
+    (link,) = scene.links
+    assert (link.kind, link.length) == ("string", 1.0)
+    assert link.lengths == pytest.approx(1 + scene.t / 2, rel=1e-12)
+    assert scene.t[-1] > 0
+    data, numbers = page.packed(scene)
+    (told,) = json.loads(data)["links"]
+    first, count = told["lengths"]
+    written = np.frombuffer(base64.b64decode(numbers), dtype="<f4")[first : first + count]
+    assert written * json.loads(data)["size"] == pytest.approx(1 + scene.t / 2, rel=1e-6)
 
 
 PULLEYS = """

@@ -130,7 +130,10 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: 
     ):
         points.unenforced += 1
         return None
-    return Link("string" if found.at_most else "rod", row.name, ends, float(np.ravel(length)[0]))
+    first = float(np.ravel(length)[0])
+    if not found.at_most:
+        return Link("rod", row.name, ends, first)
+    return Link("string", row.name, ends, first, np.ravel(length) if np.ptp(length) else None)
 
 
 def of_sum(name: str, distances: Iterable[SquareDistance], points: PointTable) -> list[Link]:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from lagcli import __version__
 from lagcli.output.animation import still
-from lagcli.output.animation.scene import DrawnSurface, Mode, Scene, TimeCurve
+from lagcli.output.animation.scene import DrawnSurface, Link, Mode, Scene, TimeCurve
 from lagcli.output.figures import labels
 from lagcli.output.files import atomic_file
 
@@ -122,10 +122,7 @@ def packed(scene: Scene) -> tuple[str, str]:
         "R": [block.add(track * (scene.scale / size)) for track in scene.R],
         "F": [block.add(track * (scene.scale / size)) for track in scene.F],
         "scale": scene.scale / size,
-        "links": [
-            {"kind": link.kind, "a": link.ends[0], "b": link.ends[1], "length": link.length / size}
-            for link in scene.links
-        ],
+        "links": [_link(link, block, size) for link in scene.links],
         "surfaces": [_surface(one, block, size, centre) for one in scene.surfaces],
         "curves": [_curve(curve, block) for curve in scene.curves],
         "notes": [labels.shortened(note, labels.TITLE) for note in scene.notes],
@@ -133,6 +130,16 @@ def packed(scene: Scene) -> tuple[str, str]:
         "rate": scene.rate,
     }
     return json.dumps(found, allow_nan=False, separators=(",", ":")), block.text()
+
+
+def _link(link: Link, block: _Block, size: float) -> dict[str, object]:
+    told: dict[str, object] = {
+        "kind": link.kind,
+        "a": link.ends[0],
+        "b": link.ends[1],
+        "length": link.length / size,
+    }
+    return told if link.lengths is None else {**told, "lengths": block.add(link.lengths / size)}
 
 
 def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> dict[str, object]:

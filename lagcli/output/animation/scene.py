@@ -30,13 +30,15 @@ LEAST = 1e-300  # for what is divided by: no extent at all
 class Link:
     """Two points (by their numbers in `Scene.points`) with something between them.
 
-    length: of a rod or a string, which is slack where the points are closer; 0 for a spring.
+    length: of a rod or a string, which is slack where the points are closer; 0 for a spring. lengths: (T,) of a string
+    that is let out or pulled in, whose first is `length`; of all others None.
     """
 
     kind: Literal["rod", "string", "spring"]
     name: str
     ends: tuple[int, int]
     length: float = 0.0
+    lengths: Floats | None = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

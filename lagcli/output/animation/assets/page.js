@@ -52,6 +52,7 @@
     for (let i = 0; i < 3; i++) out[i] = track[a + i] + w * (track[b + i] - track[a + i]);
     return out;
   }
+  const number = (track, k, w) => track[k] + w * (track[Math.min(k + 1, T - 1)] - track[k]);
 
   // ---- three.js
   const stage = byId("stage"), canvas = byId("view");
@@ -387,7 +388,8 @@
     soft.links.forEach((link, i) => {
       place(link.a, k, w, ends[0]); place(link.b, k, w, ends[1]);
       const [a, b] = ends, length = Math.hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
-      const sag = link.kind === "string" ? Math.sqrt(Math.max(0, (3 / 8) * length * (link.length - length))) : 0;
+      const whole = link.lengths ? number(part(link.lengths), k, w) : link.length;
+      const sag = link.kind === "string" ? Math.sqrt(Math.max(0, (3 / 8) * length * (whole - length))) : 0;
       const side = link.kind === "spring" ? across(a, b, view) : down;
       const at = (j) => {
         const s = j / STRAND;
