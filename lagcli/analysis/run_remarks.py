@@ -41,7 +41,7 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
         *_shared(system, report.selection),
         *_shared_at_times(system, report.selection, report.indeterminate),
         *_passed(system, report.crossings),
-        *report.notes,
+        *report.statistics.notes,
     )
 
 

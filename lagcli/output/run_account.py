@@ -110,21 +110,22 @@ def of(
     """
     from lagcli.start import assembly_moves
 
-    chosen, told = system.model.simulation, report.reported
+    chosen, statistics = system.model.simulation, report.statistics
+    extremes, told = report.extremes, statistics.reported
     return Stats(
-        report.steps,
-        report.rejected,
-        report.evaluations,
+        statistics.steps,
+        statistics.rejected,
+        statistics.evaluations,
         seconds,
         report.solve_seconds,
         settings.method_name(chosen),
-        report.position_drift,
-        report.velocity_drift,
-        report.energy_imbalance,
+        extremes.position_drift,
+        extremes.velocity_drift,
+        statistics.energy_imbalance,
         tuple(system.multiplier_rows[i].name for i in sorted(report.indeterminate)),
         tuple(crossing.t for crossing in report.crossings),
         outcome.stopped,
-        report.ended_by,
+        statistics.ended_by,
         outcome.rows,
         outcome.t_end,
         provenance.of(system.model),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,8 @@ from lagcli.frozen import frozen
 from lagcli.model.model import Simulation
 from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.incident import Incident, RankDrop, Tally
-from lagcli.simulation.run_state.statistics import NO_ROWS
+from lagcli.simulation.run_state.incident import Incident, RankDrop
+from lagcli.simulation.run_state.statistics import NO_ROWS, Extremes, RunStatistics
 from lagcli.simulation.stepping import grid
 
 if TYPE_CHECKING:
@@ -31,12 +32,10 @@ class RunReport:
     """The account of a run at the time t reached.
 
     q, v, a: the state there and its accelerations, (n,) each; selection: the independent rows it is stepped with;
-    indeterminate: rows whose multipliers, or impulses, are not unique or were not at some time; steps: accepted ones;
-    rejected; evaluations: of the right-hand side; solve_seconds: wall time, of a repeated run too; position_drift,
-    velocity_drift: as in `statistics.Extremes`; energy_imbalance: a part of what was exchanged, None where it is not
-    known; exchanged: the largest T so far plus the largest change of V; crossings: singular configurations up to t;
-    told: the tally of incidents handed out; ended_by: the event that has ended the run; complete: the rows of
-    the grid up to t, be they made or not; accuracy: of rows, where the run is repeated.
+    indeterminate: rows whose multipliers, or impulses, are not unique or were not at some time; statistics: as they
+    stood then; solve_seconds: wall time, of a repeated run too; largest_penetration: the largest -g_j over all rows and
+    ends of steps, in units of g_j; complete: the rows of the grid up to t, be they made or not; accuracy: of rows,
+    where the run is repeated.
     """
 
     t: float
@@ -45,21 +44,26 @@ class RunReport:
     a: Floats
     selection: Selection
     indeterminate: frozenset[int]
-    steps: int
-    rejected: int
-    evaluations: int
+    statistics: RunStatistics
     solve_seconds: float
-    position_drift: float
-    velocity_drift: float
-    energy_imbalance: float | None
-    exchanged: float
     largest_penetration: float
-    crossings: tuple[RankDrop, ...]
-    reported: Tally
-    ended_by: str | None
     complete: int
-    notes: tuple[str, ...]
     accuracy: Accuracy | None
+
+    @property
+    def extremes(self) -> Extremes:
+        """Those of the rows so far."""
+        return self.statistics.extremes or NO_ROWS
+
+    @property
+    def exchanged(self) -> float:
+        """The largest T so far plus the largest change of V."""
+        return self.extremes.moving + self.extremes.resting
+
+    @property
+    def crossings(self) -> tuple[RankDrop, ...]:
+        """The singular configurations up to t: the last step may lead beyond it."""
+        return tuple(one for one in self.statistics.crossings if one.t <= self.t)
 
 
 @frozen
@@ -116,30 +120,20 @@ class RunInBlocks:
         return self.reference.of_table(rows)
 
     def _report(self) -> RunReport:
-        run, statistics, again = self._run, self._run.statistics, self.reference
+        run, again = self._run.stepper, self.reference
+        statistics, y, n = copy.copy(run.statistics), run.bound.y.copy(), run.bound.y.size // 2
+        selection = run.bound.enforced.selection
         extremes = statistics.extremes or NO_ROWS
-        n = run.y.size // 2
         return RunReport(
             t=run.origin + run.t,
-            q=run.y[:n],
-            v=run.y[n:-1],
-            a=run.rate[n:-1],
-            selection=run.selection,
-            indeterminate=run.indeterminate,
-            steps=statistics.steps,
-            rejected=statistics.rejected,
-            evaluations=statistics.evaluations,
+            q=y[:n],
+            v=y[n:-1],
+            a=run.bound.k[n:-1].copy(),
+            selection=selection,
+            indeterminate=selection.indeterminate.union(run.contacts.shared),
+            statistics=statistics,
             solve_seconds=statistics.solve_seconds + (again.solve_seconds if again else 0.0),
-            position_drift=extremes.position_drift,
-            velocity_drift=extremes.velocity_drift,
-            energy_imbalance=statistics.energy_imbalance,
-            exchanged=extremes.moving + extremes.resting,
-            largest_penetration=statistics.largest_penetration,
-            # The last step may lead beyond the time reached.
-            crossings=tuple(one for one in statistics.crossings if one.t <= run.origin + run.t),
-            reported=statistics.reported,
-            ended_by=statistics.ended_by,
-            complete=run.complete,
-            notes=statistics.notes,
+            largest_penetration=max(run.contacts.deepest, extremes.penetration),
+            complete=self._run.complete,
             accuracy=again.accuracy if again else None,
         )

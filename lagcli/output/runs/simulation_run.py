@@ -137,7 +137,7 @@ class SimulationRun:
     @property
     def end(self) -> float:
         """The time of the last row: the end of the grid, or that of the event that has ended the run."""
-        return self.t if self._run.report.ended_by is not None else self.grid.end
+        return self.t if self._run.report.statistics.ended_by is not None else self.grid.end
 
     @property
     def built(self) -> System:

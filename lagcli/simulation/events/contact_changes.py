@@ -45,9 +45,9 @@ class ContactChanges:
 
     def __init__(self, stepper: Stepper) -> None:
         self._run, self.log = stepper, IncidentLog(stepper)
-        self._system = system = stepper.bound.enforced.integrals.system
+        self._system = system = stepper.bound.enforced.system
         self._rows, self._count = len(system.rows.rows), system.contacts.count
-        self._open = stepper.bound.enforced.integrals.selection.opened(self._rows)
+        self._open = stepper.bound.enforced.selection.opened(self._rows)
         plain = stepper.bound.enforced.plain.functions.numeric
         # A run that is resumed may stand with contacts closed.
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
@@ -276,7 +276,7 @@ class ContactChanges:
     def _go_on(self, selection: Selection, v: Floats) -> None:
         """Go on with these rows, from velocities v (n,)."""
         run = self._run
-        now = run.bound.enforced.integrals.selection
+        now = run.bound.enforced.selection
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.enforced.keeping(selection))
         self._project(v)

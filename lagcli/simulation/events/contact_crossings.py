@@ -63,7 +63,7 @@ def require_projected(run: Stepper, wanted: Floats, before: Floats) -> None:
 def stop(run: Stepper, what: str) -> StepFailure:
     """The reason to stop where rows are so close to dependent ones that rounding is amplified."""
     rows = singular_point.closest(run.bound.numeric, run.state_at(run.t, run.bound.y), False)
-    system = run.bound.enforced.integrals.system
+    system = run.bound.enforced.system
     names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows)
     return StepFailure(
         f"{what}: the rows {names} are within {run.watch.rank_margin[0]:.1g} of dependent ones there, a singular"

@@ -50,7 +50,7 @@ class ContactEvent(Event):
 
     def __init__(self, stepper: Stepper) -> None:
         self._stepper = stepper
-        self._system = stepper.bound.enforced.integrals.system
+        self._system = stepper.bound.enforced.system
         self._changes = ContactChanges(stepper)
         stepper.found.keeps_stages = True
         self._functions: dict[object, WatchFunctions] = {}
@@ -101,7 +101,6 @@ class ContactEvent(Event):
                 self._end_series_at(limit)
             elif watch.deepest > run.contacts.deepest:
                 run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
-                run.statistics.deepest = watch.deepest
             return
         run.make_dense()
         self._hits = self._changes.sinking()
@@ -199,7 +198,7 @@ class ContactEvent(Event):
     def _current(self) -> StepWatch:
         run = self._stepper
         if self._watch is None or not self._watch.is_of(run):
-            selection = run.bound.enforced.integrals.selection, run.bound.enforced.invariant_values
+            selection = run.bound.enforced.selection, run.bound.enforced.invariant_values
             if selection not in self._functions:
                 count = len(self._system.rows.rows), self._system.contacts.count
                 self._functions[selection] = WatchFunctions(run.bound.numeric, run.method, count)

@@ -39,7 +39,7 @@ class EventValues:
 
     def __init__(self, run: Stepper, log: IncidentLog) -> None:
         self._run, self._log = run, log
-        self._events = run.bound.enforced.integrals.system.model.events
+        self._events = run.bound.enforced.system.model.events
         self.sizes = self.rounding = np.zeros(0)
         self._t = np.zeros(1)
         self._known: tuple[BoundStep, BoundFunction] | None = None

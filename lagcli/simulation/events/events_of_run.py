@@ -22,7 +22,7 @@ def _switches(stepper: Stepper) -> Event | None:
 
 def _impulses(stepper: Stepper) -> Event | None:
     """Jumps of what the equations take for smooth."""
-    jumps = stepper.bound.enforced.integrals.system.jumps
+    jumps = stepper.bound.enforced.system.jumps
     if jumps is None or jumps.crossings is None:
         return None
     from lagcli.simulation.events.impulse_event import ImpulseEvent
@@ -32,7 +32,7 @@ def _impulses(stepper: Stepper) -> Event | None:
 
 def _contacts(stepper: Stepper) -> Event | None:
     """One-sided constraints and declared events."""
-    system = stepper.bound.enforced.integrals.system
+    system = stepper.bound.enforced.system
     if not (system.contacts.count or system.event_values.numel()):
         return None
     from lagcli.simulation.events.contact_event import ContactEvent

@@ -27,7 +27,7 @@ class IncidentLog:
 
     def __init__(self, stepper: Stepper) -> None:
         self._run = stepper
-        self._rows = len(stepper.bound.enforced.integrals.system.multiplier_rows)
+        self._rows = len(stepper.bound.enforced.system.multiplier_rows)
 
     def line(self) -> Floats:
         """The line of the state where the run stands, with time, figures and W."""

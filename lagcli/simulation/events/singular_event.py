@@ -76,7 +76,7 @@ class SingularEvent(Event):
         from lagcli.simulation.stepping import interpolate_rows
 
         interpolate_rows.put_in_passage(run, passage, passage.instant)
-        names = [row.name for row in run.bound.enforced.integrals.system.multiplier_rows]
+        names = [row.name for row in run.bound.enforced.system.multiplier_rows]
         lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
         rows = crossed.loss.participants
         return [self._log.incident(passage.instant, "crossing", names[row], lines) for row in rows]

@@ -13,15 +13,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.selection import Selection
 from lagcli.simulation.events import events_of_run
 from lagcli.simulation.run.row_writer import RowGaps, RowWriter
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import RunStop, StepFailure, Stop
-from lagcli.simulation.run_state.statistics import RunStatistics
 from lagcli.simulation.scheme import line_functions
-from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -32,7 +29,7 @@ PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed ou
 
 
 class Run:
-    """One integration: iterate `blocks` once; `statistics` is filled as they come.
+    """One integration: iterate `blocks` once; `statistics` is filled as they come, and `stepper` goes on.
 
     begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
     for a run that is resumed; row: time of the last row handed out; passed_over: rows that are lost to a grid other
@@ -47,34 +44,15 @@ class Run:
         row: float = -math.inf,
         passed_over: int = 0,
     ) -> None:
-        self._stepper, self._writer, self._begin = stepper, writer, begin
+        self.stepper, self._writer, self._begin = stepper, writer, begin
+        self.origin, self.grid, self.statistics = stepper.origin, stepper.grid, stepper.statistics
         self._row, self.passed_over = row, passed_over
         self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
         enforced = stepper.bound.enforced
-        self._gaps = RowGaps(enforced.integrals.system, enforced.plain.functions.numeric, enforced.p)
+        self._gaps = RowGaps(enforced.system, enforced.plain.functions.numeric, enforced.p)
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
-
-    @property
-    def origin(self) -> float:
-        """The time from which times in here are counted."""
-        return self._stepper.origin
-
-    @property
-    def grid(self) -> Grid:
-        """The times of the rows."""
-        return self._stepper.grid
-
-    @property
-    def statistics(self) -> RunStatistics:
-        """The account of the run, up to the last block."""
-        return self._stepper.statistics
-
-    @property
-    def incidents(self) -> list[Incident]:
-        """Incidents up to the last block that were not taken yet."""
-        return self.statistics.incidents
 
     def take_incidents(self) -> list[Incident]:
         """Incidents up to the last block since they were last taken, in the order of time."""
@@ -82,34 +60,9 @@ class Run:
         return taken
 
     @property
-    def t(self) -> float:
-        """The time reached."""
-        return self._stepper.t
-
-    @property
-    def y(self) -> Floats:
-        """The state reached, (2n + 1,)."""
-        return self._stepper.bound.y.copy()
-
-    @property
     def complete(self) -> int:
         """The rows of the grid that it is beyond."""
         return self._writer.complete
-
-    @property
-    def rate(self) -> Floats:
-        """y' there, (2n + 1,)."""
-        return self._stepper.bound.k.copy()
-
-    @property
-    def selection(self) -> Selection:
-        """The independent rows it is stepped with."""
-        return self._stepper.bound.enforced.integrals.selection
-
-    @property
-    def indeterminate(self) -> frozenset[int]:
-        """Rows whose multipliers, or impulses, are not unique or were not at some time."""
-        return self.selection.indeterminate.union(self._stepper.contacts.shared)
 
     def require_rows_left(self) -> None:
         """Raise `CheckpointError` where all rows of a resumed run were handed out before; before its first block."""
@@ -117,7 +70,7 @@ class Run:
             from lagcli.simulation.run_state.checkpoint import CheckpointError
 
             raise CheckpointError(
-                f"nothing is left to do: it is at t = {self.origin + self.t:.9g} with its last row at"
+                f"nothing is left to do: it is at t = {self.origin + self.stepper.t:.9g} with its last row at"
                 f" {self.origin + self._row:.9g}, and the run ends at {self.origin + self.grid.end:.9g}; a longer"
                 " duration goes on"
             )
@@ -127,7 +80,7 @@ class Run:
         extremes = self.statistics.extremes
         assert extremes is not None, "the first block holds the first row"
         reported = self.statistics.reported
-        return dataclasses.replace(self._stepper.state(), row=self._row, extremes=extremes, reported=reported)
+        return dataclasses.replace(self.stepper.state(), row=self._row, extremes=extremes, reported=reported)
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
@@ -153,14 +106,14 @@ class Run:
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0
             statistics.solve_seconds += time.perf_counter() - began
-            if len(block) or going or self.incidents:
+            if len(block) or going or statistics.incidents:
                 yield rows
         if stop is not None:
             raise RunStop(stop)
 
     def _fill(self, until: float) -> bool:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
-        stepper, writer = self._stepper, self._writer
+        stepper, writer = self.stepper, self._writer
         found = stepper.found
         self._start()
         while True:
@@ -204,12 +157,12 @@ class Run:
         return is_put
 
     def _find_step(self) -> None:
-        self._stepper.found.within = []
+        self.stepper.found.within = []
         for event in self._events:
             if event.passes():
                 self._cut()
                 return
-        stepper = self._stepper
+        stepper = self.stepper
         if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= self.grid.end:
             # What happens before the end is found in the step of a run that goes on.
             take_back = _unfound(stepper)
@@ -230,7 +183,7 @@ class Run:
             event.cut()
 
     def _stopped(self, failure: StepFailure) -> Stop:
-        t = self.origin + self.t
+        t = self.origin + self.stepper.t
         where = f"stopped at t = {t:.9g} (after row {self._writer.complete} of {self.grid.count})"
         return Stop(t, f"{where}: {failure.reason}", failure.code)
 

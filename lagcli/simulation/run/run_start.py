@@ -60,11 +60,11 @@ def start(
         y=np.concatenate([begin.q, begin.v, [0.0]]),
         k=np.zeros(2 * begin.q.size + 1),
         pace_from=grid.start,
-        selection=enforced.integrals.selection,
+        selection=enforced.selection,
         invariant_values=enforced.invariant_values,
         notes=notes,
         origin=origin,
-        turns=Turns(enforced.integrals.system).of(enforced.p),
+        turns=Turns(enforced.system).of(enforced.p),
     )
     stepper = Stepper(enforced, state, settings, grid, timed if enforced.has_time else None, begin.is_again)
     return Run(stepper, RowWriter(stepper, rows, 0), functools.partial(_begin, stepper, begin))

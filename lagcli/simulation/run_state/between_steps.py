@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.simulation.run_state.incident import NONE, RankDrop, Tally
-from lagcli.simulation.run_state.statistics import NO_ROWS, Extremes
+from lagcli.simulation.run_state.statistics import NO_ROWS, Counts, Extremes
 from lagcli.simulation.scheme.invariants import InvariantValues
 
 Floats = npt.NDArray[np.float64]
@@ -40,16 +39,15 @@ class ContactState:
 NOTHING = ContactState()
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class RunState:
-    """A run between two steps, and what it has handed out.
+@dataclasses.dataclass(slots=True, eq=False, kw_only=True)
+class RunState(Counts):
+    """A run between two steps, what it has counted, and what it has handed out.
 
     t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
     look at the pace; row: time of the last row handed out, which may lie on either side of t; figures: those of all
     rows handed out; selection: the rows it is stepped with; levels: how each integral is held; watch: what the
     next singular configuration is foreseen from; turns: where angles with a cut were, counted through all turns;
-    contacts: see `ContactState`. The others, steps, rejected, evaluations, notes, crossings, tally and told, are
-    those of `RunStatistics` up to t; told is of the incidents handed out, which may lie beyond t.
+    contacts: see `ContactState`. Of the counts, reported is of the incidents handed out, which may lie beyond t.
     Times are counted from `origin`, but for those of crossings and incidents.
     """
 
@@ -58,18 +56,11 @@ class RunState:
     k: Floats
     step: float = 0.0
     pace_from: float
-    steps: int = 0
-    rejected: int = 0
-    evaluations: int = 0
     row: float = -math.inf
     extremes: Extremes = NO_ROWS
     selection: Selection
     invariant_values: InvariantValues = ()
-    notes: tuple[str, ...] = ()
     watch: tuple[float, ...] = ()
-    crossings: tuple[RankDrop, ...] = ()
     origin: float = 0.0
     turns: tuple[float, ...] = ()
-    tally: Tally = NONE
-    reported: Tally = NONE
     contacts: ContactState = NOTHING

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +13,6 @@ from lagcli.frozen import frozen_value
 from lagcli.simulation.run_state.incident import NONE, Incident, RankDrop, Tally
 
 Floats = npt.NDArray[np.float64]
-
-
-# Of these `RunState` has fields of the same names: what is counted up to the state from which a step is tried.
-COUNTED = ("steps", "rejected", "evaluations", "notes", "crossings", "tally", "reported")
 
 # Below this part of the energies themselves nothing is exchanged but rounding.
 ENERGY_ROUNDOFF = 1e-10
@@ -70,29 +68,47 @@ def _size(values: Floats) -> float:
     return float(np.abs(values).max())
 
 
-@dataclasses.dataclass(slots=True)
-class RunStatistics:
-    """The account of a run; `extremes` is None before its first row.
+@dataclasses.dataclass(slots=True, kw_only=True)
+class Counts:
+    """The counts of a run up to its state: a new one is a line here, and the run state, checkpoints and a resumed run
+    have it.
 
-    steps are accepted ones; evaluations those of the right-hand side; `solve_seconds` wall time; notes: what there
-    is to say about integrals that are not held all the time; crossings: singular configurations that were passed;
-    deepest: the largest -g_j at the ends of steps, in units of g_j; resting: the energy of `RestingForces`; ended_by:
-    the name of the event that has ended the run; tally: of incidents up to the state, told: of those handed out before
-    or standing in `incidents`, which may be more where the run was resumed from before them; is_balanced: whether the
-    work W is known up to here.
+    steps are accepted ones; evaluations those of the right-hand side; notes: what there is to say about integrals that
+    are not held all the time; crossings: singular configurations that were passed; tally: of incidents up to the state,
+    reported: of those handed out before or standing in `RunStatistics.incidents`, which may be more where the run was
+    resumed from before them.
     """
 
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
-    solve_seconds: float = 0.0
-    extremes: Extremes | None = None
     notes: tuple[str, ...] = ()
     crossings: tuple[RankDrop, ...] = ()
     tally: Tally = NONE
     reported: Tally = NONE
+
+
+_NAMES = tuple(field.name for field in dataclasses.fields(Counts))
+# The values of all counts, in their order: taken at every step, they cost less than an object.
+counted = operator.attrgetter(*_NAMES)
+
+
+def named(values: tuple[object, ...]) -> dict[str, Any]:
+    """Counts by their names, from the values of `counted`."""
+    return dict(zip(_NAMES, values, strict=True))
+
+
+@dataclasses.dataclass(slots=True, kw_only=True)
+class RunStatistics(Counts):
+    """The account of a run; `extremes` is None before its first row.
+
+    `solve_seconds`: wall time; resting: the energy of `RestingForces`; ended_by: the name of the event that has ended
+    the run; is_balanced: whether the work W is known up to here.
+    """
+
+    solve_seconds: float = 0.0
+    extremes: Extremes | None = None
     incidents: list[Incident] = dataclasses.field(default_factory=list)
-    deepest: float = 0.0
     resting: float = 0.0
     ended_by: str | None = None
     is_balanced: bool = dataclasses.field(default=True, init=False)
@@ -130,11 +146,6 @@ class RunStatistics:
         if moved <= ENERGY_ROUNDOFF * sizes and found.imbalance <= LAST_DIGITS * sizes:
             return 0.0
         return found.imbalance / exchanged if exchanged else found.imbalance
-
-    @property
-    def largest_penetration(self) -> float:
-        """The largest -g_j over all rows and ends of steps, in units of g_j."""
-        return max(self.deepest, self.extremes.penetration if self.extremes else 0.0)
 
     def keep_depth(self, depth: float) -> None:
         """Take the largest -g_j of rows that were kept."""

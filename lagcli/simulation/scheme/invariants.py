@@ -245,6 +245,16 @@ class EnforcedInvariants:
         """The functions of the system with these levels enforced."""
         return self.integrals.functions(self.invariant_values)
 
+    @property
+    def system(self) -> System:
+        """The system they are of."""
+        return self.integrals.system
+
+    @property
+    def selection(self) -> Selection:
+        """The independent rows it is stepped with."""
+        return self.integrals.selection
+
     def keeping(self, selection: Selection) -> EnforcedInvariants:
         """These invariants with a system stepped with other independent rows."""
         return dataclasses.replace(self, integrals=self.integrals.keeping(selection))

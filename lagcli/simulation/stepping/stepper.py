@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import operator
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,7 @@ from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
-from lagcli.simulation.run_state.statistics import COUNTED, RunStatistics
+from lagcli.simulation.run_state.statistics import RunStatistics, counted, named
 from lagcli.simulation.scheme import invariants, method, step_tolerance
 from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
 from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
@@ -51,7 +50,6 @@ HIDDEN, HIDING = 100.0, 1e-3
 # this error then.
 FORGIVEN, UNSEEN = 3e3, -1.0
 NONE_TRIED: invariants.Tried = frozenset()
-_counted = operator.attrgetter(*COUNTED)
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -95,24 +93,22 @@ class Stepper:
         is_again: bool = False,
     ) -> None:
         self.origin, self.grid = state.origin, grid
-        resting = step_tolerance.resting_forces(enforced.integrals.system, enforced.functions.numeric)
+        resting = step_tolerance.resting_forces(enforced.system, enforced.functions.numeric)
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
         # A run counts its turns in numbers of its own.
         enforced = dataclasses.replace(enforced, p=enforced.p.copy())
-        self._turns = Turns(enforced.integrals.system)
+        self._turns = Turns(enforced.system)
         self._turns.resume(enforced.p, state.turns)
         self.t, self.row_time = state.t, math.inf
         self._bind(enforced, state.y, state.k)
         self.control = StepController(self.method.order, state.step, state.pace_from)
         self.found = FoundStep(state.t)
         extremes = state.extremes if math.isfinite(state.row) else None
-        counted = {name: getattr(state, name) for name in COUNTED}
-        self.statistics = RunStatistics(extremes=extremes, **counted)
+        self.statistics = RunStatistics(extremes=extremes, resting=resting.energy, **named(counted(state)))
         self.contacts = state.contacts
-        self.statistics.deepest, self.statistics.resting = state.contacts.deepest, resting.energy
         self.watch = SingularityMonitor(state.watch)
         self.predicted = self.watch.again()
         # The state before the last step that is what a longer run would have taken; None where that is the last.
@@ -134,25 +130,25 @@ class Stepper:
 
     def _here(self) -> RunState:
         bound, control = self.bound, self.control
-        enforced, watched, contacts, counted = self._settled
+        enforced, watched, contacts, counts = self._settled
         return RunState(
             t=bound.t[0],
             y=bound.y.copy(),
             k=bound.k.copy(),
             step=control.step,
             pace_from=control.pace_from,
-            selection=enforced.integrals.selection,
+            selection=enforced.selection,
             invariant_values=enforced.invariant_values,
             watch=watched,
             origin=self.origin,
             turns=self._turns.of(bound.enforced.p),
             contacts=contacts,
-            **dict(zip(COUNTED, counted, strict=True)),
+            **named(counts),
         )
 
     def settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
-        self._settled = self.bound.enforced, self.watch.state, self.contacts, _counted(self.statistics)
+        self._settled = self.bound.enforced, self.watch.state, self.contacts, counted(self.statistics)
         self.tried: invariants.Tried = NONE_TRIED
 
     def state_at(self, t: float, y: Floats) -> State:

@@ -68,7 +68,7 @@ class Rejection(NamedTuple):
 
 def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float) -> StepFailure:
     """Why no step can be taken; landing: the residual of a step that was projected."""
-    system, numeric, here = enforced.integrals.system, enforced.functions.numeric, tried.here
+    system, numeric, here = enforced.system, enforced.functions.numeric, tried.here
     is_near, is_alone = tried.rank_margin < DEPENDENT, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
     if is_near and tried.is_soon and apart is None:
@@ -137,7 +137,7 @@ def impact(enforced: EnforcedInvariants, here: initial.State, beyond: initial.St
         if wall := _wall(enforced, here, beyond):
             return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
         rows = _violated(enforced.functions.numeric, beyond)
-        named = _named(enforced.integrals.system, rows)
+        named = _named(enforced.system, rows)
         jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
     return StepFailure(jump, NO_SOLUTION)
 
@@ -152,7 +152,7 @@ def _violated(numeric: NumericSystem, state: initial.State) -> tuple[int, ...]:
 
 def _wall(enforced: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
     """The closed contact whose gap changes most between two times at one place; none where nothing changes."""
-    numeric, system = enforced.functions.numeric, enforced.integrals.system
+    numeric, system = enforced.functions.numeric, enforced.system
     closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
     if not closed:
         return ""
@@ -187,7 +187,7 @@ def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailu
 
 
 def _jump(enforced: EnforcedInvariants, here: initial.State) -> str:
-    system, numeric = enforced.integrals.system, enforced.plain.functions.numeric
+    system, numeric = enforced.system, enforced.plain.functions.numeric
     open_ = numeric.selection.opened(len(system.rows.rows))
     return stop_reasons.reason(
         system, numeric if numeric.selection == open_ else numeric.keeping(open_), here
