@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import pandas
 
     from lagcli.api.sweeps.point_sources import SweepPoints
-    from lagcli.api.sweeps.point_task import PointRow
     from lagcli.api.sweeps.sweep_plan import SweepPlan
+    from lagcli.output.sweeps.sweep_table import PointRow
 
 Values = str | float | Sequence[float]
 Table = "pandas.DataFrame | Sequence[Mapping[str, float]]"
@@ -93,7 +93,7 @@ def sweep(
     plan = sweep_plan.plan(model, parts, kept, chosen)
     rows: list[PointRow] = []
     with engines.local(jobs) if executor is None else engines.given(executor) as engine:
-        for found in engines.rows(engine, plan.task, plan.points, plan.numbers):
+        for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
             rows += found
     return _frame(plan, rows, bool(uncertain), engine.lost)
 
@@ -133,17 +133,17 @@ def _axis(model: Model, name: str, values: Values) -> SweepPoints:
 def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool, lost: int) -> pandas.DataFrame:
     import pandas
 
-    from lagcli.api.sweeps import sweep_account
+    from lagcli.output.sweeps import sweep_account
 
-    account = sweep_account.SweepAccount([one.name for one in plan.task.reductions], spreads)
+    account = sweep_account.SweepAccount(plan.rows.results, spreads)
     account.take(rows)
     account.lost = lost
     numbers = np.array([(*row.point, *row.results) for row in rows])
-    names = plan.columns[1:-3]
+    names = plan.rows.columns[1:-3]
     frame = pandas.DataFrame(numbers.reshape(len(rows), len(names)), columns=list(names))
     frame.insert(0, "point", [row.number for row in rows])
     frame["status"] = [row.status for row in rows]
     frame["message"] = [row.message for row in rows]
     frame["t_end"] = [row.t_end for row in rows]
-    frame.attrs.update(account.as_json() | {"sweep": plan.identity})
+    frame.attrs.update(account.as_json() | {"sweep": plan.rows.identity})
     return frame

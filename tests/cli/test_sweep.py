@@ -20,8 +20,9 @@ import lagcli
 from lagcli import progress
 from lagcli.analysis.numeric_flag import undecided
 from lagcli.api.models import cache
-from lagcli.api.sweeps import drawn_points, reductions, sweep_journal
-from lagcli.api.sweeps.point_task import PointRow
+from lagcli.api.sweeps import drawn_points, reductions
+from lagcli.output.sweeps import sweep_journal
+from lagcli.output.sweeps.sweep_table import PointRow
 from lagcli.output.tables import read_table
 from lagcli.pfaffian.exact import time_limit
 from lagcli.start import projection

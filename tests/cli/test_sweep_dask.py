@@ -14,11 +14,10 @@ from lagcli.api.sweeps import (
     dask_engine,
     engines,
     point_sources,
-    point_task,
     reductions,
-    sweep_journal,
     sweep_plan,
 )
+from lagcli.output.sweeps import sweep_journal, sweep_table
 from tests.helpers import in_process
 
 dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
@@ -86,13 +85,13 @@ def test_a_point_that_kills_its_workers_is_a_row_and_the_others_are_unharmed(
 
     with dask_engine.cluster(cluster.scheduler_address) as engine:
         found = [
-            row for rows in engines.rows(engine, asked.task, PointsWith(), asked.numbers) for row in rows
+            row for rows in engines.rows(engine, asked.task, PointsWith(), asked.rows.numbers) for row in rows
         ]
-    alone = engines.rows(engines.Engine(), asked.task, asked.points, asked.numbers)
+    alone = engines.rows(engines.Engine(), asked.task, asked.points, asked.rows.numbers)
     expected = [row for rows in alone for row in rows]
     assert [row.number for row in found] == list(range(6))
     assert found[:3] + found[4:] == expected[:3] + expected[4:]
-    assert (found[3].status, found[3].message) == (point_task.STOPPED, engines.ENDED)
+    assert (found[3].status, found[3].message) == (sweep_table.STOPPED, engines.ENDED)
     # Once alone, and before among others: those that stood behind it on the same worker may be told of too.
     assert engine.lost >= 2
 

@@ -12,7 +12,8 @@ from collections.abc import Callable
 import pytest
 
 import lagcli
-from lagcli.api.sweeps import engines, point_sources, point_task, reductions, sweep_journal, sweep_plan
+from lagcli.api.sweeps import engines, point_sources, reductions, sweep_plan
+from lagcli.output.sweeps import sweep_journal, sweep_table
 from tests.helpers import in_process
 
 PENDULUM = str(pathlib.Path(__file__).parents[2] / "models" / "pendulum.yaml")
@@ -73,15 +74,15 @@ def test_a_point_that_ends_its_process_is_a_row_and_the_rest_unharmed(
     monkeypatch.setattr(engines, "MOST_POOLS", 1)
     points = PointsWith(asked.points, (7,))
     with engines.local(2) as engine:
-        found = [row for rows in engines.rows(engine, asked.task, points, asked.numbers) for row in rows]
+        found = [row for rows in engines.rows(engine, asked.task, points, asked.rows.numbers) for row in rows]
     alone = [
         row
-        for rows in engines.rows(engines.Engine(), asked.task, asked.points, asked.numbers)
+        for rows in engines.rows(engines.Engine(), asked.task, asked.points, asked.rows.numbers)
         for row in rows
     ]
     assert [row.number for row in found] == list(range(12))
     assert found[:7] + found[8:] == alone[:7] + alone[8:]
-    assert (found[7].status, found[7].message) == (point_task.STOPPED, engines.ENDED)
+    assert (found[7].status, found[7].message) == (sweep_table.STOPPED, engines.ENDED)
     assert engine.lost == 2  # once among others, once alone
 
 
@@ -89,9 +90,11 @@ def test_workers_that_all_end_are_told_and_nothing_is_made_up(monkeypatch: pytes
     asked = plan(6)
     monkeypatch.setattr(engines, "MOST_POOLS", 1)
     points = PointsWith(asked.points, tuple(range(6)))
-    found: list[point_task.PointRow] = []
+    found: list[sweep_table.PointRow] = []
     with engines.local(2) as engine, pytest.raises(engines.WorkersLost, match="the points from 0, 1, 2"):
-        found.extend(itertools.chain.from_iterable(engines.rows(engine, asked.task, points, asked.numbers)))
+        found.extend(
+            itertools.chain.from_iterable(engines.rows(engine, asked.task, points, asked.rows.numbers))
+        )
     assert found == []
 
 
@@ -101,7 +104,7 @@ def test_other_processes_of_the_caller_are_left_alone() -> None:
     other.start()
     try:
         with engines.local(2) as engine:
-            assert sum(map(len, engines.rows(engine, asked.task, asked.points, asked.numbers))) == 2
+            assert sum(map(len, engines.rows(engine, asked.task, asked.points, asked.rows.numbers))) == 2
         workers = [one for one in multiprocessing.active_children() if one.pid != other.pid]
         # The pool's own thread waits for them too: for an instant neither of the two knows that a worker has ended.
         end = time.monotonic() + 60

@@ -117,3 +117,41 @@ def test_other_commands_enter_each_package_once_or_twice(command: str, name: str
     places = walked(command, MODELS / f"{name}.yaml")
     assert "api" in entered(places, "cli")
     assert not too_many(places, "cli")
+
+
+SWEPT = ("sweep", MODELS / "pendulum.yaml", "--over", "L=1:2:4", "--samples", "3")
+
+
+def assert_few_from_above(places: Places) -> None:
+    assert "output" in entered(places, "cli")
+    assert not too_many(places, "cli")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [("-o", "rows.csv"), ("-o", "rows.csv", "--jobs", "2"), ("-o", "rows.parquet", "--resume"), ("-o", "-")],
+)
+def test_a_sweep_enters_each_package_once_or_twice(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    places = walked(*SWEPT, *options)
+    assert {"api", "output", "errors", "progress"} == entered(places, "cli").keys()
+    assert_few_from_above(places)
+
+
+def test_a_sweep_of_draws_and_its_json_take_no_more_entries(tmp_path: Path) -> None:
+    drawn = ("--uncertain", "L~normal(1, 0.01)", "--draws", "4", "--reduce", "peak=max(lambda.rod)")
+    places = walked("sweep", SWEPT[1], *drawn, "--samples", "3", "--json", "-o", tmp_path / "rows.csv")
+    assert_few_from_above(places)
+
+
+def test_a_sweep_that_is_gone_on_with_and_one_that_is_merged_take_no_more_entries(tmp_path: Path) -> None:
+    parts = [tmp_path / f"{number}.csv" for number in (1, 2)]
+    for number, path in enumerate(parts, 1):
+        assert run(*SWEPT, "--shard", f"{number}/2", "-o", path)[2] == 0
+    places = walked(*SWEPT, "--shard", "1/2", "-o", parts[0], "--resume")
+    assert_few_from_above(places)
+    merged = walked("sweep", "--merge", *parts, "-o", tmp_path / "all.csv")
+    assert {"output", "errors"} == entered(merged, "cli").keys()
+    assert_few_from_above(merged)

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 from lagcli.api.sweeps import point_task
 from lagcli.api.sweeps.point_sources import SweepPoints
-from lagcli.api.sweeps.point_task import PointRow, PointTask
+from lagcli.api.sweeps.point_task import PointTask
+from lagcli.output.sweeps.sweep_table import PointRow
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

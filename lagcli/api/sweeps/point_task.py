@@ -28,14 +28,13 @@ from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
 from lagcli.output.runs.simulation_run import SimulationRun
+from lagcli.output.sweeps.sweep_table import DONE, INVALID, STOPPED, PointRow
 from lagcli.output.tables import sinks
 from lagcli.simulation.run_state import run_stop
 from lagcli.start import assembly
 
 Floats = npt.NDArray[np.float64]
 
-# Codes of a point, as `simulate` would exit.
-DONE, INVALID, STOPPED = 0, 1, 3
 OBJECTS = 50_000  # that are made between two looks for unneeded cycles: some megabytes
 MOST_MESSAGE = 300  # characters of a message, which stands in a cell of a table
 
@@ -71,19 +70,6 @@ class PointTask:
         found = hashlib.sha256(repr([*parts, self.limit_each, self.tables]).encode())
         found.update(self.data.encode() if isinstance(self.data, str) else self.data)
         return found.hexdigest()
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class PointRow:
-    """The row of a point: its number and values, the reductions, nan where there are none, the code of `simulate`, a
-    sentence where that is not 0, and the time reached, nan where no row was."""
-
-    number: int
-    point: Point
-    results: tuple[float, ...]
-    status: int
-    message: str
-    t_end: float
 
 
 def stopped(task: PointTask, number: int, point: Point, message: str) -> PointRow:

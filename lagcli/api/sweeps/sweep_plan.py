@@ -1,16 +1,14 @@
-"""A sweep that is ready to go: its task, its points, those of its shard, and what identifies it."""
+"""A sweep that is ready to go: its task, its points, and the rows that are planned of them."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 
 from lagcli import __version__
 from lagcli.api.models import cache
 from lagcli.api.runs import run_settings
-from lagcli.api.sweeps import reductions, sweep_table
+from lagcli.api.sweeps import reductions
 from lagcli.api.sweeps.point_sources import BadPoints, SweepPoints, joined
 from lagcli.api.sweeps.point_task import PointTask
 from lagcli.api.sweeps.reductions import Reduction
@@ -20,18 +18,7 @@ from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
 from lagcli.output import table_columns
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Shard:
-    """Part `number` of `count`, from 1: every count-th point from the number-th on."""
-
-    number: int = 1
-    count: int = 1
-
-    def of(self, points: int) -> range:
-        """Its points among so many."""
-        return range(self.number - 1, points, self.count)
+from lagcli.output.sweeps.sweep_table import PlannedRows
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -47,52 +34,11 @@ class SweepSettings:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class SweepPlan:
-    """The work, the points, and the shard of them that is wanted."""
+    """The work, the points, and the rows that are wanted of them."""
 
     task: PointTask
     points: SweepPoints
-    shard: Shard
-    sha256: str
-
-    @property
-    def numbers(self) -> range:
-        """The points of the shard."""
-        return self.shard.of(self.points.count)
-
-    @property
-    def is_shard(self) -> bool:
-        """True if there are other parts."""
-        return self.shard.count > 1
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns of its table."""
-        return sweep_table.columns(
-            self.points.names, [one.name for one in self.task.reductions], self.is_shard
-        )
-
-    @property
-    def identity(self) -> dict[str, object]:
-        """The data that make two sweeps one, whatever computes them and in how many parts."""
-        task = self.task
-        return {
-            "version": __version__,
-            "sha256": self.sha256,
-            "set": {name: str(value) for name, value in task.given.items()},
-            "settings": {key: value for key, value in task.settings.items() if value is not None},
-            "limit": task.limit,
-            "limit_each": task.limit_each,
-            "names": list(task.names),
-            "points": self.points.digest,
-            "count": self.points.count,
-            "reductions": [[one.name, one.text, one.is_last] for one in task.reductions],
-        }
-
-    @property
-    def shard_of(self) -> str:
-        """The cell of a shard: the same in all parts of a sweep; the number of its points is the last word."""
-        text = json.dumps(self.identity, sort_keys=True)
-        return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} {self.points.count}"
+    rows: PlannedRows
 
 
 def require_names(model: Model, part: SweepPoints, label: str) -> None:
@@ -116,9 +62,9 @@ def plan(
     parts: Sequence[SweepPoints],
     reduce: Sequence[Reduction],
     settings: SweepSettings,
-    shard: Shard | None = None,
+    part: tuple[int, int] = (1, 1),
 ) -> SweepPlan:
-    """The plan of a sweep; reduce: by default the last row of all columns.
+    """The plan of a sweep; reduce: by default the last row of all columns; part: which shard of how many.
 
     Raises `BadPoints`, `reductions.BadReduction`, `diagnostics.ModelError`, and `ValueError` for bad settings and for a
     model that is not as it was read.
@@ -141,12 +87,29 @@ def plan(
         file.data, file.path, given, dict(settings.runs), points.names, kept,
         settings.limit, settings.limit_each, settings.tables,
     )  # fmt: skip
-    found = SweepPlan(task, points, shard or Shard(), model.sha256)
+    names = tuple(one.name for one in kept)
+    planned = PlannedRows(_identity(task, points, model.sha256), points.names, names, points.count, *part)
     try:
-        found.columns  # noqa: B018 - two of one name
+        planned.columns  # noqa: B018 - two of one name
     except ValueError as error:
         raise BadPoints(str(error)) from None
-    return found
+    return SweepPlan(task, points, planned)
+
+
+def _identity(task: PointTask, points: SweepPoints, sha256: str) -> dict[str, object]:
+    """The data that make two sweeps one, whatever computes them and in how many parts."""
+    return {
+        "version": __version__,
+        "sha256": sha256,
+        "set": {name: str(value) for name, value in task.given.items()},
+        "settings": {key: value for key, value in task.settings.items() if value is not None},
+        "limit": task.limit,
+        "limit_each": task.limit_each,
+        "names": list(task.names),
+        "points": points.digest,
+        "count": points.count,
+        "reductions": [[one.name, one.text, one.is_last] for one in task.reductions],
+    }
 
 
 def _columns(model: Model, points: SweepPoints) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from lagcli.cli.commands import completing, options
 from lagcli.cli.requests import model_reading
-from lagcli.cli.terminal import exits
+from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
+from lagcli.output.files import json_text
+
+if TYPE_CHECKING:
+    from lagcli.output.sweeps.sweep_account import SweepEnding
+    from lagcli.output.sweeps.written_sweep import SweepStep
 
 ModelsArgument = Annotated[
     list[str],
@@ -110,29 +116,51 @@ def sweep(
     draw. Each row is that of `simulate --set`, to the last bit, whatever computes it. Exit 1 where a point is invalid,
     else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
     """
-    from lagcli.cli.actions import sweep_command
-    from lagcli.cli.requests import asked_points, asked_sweep
+    from lagcli.api import sweep_to_files
+    from lagcli.output.sweeps import shard_merge, sweep_request
 
-    files = asked_sweep.SweepFiles(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
+    request = sweep_request.SweepRequest(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
     if merge:
         asked = (over, points, uncertain, reduce, tables, shard, scheduler, changes)
-        sweep_command.merge(models, files, is_alone=not any(asked) and not resume)
-        return
+        if any(asked) or resume:
+            raise exits.UsageError("--merge puts tables together that are there: it goes with -o FILE alone")
+        _end(shard_merge.write(models, request), quiet)
     if len(models) > 1:
         raise exits.UsageError(
             "a sweep is of one MODEL; with --merge the arguments are the tables of its shards"
         )
-    files.require(models[0], points)
+    request.require(models[0], points)
     given = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
-    points_asked = asked_points.AskedPoints(
-        tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes
-    )
+    computed = sweep_to_files.AskedSweep(
+        tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes,
+        tuple(reduce or ()), given, limit, limit_each,
+    )  # fmt: skip
     read = model_reading.read(models[0], changes, as_json)
-    plan = model_reading.reported(
-        lambda: sweep_command.plan(read, points_asked, reduce or [], given, (limit, limit_each), files),
-        as_json,
-    )
-    sweep_command.run(plan, files, has_spreads=bool(uncertain) and not over and points is None)
+    steps = sweep_to_files.steps(read, computed, request)
+    _end(model_reading.reported(lambda: _followed(steps, quiet), as_json), quiet)
+
+
+def _followed(steps: Iterator[SweepStep], quiet: bool) -> SweepEnding:
+    """The ending of a sweep that is carried out, with a bar on the terminal."""
+    ending: SweepEnding | None = None
+    with console.progress(0.0, 1.0, quiet) as bar:
+        for step in steps:
+            if isinstance(step, float):
+                bar.at(step)
+            elif isinstance(step, str):
+                exits.print_err(step)
+            else:
+                ending = step
+    assert ending is not None
+    return ending
+
+
+def _end(ending: SweepEnding, quiet: bool) -> NoReturn:
+    """Tell the ending. Raises `exits.Exit` with 1 or 3 where a point is not done."""
+    if ending.account is not None:
+        print(json_text.text(ending.account))
+    exits.print_err_all(() if quiet else ending.told)
+    raise exits.Exit(ending.code)

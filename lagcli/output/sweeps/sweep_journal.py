@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from lagcli.api.sweeps.point_task import PointRow
 from lagcli.output.files import atomic_file
+from lagcli.output.sweeps.sweep_table import PointRow
 
 KIND = "lagcli sweep 1"
 ENDED = "table"  # in the second line of a sweep that has come to its end

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
-from lagcli.api.sweeps import finished_rows, sweep_table
-from lagcli.api.sweeps.point_task import PointRow
-from lagcli.output.tables import read_table
-
-Floats = npt.NDArray[np.float64]
+from lagcli.output.files import formats, write_guard
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.sweeps import sweep_table
+from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
+from lagcli.output.sweeps.sweep_request import SweepRequest
+from lagcli.output.sweeps.sweep_table import PointRow, SweepTable
+from lagcli.output.tables import read_table, table_format
 
 MOST_LISTED = 5  # points that are named one by one
+UNREADABLE = (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable)
 
 
 class BadShards(ValueError):
@@ -29,6 +30,34 @@ class MergedRows:
 
     columns: tuple[str, ...]
     rows: list[PointRow]
+
+
+def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
+    """Put the tables of shards together into the file of a request. Raises `BadRequest`, `write_guard.WriteError`."""
+    request.require_merge(paths)
+    try:
+        found = merged(paths)
+    except FileNotFoundError as error:
+        raise BadRequest(f"--merge: there is no file {error.filename}") from None
+    except OSError as error:
+        raise BadRequest(f"--merge: cannot read {error.filename}: {error.strerror}") from None
+    except (*UNREADABLE, BadShards) as error:
+        raise BadRequest(f"--merge: {error}") from None
+    with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
+        target = request.target
+        table = (
+            SweepTable.on_stdout(found.columns)
+            if target is None
+            else SweepTable(Path(target), found.columns, None)
+        )
+        stack.callback(table.discard)
+        for rows in sweep_table.blocks(found.rows):
+            table.write(rows)
+        stack.pop_all()
+        table.commit()
+    account = SweepAccount([], False)
+    account.take(found.rows)
+    return SweepEnding(account.code, (account.sentence(),), None)
 
 
 def merged(paths: Sequence[str]) -> MergedRows:
@@ -78,4 +107,4 @@ def _read(path: str) -> tuple[tuple[str, ...], str, list[PointRow]]:
     cells = sorted(set(table.words(sweep_table.SHARD)))
     if len(cells) > 1 or not all(cell.rpartition(" ")[2].isdecimal() for cell in cells):
         raise BadShards(f"{path}: its rows are not of one sweep")
-    return columns, cells[0] if cells else "", finished_rows.rows(Path(path), table, 0)
+    return columns, cells[0] if cells else "", sweep_table.rows(Path(path), table, 0)

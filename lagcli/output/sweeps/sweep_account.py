@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import array
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.api.sweeps import point_task
-from lagcli.api.sweeps.point_task import PointRow
+from lagcli.output.sweeps.sweep_table import DONE, INVALID, STOPPED, PointRow
 
 # Of each result: its middle, its middle half, and nine tenths of it.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -34,6 +34,15 @@ class Spread:
         return {"count": self.count, "mean": self.mean, "sd": self.sd, **ends, "quantiles": quantiles}
 
 
+class SweepEnding(NamedTuple):
+    """The end of a sweep, whose rows are written: the exit code, sentences to tell, and the account as JSON, where that
+    is asked for."""
+
+    code: int
+    told: tuple[str, ...]
+    account: Mapping[str, object] | None
+
+
 class SweepAccount:
     """Counts the rows that it takes. names: of the results; spreads: with their distributions, 8 bytes a number."""
 
@@ -51,16 +60,16 @@ class SweepAccount:
     def code(self) -> int:
         """The exit code: the worst of the points, of which an invalid one is worse than one that stopped."""
         if self.invalid:
-            return point_task.INVALID
-        return point_task.STOPPED if self.stopped else point_task.DONE
+            return INVALID
+        return STOPPED if self.stopped else DONE
 
     def take(self, rows: Sequence[PointRow]) -> None:
         """Count these rows."""
         for row in rows:
-            self.done += row.status == point_task.DONE
-            self.stopped += row.status == point_task.STOPPED
-            self.invalid += row.status == point_task.INVALID
-            if row.status == point_task.DONE:
+            self.done += row.status == DONE
+            self.stopped += row.status == STOPPED
+            self.invalid += row.status == INVALID
+            if row.status == DONE:
                 for kept, value in zip(self._values.values(), row.results, strict=False):
                     kept.append(value)
 
@@ -82,10 +91,16 @@ class SweepAccount:
         parts = [f"{self.done} done", f"{self.stopped} stopped", f"{self.invalid} invalid"]
         return f"{self.points} point{'s' * (self.points != 1)}: {', '.join(parts)}"
 
-    def of_workers(self) -> str:
-        """The workers that were lost, in words."""
-        times = "once" if self.lost == 1 else f"{self.lost} times"
-        return f"workers were ended by the system {times}; what they were computing has been computed again"
+    def sentences(self) -> Iterator[str]:
+        """The outcome, the workers that were lost, and how the results are distributed, in words."""
+        yield self.sentence()
+        if self.lost:
+            times = "once" if self.lost == 1 else f"{self.lost} times"
+            yield f"workers were ended by the system {times}; what they were computing has been computed again"
+        for name, spread in self.spreads().items():
+            quantiles = zip(QUANTILES, spread.quantiles, strict=True)
+            told = ", ".join(f"{100 * q:g} %: {value:.6g}" for q, value in quantiles)
+            yield f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {told}"
 
     def as_json(self) -> dict[str, object]:
         """The object of `--json`."""

@@ -1,0 +1,178 @@
+"""The table of a sweep: its rows, its columns, and the way of the rows into a file of any format and back."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.output.files import formats
+from lagcli.output.tables import sinks, table_format
+from lagcli.output.tables.read_table import ReadTable
+
+Floats = npt.NDArray[np.float64]
+
+# Codes of a point, as `simulate` would exit.
+DONE, INVALID, STOPPED = 0, 1, 3
+
+NUMBER, STATUS, MESSAGE, END = "point", "status", "message", "t_end"
+SHARD = "shard_of"  # of the table of a shard alone: which sweep it is a part of, and of how many points
+ROWS_AT_ONCE = 4096  # rows that are turned into a block: some megabytes
+MOST_EXACT = 2.0**53  # whole numbers below it are numbers of their own
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PointRow:
+    """The row of a point: its number and values, the reductions, nan where there are none, the code of `simulate`, a
+    sentence where that is not 0, and the time reached, nan where no row was."""
+
+    number: int
+    point: tuple[float, ...]
+    results: tuple[float, ...]
+    status: int
+    message: str
+    t_end: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PlannedRows:
+    """The rows of a sweep, or of a shard of it, that are to be computed.
+
+    identity: the data that make two sweeps one, whatever computes them and in how many parts; names: of the numbers of
+    a point; results: the columns that are kept of a run; count: points of the whole sweep; part, parts: the shard,
+    every `parts`-th point from the `part`-th on, counted from 1.
+    """
+
+    identity: Mapping[str, object]
+    names: tuple[str, ...]
+    results: tuple[str, ...]
+    count: int
+    part: int = 1
+    parts: int = 1
+
+    @property
+    def numbers(self) -> range:
+        """The points of the shard."""
+        return range(self.part - 1, self.count, self.parts)
+
+    @property
+    def is_shard(self) -> bool:
+        """True if there are other parts."""
+        return self.parts > 1
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the table. Raises `ValueError` for two of one name."""
+        shard = [SHARD] if self.is_shard else []
+        found = (NUMBER, *self.names, *self.results, STATUS, MESSAGE, END, *shard)
+        twice = [name for name in found if found.count(name) > 1] if len(set(found)) < len(found) else []
+        if twice:
+            raise ValueError(
+                f"two columns would be called `{twice[0]}`; name the reductions with --reduce NAME=EXPR"
+            )
+        return found
+
+    @property
+    def provenance(self) -> dict[str, object]:
+        """The data that make two files of rows one."""
+        return {**self.identity, "shard": [self.part, self.parts]}
+
+    @property
+    def shard_of(self) -> str:
+        """The cell of a shard: the same in all parts of a sweep; the number of its points is the last word. Nothing
+        for a whole sweep."""
+        if not self.is_shard:
+            return ""
+        text = json.dumps(self.identity, sort_keys=True)
+        return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} {self.count}"
+
+
+def texts(fmt: str, names: Sequence[str]) -> tuple[str, ...]:
+    """The columns that are written as text; where a file holds plain text whole numbers are, to have no point."""
+    whole = (NUMBER, STATUS) if fmt in formats.PLAIN else ()
+    return tuple(name for name in (*whole, MESSAGE, SHARD) if name in names)
+
+
+class SweepTable:
+    """Takes the rows of a sweep into a file or a stream; `shard`: the text of the column `SHARD`."""
+
+    def __init__(
+        self,
+        target: Path | BinaryIO,
+        names: Sequence[str],
+        provenance: Mapping[str, object] | None,
+        shard: str = "",
+    ) -> None:
+        fmt = formats.of(target, formats.TABLES) if isinstance(target, Path) else "csv"
+        self._names, self._shard = tuple(names), shard
+        self._texts = texts(fmt, names)
+        self._sink = sinks.open_sink(target, names, provenance=provenance, texts=self._texts)
+
+    @classmethod
+    def on_stdout(cls, names: Sequence[str], shard: str = "") -> SweepTable:
+        """The table on standard output."""
+        return cls(sys.stdout.buffer, names, None, shard)
+
+    def write(self, rows: Sequence[PointRow]) -> None:
+        """More rows. Raises OSError."""
+        if not rows:
+            return
+        cells = {
+            NUMBER: [str(row.number) for row in rows],
+            STATUS: [str(row.status) for row in rows],
+            MESSAGE: [row.message for row in rows],
+            SHARD: [self._shard] * len(rows),
+        }
+        block = np.array(
+            [
+                [row.number, *row.point, *row.results, row.status, np.nan, row.t_end, np.nan][
+                    : len(self._names)
+                ]
+                for row in rows
+            ]
+        )
+        numbers = [i for i, name in enumerate(self._names) if name not in self._texts]
+        written = [cells[name] for name in self._names if name in self._texts]
+        self._sink.write(block[:, numbers], written)
+
+    def commit(self) -> None:
+        """The table is complete. Raises OSError."""
+        self._sink.commit(durably=True)
+
+    def keep_partial(self) -> Path | None:
+        """Keep the rows so far in FILE.partial, and return that path; None for a stream."""
+        return self._sink.keep_partial()
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        self._sink.discard()
+
+
+def blocks(rows: Iterable[PointRow]) -> Iterable[list[PointRow]]:
+    """The rows in blocks that are written at once."""
+    waiting = iter(rows)
+    return iter(lambda: list(itertools.islice(waiting, ROWS_AT_ONCE)), [])
+
+
+def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
+    """The rows of the table in a file, whose points have so many numbers. Raises `table_format.UnreadableTable`."""
+    columns = [name for name in table.columns if name != SHARD]
+    numbers = [name for name in columns if name != MESSAGE]
+    messages = table.words(MESSAGE)
+    cells = table.take(numbers)
+    for name in (NUMBER, STATUS):
+        column = cells[:, numbers.index(name)]
+        if not (np.abs(column) < MOST_EXACT).all() or (column % 1).any():  # nan neither
+            raise table_format.bad(path, f"the column `{name}` holds a number that is not whole")
+    return [
+        PointRow(int(row[0]), tuple(row[1 : 1 + names]), tuple(row[1 + names : -2]), int(row[-2]), message, row[-1])
+        for row, message in zip(cells.tolist(), messages, strict=True)
+    ]  # fmt: skip
