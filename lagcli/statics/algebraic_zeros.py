@@ -25,8 +25,8 @@ Rationals = list[list[Fraction]]
 class AlgebraParameters:
     """Numbers of the algebra of functions on the zeros; parts are of the size of a zero.
 
-    Each was moved by a factor of ten, both ways; the tests are of `tests/unit/test_numbers_of_statics.py`.
-    Where none is named, none fails.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and
+    `tests/unit/test_numbers_of_statics.py`.
     """
 
     __slots__ = ()
@@ -38,13 +38,15 @@ class AlgebraParameters:
     """Zeros of all blocks together: as many points of rest nobody reads.
     At 409 and at 40 960 `test_four_thousand_zeros_are_listed_and_eight_thousand_are_not` fails."""
     real: float = 1e-4
-    """An eigenvalue with a larger imaginary part belongs to no real zero; the count by exact arithmetic judges
-    what is left."""
+    """An eigenvalue with a larger imaginary part belongs to no real zero; the count by exact arithmetic
+    judges what is left. `test_eigenvalues_that_are_real_to_four_digits_are_refined` fails at 1e-5 and
+    0.001."""
     same: float = 1e-7
     """Zeros closer than this are one: they are refined to rounding first.
     At 1e-8 and at 1e-6 `test_zeros_that_are_almost_one_are_not_told_apart` fails."""
     newton_steps: int = 30
-    """Newton's steps of a refinement, each of which doubles the digits."""
+    """Newton's steps of a refinement, each of which doubles the digits.
+    `test_a_zero_is_refined_by_thirty_newton_steps` fails at 3 and 300."""
 
 
 PARAMETERS = AlgebraParameters()

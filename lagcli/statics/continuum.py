@@ -23,27 +23,36 @@ Floats = npt.NDArray[np.float64]
 class ContinuumParameters:
     """Numbers of continua of points; lengths are parts of the size of things.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
 
     __slots__ = ()
 
     flat: float = 1e-6
-    """Singular values below this part of the largest may belong to a continuum; a step along it tells."""
+    """Singular values below this part of the largest may belong to a continuum; a step along it tells.
+    `test_directions_six_digits_flatter_may_be_a_continuum` fails at 1e-7 and 1e-5."""
     step: float = 1e-2
-    """The length of that step: far above the digits of a point that is alone and degenerate."""
+    """The length of that step: far above the digits of a point that is alone and degenerate.
+    `test_a_continuum_is_told_by_a_step_of_a_hundredth` fails at 0.001 and 0.1."""
     off: float = 0.3
-    """A step that ends this part of its length off the tangent has not gone along a continuum."""
+    """A step that ends this part of its length off the tangent has not gone along a continuum.
+    `test_a_step_that_comes_back_has_not_gone_along_a_continuum` fails at 0.03 and 3."""
     most_steps: int = 80
-    """Steps of a walk from one point to another: sixteen sizes of things."""
+    """Steps of a walk from one point to another: sixteen sizes of things.
+    `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 8 and 800."""
     stride: float = 0.2
-    """The longest step of a walk."""
+    """The longest step of a walk. `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 0.02 and
+    2."""
     arrived: float = 1e-6
-    """What is left of the way where a walk has arrived."""
+    """What is left of the way where a walk has arrived. `test_a_walk_has_arrived_where_a_millionth_is_left`
+    fails at 1e-7 and 1e-5."""
     straight: tuple[float, ...] = (0.0917, 0.2371, 0.3719, 0.5113, 0.6547, 0.7829, 0.9137, 1.0)
-    """Places on a straight way at which it is looked whether they are points of rest too; at no common period."""
+    """Places on a straight way at which it is looked whether they are points of rest too; at no common
+    period. `test_points_at_equal_distances_are_no_straight_continuum` fails at a tenth and at ten times of
+    it."""
     no_side: float = 1e-7
-    """Lengths of rows, and of what is left of one of length one, that are rounding."""
+    """Lengths of rows, and of what is left of one of length one, that are rounding.
+    `test_contacts_that_lean_by_rounding_leave_no_side` fails at 1e-8 and 1e-6."""
 
 
 PARAMETERS = ContinuumParameters()

@@ -19,31 +19,40 @@ Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 class NewtonParameters:
     """Numbers of a search for a zero; parts are of no unit.
 
-    Where no test is named, it was not moved to see which fails.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and
+    `tests/unit/test_numbers_of_statics.py`.
     """
 
     __slots__ = ()
 
     most_damped: int = 200
-    """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more."""
+    """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more.
+    `test_two_hundred_damped_steps_are_made_of_a_search` fails at 20 and 2000."""
     most_newton: int = 40
-    """Newton's steps down to rounding: a few where the zero is alone, one digit in three steps where it is double."""
+    """Newton's steps down to rounding: a few where the zero is alone, one digit in three steps where it is
+    double. `test_forty_newton_steps_are_made_of_a_search` fails at 4 and 400."""
     rank: float = 1e-12
     """Singular values below this part of the largest are zero: of dependent rows, and along a continuum.
     At 1e-11 `test_a_slope_below_the_rank_of_rounding_moves_nothing` fails
     (`tests/unit/test_numbers_of_statics.py`)."""
     near: float = 1e-6
-    """Damped steps end where the residual is below this: Newton's steps double its digits from there."""
+    """Damped steps end where the residual is below this: Newton's steps double its digits from there.
+    `test_damped_steps_end_where_newton_takes_over` fails at 1e-7 and 1e-5."""
     least: float = 1e-13
-    """The least damping, so that the normal equations have a solution."""
+    """The least damping, so that the normal equations have a solution.
+    `test_the_least_damping_holds_back_what_is_seven_digits_weaker` fails at 1e-14 and 1e-12."""
     rounding: float = 3e-16
-    """Steps of this part of x are rounding."""
+    """Steps of this part of x are rounding. `test_steps_below_the_rounding_of_the_unknowns_are_the_last`
+    fails at 3e-17 and 3e-15."""
     small: float = 1e-12
-    """Steps of this part of x that no longer halve the residual are rounding too."""
+    """Steps of this part of x that no longer halve the residual are rounding too.
+    `test_small_steps_that_no_longer_halve_the_residual_are_rounding` fails at 1e-13 and 1e-11."""
     dense: int = 120
-    """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on."""
+    """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on.
+    `test_above_a_hundred_and_twenty_unknowns_algebra_is_sparse` fails at 12 and 1200."""
     flat: float = 1e-14
-    """A slope of the squares below which damped steps have come to the bottom of a valley."""
+    """A slope of the squares below which damped steps have come to the bottom of a valley.
+    `test_a_slope_of_rounding_is_the_bottom_of_a_valley` fails at 1e-15 and 1e-13."""
 
 
 PARAMETERS = NewtonParameters()

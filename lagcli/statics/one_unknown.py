@@ -18,19 +18,23 @@ from lagcli.statics.point_search import PointSearch
 class BranchingParameters:
     """Numbers of the enclosure of all zeros of one unknown.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
 
     __slots__ = ()
 
     most_boxes: int = 4000
-    """Intervals that are looked at; where more are left the answer is not known."""
+    """Intervals that are looked at; where more are left the answer is not known.
+    `test_four_thousand_intervals_are_looked_at` fails at 400 and 40000."""
     far: float = 1e6
-    """Sizes of things; beyond it the force must be seen to have one sign as far as infinity."""
+    """Sizes of things; beyond it the force must be seen to have one sign as far as infinity.
+    `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 100000 and 1e7."""
     digits: int = 20
-    """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one."""
+    """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one.
+    `test_intervals_have_twenty_digits` fails at 2 and 200."""
     overlap: float = 1e-12
-    """Of the two ends of a turn, rad: no zero is lost between them."""
+    """Of the two ends of a turn, rad: no zero is lost between them.
+    `test_an_interval_of_a_turn_overlaps_itself` fails at 1e-13 and 1e-11."""
 
 
 PARAMETERS = BranchingParameters()

@@ -34,8 +34,7 @@ Flags = tuple[bool, ...]
 class SearchParameters:
     """Numbers of the search for all points; lengths are parts of the size of things.
 
-    Each was moved: counts by a factor of four and others of a hundred, both ways, and of places the first was left
-    alone. Where it is not told that one of `tests/physics/test_statics.py` fails, none does.
+    The tests are of `tests/physics/test_statics.py` and `tests/unit/test_numbers_of_rest_searches.py`.
     """
 
     __slots__ = ()
@@ -44,30 +43,40 @@ class SearchParameters:
     """Work of a search in operations, some ten seconds of a processor of 2023.
     At 1.5e5 `test_a_ring_is_one_point_with_its_dimension` fails."""
     most_sets: int = 64
-    """Sets of closed contacts that are tried."""
+    """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and
+    640."""
     most_together: int = 4
-    """So many sets are searched from each start, of more only the next one."""
+    """So many sets are searched from each start, of more only the next one.
+    `test_four_sets_are_searched_from_each_start_and_of_more_one` fails at 0 and 40."""
     same: float = 1e-6
-    """Points closer than this are one."""
+    """Points closer than this are one. `test_points_that_are_one_are_kept_once` fails at 1e-7 and 1e-5."""
     same_of_flat: float = 3e-4
-    """The same of degenerate ones, that Newton's steps find to the root of rounding alone."""
+    """The same of degenerate ones, that Newton's steps find to the root of rounding alone.
+    `test_points_that_are_one_are_kept_once` fails at 3e-5 and 0.003."""
     rounding: float = 1e-15
-    """The least part of a coordinate, or of the force, that is told."""
+    """The least part of a coordinate, or of the force, that is told.
+    `test_a_coordinate_that_rounding_moves_is_told_as_zero` fails at 1e-16 and 1e-14."""
     spread: tuple[float, ...] = (0.3, 1.0, 2.5)
-    """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond."""
+    """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond.
+    `test_starts_are_drawn_beside_across_and_beyond` fails at a tenth and at ten times of it."""
     rounds: int = 2
-    """Rounds with known points taken out, from one start."""
+    """Rounds with known points taken out, from one start.
+    `test_known_points_are_taken_out_twice_from_a_start` fails at 0 and 20."""
     most_unknowns: int = 60
-    """Above so many unknowns taking points out costs too much."""
+    """Above so many unknowns taking points out costs too much.
+    `test_above_sixty_unknowns_no_points_are_taken_out` fails at 6 and 600."""
     damped: int = 60
-    """Damped steps of such a round."""
+    """Damped steps of such a round. `test_known_points_are_taken_out_twice_from_a_start` fails at 6 and
+    600."""
     paths: int = 8
-    """Starts from which a homotopy is followed."""
+    """Starts from which a homotopy is followed. `test_a_path_is_followed_from_eight_starts` fails at 0 and
+    80."""
     most_vain: int = 12
     """Rounds without a new point, after which no more are made.
     At 3 `test_an_inexact_number_is_no_proof` fails."""
     most_points: int = 400
-    """Points after which a search ends: nobody reads more, and each is taken out of the equations of the next."""
+    """Points after which a search ends: nobody reads more, and each is taken out of the equations of the
+    next. `test_a_search_ends_with_four_hundred_points` fails at 40 and 4000."""
 
 
 PARAMETERS = SearchParameters()

@@ -20,24 +20,30 @@ Floats = npt.NDArray[np.float64]
 class DependenceParameters:
     """Numbers of the search for places where gradients depend on each other.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
 
     __slots__ = ()
 
     most_coordinates: int = 12
-    """Of more coordinates no such places are looked for: starts at random find none in so many dimensions."""
+    """Of more coordinates no such places are looked for: starts at random find none in so many dimensions.
+    `test_places_of_dependent_gradients_are_sought_among_twelve_coordinates` fails at 1 and 120."""
     tries: int = 12
-    """Starts at random, beside the start of the model."""
+    """Starts at random, beside the start of the model.
+    `test_such_places_are_sought_from_twelve_starts_beside_the_first` fails at 1 and 120."""
     damped: int = 80
-    """Damped steps of each."""
+    """Damped steps of each. `test_such_places_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
+    800."""
     most_told: int = 4
-    """Places that a note names; of more it tells the number."""
+    """Places that a note names; of more it tells the number. `test_a_note_names_four_such_places` fails at 0
+    and 40."""
     zero: float = 1e-10
-    """The residual of a place, of rows of length one."""
+    """The residual of a place, of rows of length one. `test_such_a_place_has_no_residual` fails at 1e-11 and
+    1e-9."""
     near: float = 3e-4
-    """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of things are
-    zero, and places closer than ten times it are one."""
+    """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of
+    things are zero, and places closer than ten times it are one.
+    `test_a_coordinate_of_such_a_place_is_zero_to_the_root_of_rounding` fails at 3e-5 and 0.003."""
 
 
 PARAMETERS = DependenceParameters()

@@ -15,26 +15,33 @@ Floats = npt.NDArray[np.float64]
 class DescentParameters:
     """Numbers of the way downhill; parts are of no unit.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
 
     __slots__ = ()
 
     most_steps: int = 80
-    """Steps of one way: Newton's steps go on from wherever it ends."""
+    """Steps of one way: Newton's steps go on from wherever it ends. `test_a_way_downhill_has_eighty_steps`
+    fails at 8 and 800."""
     halvings: int = 12
-    """Halvings of one step until it goes down: it is then 1/4096 of the size of things."""
+    """Halvings of one step until it goes down: it is then 1/4096 of the size of things.
+    `test_a_step_that_does_not_go_down_is_halved_twelve_times` fails at 1 and 120."""
     stride: float = 0.5
-    """The longest step, as a part of the size of things: farther off the curvatures say nothing."""
+    """The longest step, as a part of the size of things: farther off the curvatures say nothing.
+    `test_a_step_downhill_is_half_of_the_size_of_things` fails at 0.05 and 5."""
     level: float = 1e-5
-    """A slope of this part of the forces is the bottom, for Newton's steps to go on."""
+    """A slope of this part of the forces is the bottom, for Newton's steps to go on.
+    `test_where_forces_are_balanced_to_five_digits_is_the_bottom` fails at 1e-6 and 0.0001."""
     enough: float = 1e-4
-    """The part of the slope by which a step must go down (Armijo)."""
+    """The part of the slope by which a step must go down (Armijo).
+    `test_a_step_goes_down_by_a_part_of_its_slope` fails at 1e-5 and 0.001."""
     flat: float = 1e-7
-    """The part of the largest curvature below which one is not taken for more. A chain of n links has curvatures
-    down to about 1/n^2 of the largest: with more it would go down in hundreds of steps."""
+    """The part of the largest curvature below which one is not taken for more. A chain of n links has
+    curvatures down to about 1/n^2 of the largest: with more it would go down in hundreds of steps.
+    `test_a_curvature_seven_digits_smaller_is_taken_for_more` fails at 1e-8 and 1e-6."""
     far: float = 1e3
-    """Sizes of things: what goes down farther goes down for ever."""
+    """Sizes of things: what goes down farther goes down for ever.
+    `test_what_goes_down_a_thousand_sizes_goes_down_for_ever` fails at 100 and 10000."""
 
 
 PARAMETERS = DescentParameters()
