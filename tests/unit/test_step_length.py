@@ -55,3 +55,27 @@ def test_a_step_far_too_long_is_shortened_little_by_little() -> None:
 def test_a_run_that_would_take_days_lags(end: float, lags: bool) -> None:
     found = StepController(ORDER, 1.0, 0.0).lags(1.0, end)
     assert (found is not None) == lags
+
+
+def test_of_the_step_that_the_error_asks_for_a_tenth_is_left() -> None:
+    assert StepController(ORDER, 1.0, 0.0).grown(1.0, 1.0, 10.0) == pytest.approx(0.9)
+    assert StepController(ORDER, 1.0, 0.0).smaller(1.0, 1.0, True) == pytest.approx(0.9)
+
+
+def test_a_step_is_a_few_hundred_roundings_of_the_time_or_more() -> None:
+    assert first(1.0, q=1e-20, v=1.0) == 256 * 2.0**-52
+
+
+def test_the_first_step_has_the_error_of_a_hundredth_of_the_shortest_time() -> None:
+    assert first(q=1.0, a=1.0) == pytest.approx((0.01 * TOLERANCE[0]) ** (1 / ORDER))
+
+
+@pytest.mark.parametrize(("instant", "is_seen"), [(3e-4, True), (3e-3, False)])
+def test_forces_are_looked_at_a_thousandth_ahead(instant: float, is_seen: bool) -> None:
+    class Switched(ConstantRate):
+        def trigger(self) -> None:
+            self.results = [k * (1.0 + 1e9 * (self.arguments[0][0] > instant))]
+
+    k = np.array([0.0, 1.0, 0.0])
+    step = controller.first_step(Switched(0.0, k), k, np.array([1.0, 1.0, 0.0, 0.0]), TOLERANCE, ORDER)
+    assert (step < 0.1 * first(q=1.0, a=1.0)) is is_seen
