@@ -14,6 +14,9 @@ ANGLES = re.compile(r"\b(atan2?)\s*\(")
 _SWITCHES = re.compile(r"\b(abs|sign|min|max)\s*\(")
 # A power whose exponent is not whole may be a root, and so a modulus.
 _JUMPS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh|min|max)\s*\(|\*\*(?!\s*[-+]?\d+(?![\w.]))")
+# A length jumps like a modulus where it is divided by, or divides, what changes its sign: not by a number alone.
+_LENGTHS = re.compile(r"\b(norm|distance)\s*\(")
+_QUOTIENTS = re.compile(r"/(?!\s*[\d.]+(?![\w.]))|\*\*\s*-")
 
 
 def have_angles(model: nouns.Model) -> bool:
@@ -36,7 +39,8 @@ def may_jump(model: nouns.Model) -> bool:
     """True if a potential, the Lagrangian or a place of a dependent particle has a function that may jump."""
     energies = [force.expression.text for force in model.forces if isinstance(force, nouns.Potential)]
     energies += [] if model.lagrangian is None else [model.lagrangian.text]
-    return _any(_JUMPS, energies, _shared(model))
+    energies += _shared(model)
+    return _any(_JUMPS, energies) or (_any(_LENGTHS, energies) and _any(_QUOTIENTS, energies))
 
 
 def texts(model: nouns.Model) -> Iterator[str]:
