@@ -67,6 +67,32 @@ def test_a_bead_on_a_helix_goes_through_the_cut_for_several_turns(smooth, equati
     assert any("`helix` goes on smoothly" in note for note in run.notes)
 
 
+SWINGING = """\
+lagcli: 1
+parameters: {r: 0.5, h: 0.2}
+particles:
+  bead: {mass: 1, position: [-r*cos(0.5), -r*sin(0.5), h*(0.5 - pi)]}
+forces:
+  spring: {potential: "20*(bead.z + h*pi)**2"}
+holonomic:
+  cylinder: bead.x**2 + bead.y**2 = r**2
+  helix: bead.z = h*atan2(bead.y, bead.x)
+simulation: {duration: 6, samples: 31}
+"""
+
+
+@pytest.mark.parametrize("at", [0.3, 1.0, 2.0, 3.0])
+def test_an_angle_that_crosses_its_cut_again_is_told_once_in_a_resumed_run_too(at, tmp_path):
+    model = lagcli.loads(SWINGING)
+    whole = lagcli.simulate(model)
+    turns = np.unwrap(np.arctan2(whole["bead.y"], whole["bead.x"]))
+    beyond = turns + np.pi < 2 * np.pi * np.round((turns[0] + np.pi) / (2 * np.pi))
+    assert np.count_nonzero(np.diff(beyond)) >= 3  # there and back, and there again
+    assert len(whole.notes) == 1
+    lagcli.simulate(model, duration=at, checkpoint=tmp_path / "run.json")
+    assert lagcli.simulate(model, resume=tmp_path / "run.json").notes == whole.notes
+
+
 def test_what_is_periodic_in_an_angle_has_no_cut():
     run = helix("bead.z = h*sin(2*atan2(bead.y, bead.x)) + h*(bead.x - r)", duration=1)
     assert not run.notes

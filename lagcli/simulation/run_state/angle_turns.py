@@ -15,7 +15,6 @@ class Turns:
 
     def __init__(self, system: System) -> None:
         self._system, self._cuts = system, system.cuts
-        self._said: frozenset[int] = frozenset()
         self.is_any = self._cuts is not None
 
     def of(self, p: Floats) -> tuple[float, ...]:
@@ -27,23 +26,20 @@ class Turns:
         if self._cuts:
             p[self._cuts.first :] = references
 
-    def settle(self, t: float, q: Floats, p: Floats) -> tuple[str, ...]:
-        """Set p for the next step from t, q (n,); what there is to say of angles that cross their cut first."""
+    def settle(self, t: float, q: Floats, p: Floats, notes: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """Set p for the next step from t, q (n,); the notes with one on each row of which an angle crosses its cut
+        first, in the run or before it was resumed."""
         cuts = self._cuts
         if cuts is None:
-            return ()
+            return notes
         before = np.abs(p[cuts.first :])
         here = cuts.counted(t, q, p)
         p[cuts.first :] = here
         half = cuts.periods / 2
-        crossed = set(np.flatnonzero((np.abs(here) > half) & (before <= half)).tolist()) - self._said
-        self._said |= crossed
-        rows = sorted({row for j in crossed for row in cuts.passed(j)})
-        return tuple(self._note(t, row) for row in rows)
-
-    def _note(self, t: float, row: int) -> str:
-        name = self._system.rows.rows[row].name
-        return (
-            f"from t = {t:.9g} the row `{name}` goes on smoothly where an angle in it crosses its cut: its turns are"
-            " counted"
-        )
+        crossed = np.flatnonzero((np.abs(here) > half) & (before <= half)).tolist()
+        for row in sorted({row for j in crossed for row in cuts.passed(j)}):
+            name = self._system.rows.rows[row].name
+            smooth = f"the row `{name}` goes on smoothly where an angle in it crosses its cut: its turns are counted"
+            if not any(note.endswith(smooth) for note in notes):
+                notes = (*notes, f"from t = {t:.9g} {smooth}")
+        return notes

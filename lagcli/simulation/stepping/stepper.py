@@ -345,7 +345,8 @@ class Stepper:
     def _count_turns(self) -> None:
         bound = self.bound
         p, n = bound.enforced.p, bound.y.size // 2
-        self.statistics.notes += self._turns.settle(self.origin + self.t, bound.y[:n], p)
+        notes = self.statistics.notes
+        self.statistics.notes = self._turns.settle(self.origin + self.t, bound.y[:n], p, notes)
         bound.p[: p.size] = p
 
     def _no_step(self, error: float, residual: float) -> StepFailure:
