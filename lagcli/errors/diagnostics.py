@@ -66,6 +66,8 @@ def printable(text: str) -> str:
 
 # Columns of an excerpt: with its indent it fits a terminal of 80, where a wrapped line would leave the caret behind.
 EXCERPT_WIDTH = 75
+# Characters of an excerpt on each side of its spot. Letters with their accents need two or three for a column.
+EXCERPT_REACH = 300
 SENTENCE_WIDTH = 600
 
 
@@ -77,18 +79,22 @@ def _shown(sentence: str) -> str:
 
 def _excerpt(at: Location) -> tuple[str, str]:
     """The source line and the caret line, cut to a window around the spot where the line is long."""
-    plain = "".join(c if c.isprintable() else " " for c in at.source_line)
-    spot = min(at.column - 1, len(plain))
-    start, end = _window(list(map(columns, plain)), spot)
-    before, after = ("..." if start else ""), ("..." if end < len(plain) else "")
+    line = at.source_line
+    spot = min(at.column - 1, len(line))
+    # Looked at alone: a line may have millions of characters, and some take no column.
+    first, last = max(0, spot - EXCERPT_REACH), min(len(line), spot + EXCERPT_REACH)
+    plain = "".join(c if c.isprintable() else " " for c in line[first:last])
+    spot -= first
+    start, end = _window(list(map(columns, plain)), spot, is_whole=len(plain) == len(line))
+    before, after = ("..." if first + start else ""), ("..." if first + end < len(line) else "")
     indent = len(before) + columns(plain[start:spot])
     carets = columns(plain[spot : min(end, spot + at.length)])
     return before + plain[start:end] + after, " " * indent + "^" * max(1, carets)
 
 
-def _window(widths: list[int], spot: int) -> tuple[int, int]:
-    """The characters to show, those around a spot, of a line with so many columns for each character."""
-    if sum(widths) <= EXCERPT_WIDTH:
+def _window(widths: list[int], spot: int, is_whole: bool) -> tuple[int, int]:
+    """The characters to show, those around a spot, of a line, or of a part of it, with so many columns for each."""
+    if is_whole and sum(widths) <= EXCERPT_WIDTH:
         return 0, len(widths)
     room = EXCERPT_WIDTH - 2 * len("...")
     start, used = spot, 0

@@ -271,6 +271,18 @@ def test_the_caret_stands_under_the_spot_on_a_terminal_of_80_columns(before: str
     assert diagnostics.Diagnostic("c", "m", wide).render().splitlines()[2] == "    ^^^^"
 
 
+@pytest.mark.parametrize("accents", [1_000, 1_000_000])
+def test_characters_without_a_column_do_not_fill_the_excerpt(accents: int) -> None:
+    line = "e" + "\u0301" * accents + "SPOT" + "\u0301" * accents
+    at = diagnostics.Location("m.yaml", 1, accents + 2, 4, line)
+    _, shown, carets = diagnostics.Diagnostic("c", "m", at).render().splitlines()
+    assert len(shown) < 700
+    assert shown.startswith("    ...")
+    assert shown.endswith("...")
+    assert carets.strip() == "^^^^"
+    assert columns(shown[: shown.index("SPOT")]) == len(carets) - 4
+
+
 def test_nothing_of_a_file_steers_the_terminal() -> None:
     at = yaml_tree.as_text("a\u202eb\u0085", "model.yaml").locate(0)
     text = diagnostics.Diagnostic("c", "key `\x1b[31m\n`", at, "\x9b").render()
