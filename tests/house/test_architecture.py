@@ -128,11 +128,13 @@ def module_name(path: Path) -> str:
 
 
 def parsed(files: dict[str, Path]) -> dict[str, ast.Module]:
-    """The trees of the files, made without the garbage collector: it would take most of the time, and finds nothing."""
+    """The trees of the files, made without the garbage collector: it would take most of the time, and finds nothing,
+    also later."""
     gc.disable()
     try:
         return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in files.items()}
     finally:
+        gc.freeze()
         gc.enable()
 
 
@@ -146,13 +148,19 @@ def trees() -> dict[str, ast.Module]:
 
 
 @functools.cache
+def nodes(name: str) -> list[ast.AST]:
+    """All nodes of the tree of a file, which many tests go through."""
+    return list(ast.walk(trees()[name]))
+
+
+@functools.cache
 def imported(name: str) -> frozenset[str]:
     """Every module that a file imports anywhere, in functions and for types alone too."""
     return frozenset(_imported(name))
 
 
 def _imported(name: str) -> Iterator[str]:
-    for node in ast.walk(trees()[name]):
+    for node in nodes(name):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -230,9 +238,9 @@ def test_what_runs_at_import_is_not_loaded_by_name() -> None:
     """Imports are written as imports, where the tests of this file see them; the package's root is lazy, the group of
     commands loads the one that is asked for, and tables the format of a file, of their own room: no arrow is hidden."""
     lazy = {"lagcli", "lagcli.cli.command_group", "lagcli.output.tables.table_format"}
-    for name, tree in trees().items():
-        used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-        used |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    for name in FILES:
+        used = {node.attr for node in nodes(name) if isinstance(node, ast.Attribute)}
+        used |= {node.id for node in nodes(name) if isinstance(node, ast.Name)}
         assert not used & {"__import__"}, name
         assert name in lazy or "import_module" not in used, name
 
@@ -246,8 +254,8 @@ def tuples_of_slips() -> set[str]:
     """The names of tuples of exceptions that hold one of `SLIPS`, whatever module they are in."""
     assigned = [
         node
-        for tree in trees().values()
-        for node in ast.walk(tree)
+        for name in FILES
+        for node in nodes(name)
         if isinstance(node, (ast.Assign, ast.AnnAssign)) and isinstance(node.value, ast.Tuple)
     ]
     wide = [node for node in assigned if node.value is not None and names_in(node.value) & SLIPS]
@@ -257,8 +265,8 @@ def tuples_of_slips() -> set[str]:
 
 def test_slips_of_ours_are_caught_in_a_few_places_alone() -> None:
     wide, found = SLIPS | tuples_of_slips(), []
-    for name, tree in trees().items():
-        for node in ast.walk(tree):
+    for name in FILES:
+        for node in nodes(name):
             if isinstance(node, ast.ExceptHandler) and (node.type is None or names_in(node.type) & wide):
                 found.append(name)
             if isinstance(node, ast.Call) and "suppress" in names_in(node.func):
@@ -268,8 +276,8 @@ def test_slips_of_ours_are_caught_in_a_few_places_alone() -> None:
 
 
 def test_no_text_is_executed() -> None:
-    for name, tree in trees().items():
-        calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    for name in FILES:
+        calls = [node.func for node in nodes(name) if isinstance(node, ast.Call)]
         called = {func.id for func in calls if isinstance(func, ast.Name)}
         called |= {func.attr for func in calls if isinstance(func, ast.Attribute)}
         # "compile" alone is the name of a room.
@@ -289,8 +297,8 @@ def test_no_room_is_a_drawer() -> None:
 
 
 def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
-    for name, tree in trees().items():
-        for node in ast.walk(tree):
+    for name in FILES:
+        for node in nodes(name):
             if isinstance(node, ast.FunctionDef):
                 yield name, node
 

@@ -16,8 +16,8 @@ from lagcli.expression import facts
 from lagcli.input import document
 from lagcli.output import run_account
 from lagcli.simulation.run_state import run_stop
+from tests.house.test_architecture import FILES, nodes
 
-PACKAGE = pathlib.Path(lagcli.__file__).parent
 PAGES = [page for code in catalogue.codes() if (page := catalogue.page(code)) is not None]
 BALL = "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0]}\n"
 
@@ -35,8 +35,8 @@ def _codes_in_source() -> set[str]:
         "_refuse": 1,
         "_report": 0,
     }
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for module in FILES:
+        for node in nodes(module):
             if isinstance(node, ast.Call):
                 name = getattr(node.func, "attr", getattr(node.func, "id", ""))
                 index = places.get(name)

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.house.test_architecture import FILES, FLOORS, PACKAGE, ROOT, trees
+from tests.house.test_architecture import FILES, FLOORS, PACKAGE, ROOT, nodes, trees
 
 CLASS_LINES, CLASS_ATTRIBUTES = 300, 20
 # Larger classes, with the lines and attributes they have: a debt.
@@ -22,8 +22,8 @@ MOST_ANY = 38  # a debt: CasADi has stubs
 
 
 def classes() -> Iterator[tuple[str, ast.ClassDef]]:
-    for name, tree in trees().items():
-        for node in ast.walk(tree):
+    for name in FILES:
+        for node in nodes(name):
             if isinstance(node, ast.ClassDef):
                 yield name, node
 
@@ -66,8 +66,8 @@ def test_a_file_has_its_name_alone() -> None:
 def test_a_law_of_the_audit_has_its_name_alone() -> None:
     """The name of a check stands for one law: where it occurs twice it is of one numbered equation."""
     laws: dict[str, set[str]] = {}
-    for name, tree in trees().items():
-        for node in ast.walk(tree):
+    for name in FILES:
+        for node in nodes(name):
             if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("CheckedLaw"):
                 called, equation = (ast.literal_eval(argument) for argument in node.args[:2])
                 laws.setdefault(called, set()).add(equation or f"{name}:{node.lineno}")
@@ -84,18 +84,18 @@ def test_few_packages_and_few_modules_beside_them() -> None:
 
 
 def test_docstrings_that_open_with_a_question_become_fewer() -> None:
-    nodes = (ast.FunctionDef, ast.ClassDef, ast.Module)
+    documented = (ast.FunctionDef, ast.ClassDef, ast.Module)
     texts = [
-        ast.get_docstring(n) or ""
-        for tree in trees().values()
-        for n in ast.walk(tree)
-        if isinstance(n, nodes)
+        ast.get_docstring(node) or ""
+        for name in FILES
+        for node in nodes(name)
+        if isinstance(node, documented)
     ]
     assert sum(map(bool, map(QUESTIONS.match, texts))) <= MOST_QUESTIONS
 
 
 def test_any_becomes_rarer() -> None:
-    names = (n for tree in trees().values() for n in ast.walk(tree) if isinstance(n, ast.Name))
+    names = (node for name in FILES for node in nodes(name) if isinstance(node, ast.Name))
     assert sum(name.id == "Any" for name in names) <= MOST_ANY
 
 
