@@ -70,7 +70,7 @@ class YamlNode:
 
     @property
     def location(self) -> diagnostics.Location:
-        """The place of the node."""
+        """The location of the node."""
         return self.text.locate(self.start, self.end)
 
 
@@ -237,7 +237,7 @@ def _decode(data: bytes | str, path: str) -> str:
             raise _not_text(message, data[: error.start].decode("utf-8"), path) from None
     content = content.removeprefix(BYTE_ORDER_MARK)
     found = (bad.start() if (bad := NOT_TEXT.search(content)) else -1, content.find(BYTE_ORDER_MARK))
-    if (at := min((place for place in found if place >= 0), default=None)) is not None:
+    if (at := min((index for index in found if index >= 0), default=None)) is not None:
         message = f"the file is not text: it holds the character {content[at]!a}"
         raise _not_text(message, content[:at], path)
     return content
@@ -393,7 +393,7 @@ class _Builder:
                 message = f"the key `{key.value}` occurs twice (first on line {first})"
                 self._report("duplicate-key", message, key)
             else:
-                # What is not there is shown at its key, wherever the parser takes its place to be.
+                # What is not there is shown at its key, wherever the parser takes its location to be.
                 nothing = isinstance(value, Scalar) and is_empty(value)
                 entries[key.value] = (
                     key,

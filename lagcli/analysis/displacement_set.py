@@ -69,7 +69,7 @@ class Bases:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Components:
-    """names (n,) of the components with their numbers (None for generalized coordinates); places among them of the
+    """names (n,) of the components with their numbers (None for generalized coordinates); indices among them of the
     dependent (rank,) and independent (n - rank,) ones; T (rank, n - rank) and tau (rank,)."""
 
     names: tuple[str, ...]

@@ -31,7 +31,7 @@ Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
 
 # How often points are looked for nearer to a start that stands close to another branch of its rows, and how many
-# places between two points are looked at.
+# points between two points are looked at.
 SHORTER, LOOKS = 4, 24
 LATER = 0.01  # of the duration: soon, so that no other law has come to its end by then
 # A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
@@ -184,8 +184,8 @@ def _generic(
         found = sample_points.along(
             numeric, begin, holonomic_rows, part * later, step=part * sample_points.STEP
         )
-        places = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
-        for k, (one, other) in enumerate(itertools.pairwise(places), start=1):
+        points = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
+        for k, (one, other) in enumerate(itertools.pairwise(points), start=1):
             if block.pieces.end_between(np.linspace(one, other, LOOKS), begin.p):
                 found = found[:k]
                 break

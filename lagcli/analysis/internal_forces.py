@@ -95,8 +95,8 @@ def _judged(names: tuple[str, ...], group: list[_Term], states: list[tuple[Float
         total, torque, forces, lever = np.zeros(3), np.zeros(3), 0.0, 0.0
         center = r[particles].mean(axis=0)
         for term in group:
-            for place, k in enumerate(term.on):
-                force = F[term.first + 3 * place : term.first + 3 * place + 3]
+            for index, k in enumerate(term.on):
+                force = F[term.first + 3 * index : term.first + 3 * index + 3]
                 total, torque = total + force, torque + np.cross(r[k] - center, force)
                 forces += float(np.linalg.norm(force))
         lever = float(np.linalg.norm(r[particles] - center, axis=1).max()) or 1.0
@@ -154,9 +154,9 @@ class _Laws:
                 q_dot = q_dot + OFFSET * speed * random.standard_normal(q.size)
                 own = float(np.abs(r).max(initial=0.0)) or 1.0
                 free = free + OFFSET * own * random.standard_normal(free.size)
-            places, forces = (np.array(x).ravel() for x in self._function(state.t, q, q_dot, p, free))
+            positions, forces = (np.array(x).ravel() for x in self._function(state.t, q, q_dot, p, free))
             if np.isfinite(forces).all():
-                yield places.reshape(-1, 3), forces
+                yield positions.reshape(-1, 3), forces
 
     def _potential(self, force: nouns.Potential, sign: int, node: tree.Node, only: frozenset[int]) -> None:
         """-grad_k of a potential, or of a term of it with a sign, for those of some members that touch several
@@ -227,8 +227,8 @@ def _touched(slope: ca.SX, particles: int) -> dict[int, set[int]]:
     """Row -> the particles whose positions, or after all of these velocities, it depends on."""
     found: dict[int, set[int]] = {}
     rows, columns = (np.asarray(part, dtype=np.int64) for part in slope.sparsity().get_triplet())
-    for row, place in zip(rows.tolist(), columns.tolist(), strict=True):
-        found.setdefault(row, set()).add(place // 3 % particles)
+    for row, entry in zip(rows.tolist(), columns.tolist(), strict=True):
+        found.setdefault(row, set()).add(entry // 3 % particles)
     return found
 
 

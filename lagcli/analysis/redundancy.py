@@ -48,7 +48,7 @@ def begin(
     """The rows that a run begins with from a consistent state. Raises `diagnostics.ModelError`, by name, if none can.
 
     whole: the system with the hidden conditions of its rows, to whose surface the motion keeps; orbits: where motions
-    from the start were followed, which may keep to a place where rows are dependent.
+    from the start were followed, which may keep to a set where rows are dependent.
     """
     if not system.rows.rows:
         return StartSelection(numeric.selection)
@@ -90,16 +90,16 @@ def begin(
 
 
 def _kept_to(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:
-    """Places on the motions from the start where the rank of the rows is that of the start, which is less than beside
-    it; none where motions lead away from such a place, or where not all dependent rows were followed."""
+    """States on the motions from the start where the rank of the rows is that of the start, which is less than beside
+    it; none where motions lead away from such a state, or where not all dependent rows were followed."""
     own = {i for vector in found.dependences for i in rank.participants(vector)}
     followed = [orbit for orbit in orbits if own & set(orbit.rows)]
     if not own <= {i for orbit in followed for i in orbit.rows}:
         return []
-    places = [state for orbit in followed for state in orbit.places]
+    states = [state for orbit in followed for state in orbit.states]
     return (
-        places
-        if all(rank.rank(sample_points.rows(numeric, each)).value == found.value for each in places)
+        states
+        if all(rank.rank(sample_points.rows(numeric, each)).value == found.value for each in states)
         else []
     )
 

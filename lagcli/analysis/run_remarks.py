@@ -131,8 +131,8 @@ def _led_off(system: System, conditions: Sequence[Condition], state: State, a: F
 
     whole = classify.extended(system, conditions)
     numeric = NumericSystem(whole)
-    place = {row.name: i for i, row in enumerate(whole.rows.rows)}
-    own = [place[classify.equation(one)] for one in conditions]
+    index = {row.name: i for i, row in enumerate(whole.rows.rows)}
+    own = [index[classify.equation(one)] for one in conditions]
     rows = LocalRows(numeric.rows(state.t, state.q, state.v, state.p)[0][own, :])
     gamma = np.array(numeric.force(state.t, state.q, state.v, state.p)[1]).ravel()[own]
     off, size = np.abs(rows.times(a) - gamma), rows.divisors * np.abs(a).max(initial=0.0) + np.abs(gamma)

@@ -115,11 +115,11 @@ def _null_vectors(
     system: System, rows: MetricRows, chosen: independent_rows.Dependence, selection: Selection
 ) -> tuple[NullVector, ...]:
     names = [row.name for row in system.rows.rows]
-    place = {row: k for k, row in enumerate(chosen.independent)}
+    index = {row: k for k, row in enumerate(chosen.independent)}
     found = []
     for dependency, weights in zip(selection.dependencies, chosen.weights, strict=True):
         of = {dependency[0]: -1.0 / rows.lengths[dependency[0]]}
-        of |= {row: weights[place[row]] / rows.lengths[row] for row in dependency[1:]}
+        of |= {row: weights[index[row]] / rows.lengths[row] for row in dependency[1:]}
         vector = np.array([of[row] for row in sorted(dependency)])
         largest = np.abs(vector).max()
         lead = vector[np.abs(vector) > rank.SMALL * largest][0]

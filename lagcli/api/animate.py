@@ -12,9 +12,9 @@ import numpy.typing as npt
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, links, page, places
+from lagcli.output.animation import builder, links, page, point_tracks
 from lagcli.output.animation.builder import Motion
-from lagcli.output.animation.places import Places
+from lagcli.output.animation.point_tracks import PointTracks
 from lagcli.output.animation.scene import Scene, TimeCurve
 from lagcli.output.figures import labels
 
@@ -32,7 +32,7 @@ ROUND_TRIPS = 6  # until a scene is small enough
 def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
     """The scene of a run of a model; settings: keywords of `simulate`.
 
-    Raises what `simulate` raises, and `places.NothingToShow`.
+    Raises what `simulate` raises, and `point_tracks.NothingToShow`.
     """
     model = as_model(model)
     require_few(model)
@@ -40,10 +40,10 @@ def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
 
 
 def require_few(model: Model) -> None:
-    """Raise `places.NothingToShow` for more particles than a page shows."""
+    """Raise `point_tracks.NothingToShow` for more particles than a page shows."""
     count = len(model.particle_names)
     if count > MOST_PARTICLES:
-        raise places.NothingToShow(
+        raise point_tracks.NothingToShow(
             f"the model has {count} particles; an animation shows up to {MOST_PARTICLES}"
         )
 
@@ -58,19 +58,19 @@ def of_run(model: Model, table: Table) -> Scene:
 def of_file(path: Path, model: Model | None) -> Scene:
     """The scene of a table in a file; the model, if it is given, tells masses, forces, rods and surfaces.
 
-    Raises `formats.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `places.NothingToShow`, OSError.
+    Raises `formats.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `point_tracks.NothingToShow`, OSError.
     """
     # Other runs read no tables.
     from lagcli.output.tables import read_table
 
     opened = read_table.opened(path)
     if "t" not in opened.columns:
-        raise places.NothingToShow(f"{path} has no column `t`")
-    names = model.particle_names if model is not None else places.particles_in(opened.columns)
-    if model is not None and (lacking := places.missing(names, opened.columns)):
-        raise places.NothingToShow(f"{path}: {lacking}")
+        raise point_tracks.NothingToShow(f"{path} has no column `t`")
+    names = model.particle_names if model is not None else point_tracks.particles_in(opened.columns)
+    if model is not None and (lacking := point_tracks.missing(names, opened.columns)):
+        raise point_tracks.NothingToShow(f"{path}: {lacking}")
     if model is None and not names:
-        raise places.NothingToShow(
+        raise point_tracks.NothingToShow(
             f"{path} has no columns NAME.x, NAME.y, NAME.z, NAME.vx of particles; give its model with --model"
         )
     wanted = _wanted(opened.columns, names, model)
@@ -101,7 +101,7 @@ def _require_own(path: str, model: Model, table: Table) -> None:
     known = {f"lambda.{row}" for row in (*laws.rows, *laws.contacts)}
     other = next((name for name in table if name.startswith("lambda.") and name not in known), None)
     if other is not None:
-        raise places.NothingToShow(
+        raise point_tracks.NothingToShow(
             f"{path} has the column `{other}`, and {model.path} no such row: it is of another model"
         )
 
@@ -109,7 +109,7 @@ def _require_own(path: str, model: Model, table: Table) -> None:
 def _require_rows(path: str, table: Table) -> None:
     t = table["t"]
     if not len(t):
-        raise places.NothingToShow(f"{path} has no rows")
+        raise point_tracks.NothingToShow(f"{path} has no rows")
     bad = next(
         (
             name
@@ -119,9 +119,9 @@ def _require_rows(path: str, table: Table) -> None:
         None,
     )
     if bad is not None:
-        raise places.NothingToShow(f"{path}: the column `{bad}` holds what is no finite number")
+        raise point_tracks.NothingToShow(f"{path}: the column `{bad}` holds what is no finite number")
     if np.any(np.diff(t) < 0):
-        raise places.NothingToShow(f"{path}: its times do not increase")
+        raise point_tracks.NothingToShow(f"{path}: its times do not increase")
 
 
 def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, str]) -> Scene:
@@ -139,7 +139,7 @@ def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, st
         if frames < FEWEST_FRAMES and (parts["F"] or parts["R"]):
             parts["F" if parts["F"] else "R"] = False
             frames = min(plenty, MOST_FRAMES)
-    raise places.NothingToShow(
+    raise point_tracks.NothingToShow(
         f"{scene.count} particles need more than the {page.MOST_BYTES} bytes that a page has: show a part of them"
     )
 
@@ -157,7 +157,7 @@ def _told(scene: Scene, rows: int, parts: Mapping[str, bool]) -> Scene:
 def _scene(
     table: Table, model: Model | None, title: str, units: tuple[str, str], parts: Mapping[str, bool]
 ) -> Scene:
-    found = _places(table, model)
+    found = _tracks(table, model)
     notes = [found.note] if found.note else []
     held = [
         (name.removeprefix("lambda."), values) for name, values in table.items() if name.startswith("lambda.")
@@ -186,11 +186,11 @@ def _scene(
     return builder.scene_of(motion, drawn, title, units)
 
 
-def _places(table: Table, model: Model | None) -> Places:
-    names = model.particle_names if model is not None else places.particles_in(tuple(table))
+def _tracks(table: Table, model: Model | None) -> PointTracks:
+    names = model.particle_names if model is not None else point_tracks.particles_in(tuple(table))
     if model is None or names:
-        return places.of_particles(names, table)
-    return places.of_coordinates(model.generalized_names, table)
+        return point_tracks.of_particles(names, table)
+    return point_tracks.of_coordinates(model.generalized_names, table)
 
 
 def _state(model: Model, table: Table) -> tuple[Floats, Floats, Floats] | None:
@@ -226,7 +226,7 @@ def forces(model: Model, table: Table) -> Floats | None:
 
 
 def positions(model: Model, t: Floats, q: Floats) -> Floats:
-    """The places of all particles (T, N, 3) at t (T,) and q (T, n)."""
+    """The positions of all particles (T, N, 3) at t (T,) and q (T, n)."""
     from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 
     index = ModelIndex(model)
@@ -242,7 +242,7 @@ def positions(model: Model, t: Floats, q: Floats) -> Floats:
 
 
 def ties(model: Model) -> list[links.Tie]:
-    """Distances that are kept whatever the coordinates are, of particles whose places are functions of them."""
+    """Distances that are kept whatever the coordinates are, of particles whose positions are functions of them."""
     from lagcli.auditing.evidence.model_values import ModelIndex
 
     index = ModelIndex(model)

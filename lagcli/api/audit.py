@@ -54,7 +54,7 @@ def audit(
     now, with the other options as of `simulate`. `events`: the incidents of that run, `run.events` or the file of
     `simulate --events`; a run that is made here has its own. For a table that is given, `rtol` and `atol` say how well
     it was computed. `passed` says whether no
-    check fails, `checks` has each with its worst place and limit. Raises `ModelError`, `ValueError` for a table that
+    check fails, `checks` has each with its worst entry and limit. Raises `ModelError`, `ValueError` for a table that
     lacks columns and for bad options, `OSError`, `SimulationStopped` for a run without a row.
     """
     # Other commands audit nothing and read no tables.

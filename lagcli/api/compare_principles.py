@@ -100,14 +100,14 @@ def beside(
     except vakonomic_system.TooLargeError:
         raise _too_large(model, differential[0].location) from None
     vakonomic = gathered("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
-    columns, places = vakonomic_system.table(vakonomic.columns, model, differential)
+    columns, indices = vakonomic_system.table(vakonomic.columns, model, differential)
     vakonomic = dataclasses.replace(
         vakonomic,
         path=first.path,
         coordinates=first.coordinates,
         freedoms=first.freedoms,
         columns=tuple(columns),
-        table=vakonomic.table[:, places],
+        table=vakonomic.table[:, indices],
     )
     kinds = _kinds(run)
     principles = Principles(

@@ -111,13 +111,13 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
     if not len(run.rows):
         return None
     from lagcli.api import animate
-    from lagcli.output.animation import places, still
+    from lagcli.output.animation import point_tracks, still
     from lagcli.output.report import report_contents
 
     try:
         animate.require_few(model)
         scene = animate.of_run(model, run)
-    except places.NothingToShow:
+    except point_tracks.NothingToShow:
         return None
     words = "The configuration at the start."
     return report_contents.drawing("start", still.svg(scene), words, lambda: _first_picture(scene))

@@ -180,7 +180,7 @@ def _numbers(laws: ModelLaws, found: Record) -> Check:
 
 
 def _elsewhere(model: nouns.Model, found: Record, tolerance: Tolerance) -> list[str]:
-    """A table that begins at another place than the model says is that of another run, or of another model."""
+    """A table that begins at another position than the model says is that of another run, or of another model."""
     t, q, v = model_values.start(model)
     if found.t[0] != t or model.simulation.assemble:
         return []

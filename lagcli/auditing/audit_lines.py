@@ -29,7 +29,7 @@ def of(found: Audit) -> AuditLines:
     failures = [
         (
             failure(check),
-            [fault(place) for place in check.failing[:MOST_FAULTS_TOLD]],
+            [fault(location) for location in check.failing[:MOST_FAULTS_TOLD]],
             max(0, check.failures - MOST_FAULTS_TOLD),
         )
         for check in found.checks
@@ -66,14 +66,14 @@ def unread(names: tuple[str, ...]) -> str:
     return f"Columns that no check looks at: {shown}."
 
 
-def fault(place: TableLocation) -> str:
+def fault(location: TableLocation) -> str:
     """An entry that is beyond its limit."""
-    return f"{place.name} at t = {place.t:.9g}: {place.value:.3g}, the limit is {place.limit:.3g}"
+    return f"{location.name} at t = {location.t:.9g}: {location.value:.3g}, the limit is {location.limit:.3g}"
 
 
-def _where(place: TableLocation) -> str:
-    """The place of an entry; one over a window names its times itself."""
-    return place.name if " over t = " in place.name else f"{place.name}, t = {place.t:.6g}"
+def _where(location: TableLocation) -> str:
+    """The location of an entry; one over a window names its times itself."""
+    return location.name if " over t = " in location.name else f"{location.name}, t = {location.t:.6g}"
 
 
 def wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:

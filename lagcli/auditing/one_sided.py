@@ -117,9 +117,9 @@ class OneSidedParts:
         """The evidence of some rows, at which these contacts are closed."""
         e = self._e
         laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
-        place = {name: k for k, name in enumerate(e.laws.rows)}
+        index = {name: k for k, name in enumerate(e.laws.rows)}
         part = e.record.part(rows)
-        part = dataclasses.replace(part, lam=part.lam[:, [place[name] for name in laws.rows]])
+        part = dataclasses.replace(part, lam=part.lam[:, [index[name] for name in laws.rows]])
         return Evidence(laws, part, e.tolerance, e.record)
 
 
@@ -168,13 +168,13 @@ def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
     entries, judged = sum(check.entries for check in told) + left_out, sum(check.judged for check in told)
     if not entries:
         return first
-    failing = sorted((place for check in told for place in check.failing), key=_ratio, reverse=True)
-    names = dict.fromkeys(place.name for place in failing)
+    failing = sorted((location for check in told for location in check.failing), key=_ratio, reverse=True)
+    names = dict.fromkeys(location.name for location in failing)
     worst = max((check.worst for check in told if check.worst is not None), key=_ratio, default=None)
     verdict: Verdict = "fail" if names else "not judged" if not judged else "partly judged"
     if not names and judged >= NEARLY_ALL * entries:
         verdict = "pass"
-    shown = {place.name: place for place in reversed(failing)}
+    shown = {location.name: location for location in reversed(failing)}
     note = f"{entries - judged} of {entries} entries cannot be judged" if judged < entries else ""
     return dataclasses.replace(
         first,
@@ -185,11 +185,11 @@ def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
         judged=judged,
         entries=entries,
         note=note,
-        curve=tuple(sorted(place for check in told for place in check.curve)),
+        curve=tuple(sorted(location for check in told for location in check.curve)),
     )
 
 
-def _ratio(place: TableLocation) -> float:
-    if place.limit == 0:
-        return np.inf if place.value else 0.0
-    return place.value / place.limit
+def _ratio(location: TableLocation) -> float:
+    if location.limit == 0:
+        return np.inf if location.value else 0.0
+    return location.value / location.limit

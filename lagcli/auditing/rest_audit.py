@@ -1,6 +1,6 @@
 """A second opinion on points of rest: each row of their table against the laws of the model.
 
-f = 0, b = 0,   F + B^T lambda = 0 with the inertial terms of places that move with t,   R,   0 <= lambda, g >= 0
+f = 0, b = 0,   F + B^T lambda = 0 with the inertial terms of positions that move with t,   R,   0 <= lambda, g >= 0
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.model import model as nouns
 
-PLACES = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
+POSITIONS = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
 EQUILIBRIUM = CheckedLaw(
     "equilibrium", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations"
 )
@@ -45,18 +45,22 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
     """The audit of points (T, columns). Raises `table_input.TableError`."""
     laws = _laws(model)
     wanted(model, columns)
-    names, place = table_input.names(laws), {name: i for i, name in enumerate(columns)}
+    names, column = table_input.names(laws), {name: i for i, name in enumerate(columns)}
     if not len(rows):
         raise table_input.TableError("the table has no rows")
     q, lam, R_q, R_x, x = (
-        rows[:, [place[name] for name in part]]
+        rows[:, [column[name] for name in part]]
         for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
     )
     start = model.simulation.start
     with np.errstate(all="ignore"):
         found = _RestValues(laws, np.full(len(q), start), q, lam)
         t = np.arange(len(q), dtype=float)
-        checks = [found.places(t, x, names), found.equilibrium(t, names), found.reactions(t, R_q, R_x, names)]
+        checks = [
+            found.positions(t, x, names),
+            found.equilibrium(t, names),
+            found.reactions(t, R_q, R_x, names),
+        ]
         if laws.contacts:
             checks.append(found.contacts(t))
     notes = ("the rows are points of rest; in the checks t is the number of a row",)
@@ -94,8 +98,8 @@ class _RestValues:
         self._there = laws.values(t, self._beside, self._still, lam)
         self._later = STEP * (laws.model.simulation.duration or 1.0)
 
-    def places(self, t: Array, x: Array, names: table_input.TableNames) -> Check:
-        """f = 0 and b = 0, and places of dependent particles."""
+    def positions(self, t: Array, x: Array, names: table_input.TableNames) -> Check:
+        """f = 0 and b = 0, and positions of dependent particles."""
         laws, here, there = self._laws, self._here, self._there
         count = len(laws.contacts)
         equal = laws.s - count
@@ -111,7 +115,7 @@ class _RestValues:
             axis=1,
         )
         labels = [*laws.holonomic[:equal], *(f"rate of {name}" for name in rest), *names.x]
-        return judge(PLACES, labels, t, residual, limit)
+        return judge(POSITIONS, labels, t, residual, limit)
 
     def equilibrium(self, t: Array, names: table_input.TableNames) -> Check:
         """The forces along every coordinate."""

@@ -31,10 +31,10 @@ def _layout(function: ca.Function) -> _Layout:
 class Buffer(Protocol):
     """The arrays that a function reads and writes; CasADi's own types know them by their addresses only."""
 
-    def set_arg(self, place: int, memory: memoryview, /) -> None:
+    def set_arg(self, index: int, memory: memoryview, /) -> None:
         """Read an argument from there."""
 
-    def set_res(self, place: int, memory: memoryview, /) -> None:
+    def set_res(self, index: int, memory: memoryview, /) -> None:
         """Write a result there."""
 
 
@@ -69,7 +69,7 @@ class BoundFunction:
             assert array.size == taken[i], (function.name(), i)
             self._buffer.set_arg(i, memoryview(array.data))
         for i, (shape, entries) in enumerate(made[:wanted]):
-            # A buffer holds the entries of the pattern only: of a sparse result the places would be lost.
+            # A buffer holds the entries of the pattern only: of a sparse result the indices would be lost.
             assert is_sparse or entries == shape[0] * shape[1], (function.name(), i)
             if is_sparse:
                 shape = (entries, 1)

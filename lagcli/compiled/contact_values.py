@@ -59,7 +59,7 @@ def function(parts: Parts) -> ca.Function:
     all of them in the `order` of contacts.
 
     chosen (4,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
-    are none the smaller here. A contact without a gradient at the place has rates of 0.
+    are none the smaller here. A contact without a gradient at the point has rates of 0.
 
     g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g: of its terms and the way of a
     step, of the size of the motion, and of the time. nearness: gaps of contacts that are closed as far as a run can
@@ -119,7 +119,7 @@ def floors(parts: Parts) -> ca.Function:
         elif op == ca.OP_CONST:
             spans[result[0]] = (ca.SX(constant),) * 2
         else:
-            spans[result[0]] = _of(op, [spans[place] for place in operands])
+            spans[result[0]] = _of(op, [spans[index] for index in operands])
     return ca.Function("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
 
 

@@ -92,13 +92,13 @@ class Factored:
         parts = self._parts
         f = ca.SX.sym("f", parts.v.numel())
         lam = ca.SX.sym("lam", len(parts.selection.independent))
-        free, place = parts.inertia(f), [parts.t, parts.y[: f.numel()], parts.v, parts.p]
+        free, point = parts.inertia(f), [parts.t, parts.y[: f.numel()], parts.v, parts.p]
         before = ca.Function(
-            "before", [*place, f], [*self._factors, ca.densify(-(parts.B_independent @ free))]
+            "before", [*point, f], [*self._factors, ca.densify(-(parts.B_independent @ free))]
         )
         x = ca.densify(parts.inertia(f + parts.reaction(lam)))
-        after = ca.Function("after", [*place, f, lam], [x, shared.responded(parts, f, free, x)])
-        inputs = [ca.MX.sym("x", each.numel()) for each in (*place, f)]
+        after = ca.Function("after", [*point, f, lam], [x, shared.responded(parts, f, free, x)])
+        inputs = [ca.MX.sym("x", each.numel()) for each in (*point, f)]
         found = _solved(before, inputs)
         moved, told = after(*inputs, found)
         return ca.Function("response", inputs, [moved, found, told])

@@ -104,8 +104,8 @@ class Parts:
         if self.g.numel():
             return self.B_enforced @ self.inertia(self.B_enforced.T)
         independent = self.selection.independent
-        places = [k for k, row in enumerate(independent) if self._is_holonomic(row)]
-        return self.S if len(places) == len(independent) else self.S[places, places]
+        indices = [k for k, row in enumerate(independent) if self._is_holonomic(row)]
+        return self.S if len(indices) == len(independent) else self.S[indices, indices]
 
     @property
     def B_holonomic(self) -> ca.SX:

@@ -15,8 +15,8 @@ def coordinates(system: System) -> tuple[Numbers, Numbers]:
     """Pairs (row, coordinate): the row moves the coordinate, or, where it is differential, depends on it."""
     B, b, s = system.rows.B, system.rows.b, system.holonomic_count
     w = ca.densify(B[s:, :] @ system.symbols.v + b[s:, :])
-    rows, columns = _places(B)
-    depending, on = _places(ca.jacobian(w, system.symbols.q)) if w.numel() else (rows[:0], columns[:0])
+    rows, columns = _entry_indices(B)
+    depending, on = _entry_indices(ca.jacobian(w, system.symbols.q)) if w.numel() else (rows[:0], columns[:0])
     return np.concatenate([rows, depending + s]), np.concatenate([columns, on])
 
 
@@ -27,6 +27,6 @@ def depends_on_time(system: System) -> bool:
     return moving or (B.nnz() > 0 and bool(ca.depends_on(B.nz[:], system.symbols.t)))
 
 
-def _places(matrix: ca.SX) -> tuple[Numbers, Numbers]:
+def _entry_indices(matrix: ca.SX) -> tuple[Numbers, Numbers]:
     rows, columns = matrix.sparsity().get_triplet()
     return np.asarray(rows, dtype=np.int64), np.asarray(columns, dtype=np.int64)

@@ -46,7 +46,7 @@ SWITCHES = {ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX}
 
 
 class AnalyticPieces:
-    """The ends of the pieces of a matrix of functions of some `inputs`, the first of which is the place."""
+    """The ends of the pieces of a matrix of functions of some `inputs`, the first of which is the point."""
 
     def __init__(self, value: ca.SX, inputs: list[ca.SX]) -> None:
         ends: list[ca.SX] = []

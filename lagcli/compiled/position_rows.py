@@ -23,7 +23,7 @@ class PositionRows:
         arguments = np.array([t]), np.zeros(whole.size1_in(1)), np.array(p)
         self._bound = BoundFunction(whole, arguments, is_sparse=True)
         self._count, self._only = whole.size1_out(0), only
-        self._places = np.asarray(whole.sparsity_out(0).row(), dtype=np.intp)  # others are zero by structure
+        self._rows = np.asarray(whole.sparsity_out(0).row(), dtype=np.intp)  # others are zero by structure
         self._pattern = whole.sparsity_out(1)
         if only is not None:
             every = range(self._pattern.size2())
@@ -36,14 +36,14 @@ class PositionRows:
         self._bound.trigger()
         found, entries = self._bound.results
         f = np.zeros(self._count)
-        f[self._places] = found
+        f[self._rows] = found
         return (f, entries.copy()) if self._only is None else (f[self._only], entries[self._taken])
 
     def matrix(self, entries: Floats) -> ca.DM:
         """B (s, n), sparse."""
-        return in_places(self._pattern, entries)
+        return sparse_matrix(self._pattern, entries)
 
 
-def in_places(pattern: ca.Sparsity, entries: Floats) -> ca.DM:
+def sparse_matrix(pattern: ca.Sparsity, entries: Floats) -> ca.DM:
     """The sparse matrix with these entries, column by column."""
     return ca.DM(pattern, ca.DM(entries))

@@ -19,7 +19,7 @@ def _names() -> dict[int, str]:
 class Program:
     """The operations of a function written out.
 
-    steps: (operation, register of the result, registers or, for inputs and outputs, places; value of a constant).
+    steps: (operation, register of the result, registers or, for inputs and outputs, indices; value of a constant).
     registers: how many there are; results: the number of values of the first output.
     """
 

@@ -73,9 +73,9 @@ class RowBlock:
         there = copy.copy(self)
         for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
             there.__dict__.pop(name, None)
-        place = [self.x, self.p], [x, p], near, side
-        entries = pieces.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *place)
-        there.A, there._f = ca.SX(self.A.sparsity(), entries), pieces.on_branch(ca.densify(self._f), *place)
+        point = [self.x, self.p], [x, p], near, side
+        entries = pieces.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *point)
+        there.A, there._f = ca.SX(self.A.sparsity(), entries), pieces.on_branch(ca.densify(self._f), *point)
         return there
 
     @cached_property
@@ -102,7 +102,7 @@ class RowBlock:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """True if abs, sign, min or max change how the rows are to be computed from place to place."""
+        """True if abs, sign, min or max change how the rows are to be computed from point to point."""
         steps = (*program.written_out(self.along).steps, *program.written_out(self.curl).steps)
         return any(name in KINKS for name, *_ in steps)
 
@@ -136,7 +136,7 @@ class RowBlock:
 def variable_sizes(A: ca.DM, kinds: npt.NDArray[np.intp]) -> Floats:
     """Sizes (N,) of variables in which the entries of rows A (C, N) are of one size; 1 where none is touched.
 
-    Variables of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special place,
+    Variables of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special point,
     say nothing of sizes.
     """
     rows, columns = (np.asarray(part, dtype=np.intp) for part in A.sparsity().get_triplet())

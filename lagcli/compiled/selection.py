@@ -95,16 +95,16 @@ def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
     S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
     """
     among = {row: i for i, row in enumerate(selection.shared)}
-    place = {row: i for i, row in enumerate(selection.independent)}
+    index = {row: i for i, row in enumerate(selection.independent)}
     supports = {dependency[0]: frozenset(dependency[1:]) for dependency in selection.dependencies}
-    values: dict[int, ca.MX | float] = {row: lam[i] for row, i in place.items()}
+    values: dict[int, ca.MX | float] = {row: lam[i] for row, i in index.items()}
     values |= dict.fromkeys((*supports, *selection.inactive), 0.0)
     for rest, independent in selection.groups():
         here = [*rest, *independent]
         pattern = np.array([[k in supports[i] for k in independent] for i in rest])
         numbers = [among[row] for row in here]
         way = _solved if max(pattern.shape) <= WRITTEN_OUT else _projected
-        shared = way(pattern, S[numbers, numbers], lam[[place[k] for k in independent]])
+        shared = way(pattern, S[numbers, numbers], lam[[index[k] for k in independent]])
         for number, row in enumerate(here):
             values[row] = shared[number]
     return ca.vertcat(*(values[row] for row in range(len(values))))

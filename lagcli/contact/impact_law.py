@@ -32,7 +32,7 @@ REFINEMENTS = 2
 
 
 class LawError(Exception):
-    """Contacts, by their places among those given, for which the law has no answer."""
+    """Contacts, by their indices among those given, for which the law has no answer."""
 
     def __init__(self, text: str, contacts: tuple[int, ...]) -> None:
         super().__init__(text)

@@ -35,14 +35,14 @@ STEPS = 60
 
 
 def largest(first: Number, *others: Number | float) -> Number:
-    """The largest of numbers, or of each place of arrays."""
+    """The largest of numbers, or of each entry of arrays."""
     if isinstance(first, float):
         return max(first, *others)
     return functools.reduce(np.maximum, others, first)
 
 
 def least(first: Number, *others: Number | float) -> Number:
-    """The smallest of numbers, or of each place of arrays."""
+    """The smallest of numbers, or of each entry of arrays."""
     if isinstance(first, float):
         return min(first, *others)
     return functools.reduce(np.minimum, others, first)
@@ -96,7 +96,7 @@ def doubt(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Num
 
 
 def turns_once(b: Cubic[float], doubt: float, is_up: bool) -> bool:
-    """True if a function leaves its side, the upper one or the lower one, and does so at one place alone.
+    """True if a function leaves its side, the upper one or the lower one, and does so at one point alone.
 
     One that begins at zero, rounding on the wrong side of it, is taken to begin on its side.
     """
@@ -116,7 +116,7 @@ def turns_once(b: Cubic[float], doubt: float, is_up: bool) -> bool:
 
 
 def fall(b: Cubic[float]) -> float:
-    """The place in the piece, in [0, 1], at which a cubic that falls to below zero once does so."""
+    """The point in the piece, in [0, 1], at which a cubic that falls to below zero once does so."""
     b0, b1, b2, b3 = b
     level = min(b0, 0.0)
     low, high = 0.0, 1.0
@@ -134,13 +134,13 @@ def fall(b: Cubic[float]) -> float:
 
 
 def lowest(b: Cubic[float], doubt: float, is_up: bool) -> float | None:
-    """The place in the piece, in (0, 1), at which the cubic that comes near leaving its side turns back; None where
+    """The point in the piece, in (0, 1), at which the cubic that comes near leaving its side turns back; None where
     that cannot be told."""
     b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
     if not doubt <= TRUSTED * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
         return None
     d0, d1, d2 = b1 - b0, b2 - b1, b3 - b2
-    # The slope is d0 + 2 turn u + bend u^2; it rises at the root that is the lowest place.
+    # The slope is d0 + 2 turn u + bend u^2; it rises at the root that is the lowest point.
     turn, bend, root = d1 - d0, d0 - 2 * d1 + d2, d1 * d1 - d0 * d2
     if not root > 0 or (turn <= 0 and bend <= 0):
         return None

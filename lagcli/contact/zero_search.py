@@ -1,7 +1,7 @@
-"""The first place along a step at which one of many functions crosses zero.
+"""The first point along a step at which one of many functions crosses zero.
 
 The step is cut into pieces from left to right, for one function after the other. A piece is done as soon as bounds
-(`zero_bounds`) keep the function on its side; where they say that it leaves its side at one place alone, that place is
+(`zero_bounds`) keep the function on its side; where they say that it leaves its side at one point alone, that point is
 found by Newton's method within the bracket (the slopes are at hand, and it ends with the value itself at rounding);
 else the piece is cut. What lies beyond a crossing that is found is no longer looked at. Of thousands of functions those
 that stay clear of zero are done after three evaluations, all at once.
@@ -45,7 +45,7 @@ FEW = 8
 class FirstCrossing:
     """The end of a search.
 
-    x: the first place at which a function crosses zero in its direction, None where none does; `rows` cross there.
+    x: the first point at which a function crosses zero in its direction, None where none does; `rows` cross there.
     ending: functions that arrive at zero at x = 1, to rounding, from their side, where none crosses before: what they
     do there the next step shows. unresolved: functions of which it is open what they do beyond `clear`, before which
     nothing crosses; then x is None.
@@ -133,7 +133,7 @@ class _Piece(NamedTuple):
 
 
 class _Unresolved(Exception):
-    """The search is given up beyond a place for a function."""
+    """The search is given up beyond a point for a function."""
 
     def __init__(self, clear: float) -> None:
         super().__init__(clear)
@@ -257,11 +257,11 @@ class _Search:
             if not is_narrow:
                 if self.evaluations + 1 >= self._most:
                     raise _Unresolved(piece.left.x)
-                pieces += piece.cut(_of(self.sample(_place(piece, up)), row), noise)
+                pieces += piece.cut(_of(self.sample(_cut_point(piece, up)), row), noise)
         return None
 
     def root(self, row: int, piece: _Piece) -> _Sample:
-        """The one place in a piece at which a function leaves its side: Newton's steps within the bracket from that
+        """The one point in a piece at which a function leaves its side: Newton's steps within the bracket from that
         of its cubic; it is halved where they are no gain."""
         left, right = piece.left, piece.right
         level = min(left.g, 0.0)
@@ -287,11 +287,11 @@ class _Search:
     def up_at(self, x: float) -> Flags:
         """The functions on their side at x, before which none crosses."""
         up = self.up.copy()
-        up[[row for row, place in self.rises.items() if place <= x]] = True
+        up[[row for row, point in self.rises.items() if point <= x]] = True
         return up
 
     def near(self, row: int, found: _Sample, together: float) -> tuple[int, ...]:
-        """The function that crosses at the place found, and those that do within a distance after it."""
+        """The function that crosses at the point found, and those that do within a distance after it."""
         near = (
             self.up_at(found.x)
             & (found.slope < -2 * self.noise)
@@ -305,8 +305,8 @@ def _of(sample: _Sample, row: int) -> _Point:
     return _Point(sample.x, float(sample.g[row]), float(sample.slope[row]))
 
 
-def _place(piece: _Piece, is_up: bool) -> float:
-    """The place of a cut: at the lowest place of a function that comes near zero, if that can be told."""
+def _cut_point(piece: _Piece, is_up: bool) -> float:
+    """The point of a cut: at the lowest point of a function that comes near zero, if that can be told."""
     u = zero_bounds.lowest(piece.cubic, piece.doubt, is_up)
     part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
     return piece.left.x + part * piece.width

@@ -87,9 +87,9 @@ def _derived(built: System, options: Options) -> Derivation:
     written += solution_sections.sections(system, parts, contacts, options.solve)
     written.append((vakonomic_sections.TITLE, list(Vakonomic(system, signs, parts).lines())))
     lengths = list(parts.lengths())
-    place = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
-    if lengths and place is not None:
-        written[place][1].extend(lengths)
+    index = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
+    if lengths and index is not None:
+        written[index][1].extend(lengths)
     elif lengths:
         written.insert(0, ("Lengths", lengths))
     if said := _constants(system, signs):
@@ -135,20 +135,20 @@ def _constants(system: Symbolic, signs: Signs) -> list[Line]:
 def _cut(lines: list[Line]) -> Iterator[Line]:
     """The lines, of each family the first ones and the last, with what was left out; of long sums some terms too."""
     groups: dict[tuple[str, str], list[int]] = {}
-    for place, line in enumerate(lines):
+    for index, line in enumerate(lines):
         if line.family:
-            groups.setdefault((line.kind, line.family), []).append(place)
+            groups.setdefault((line.kind, line.family), []).append(index)
     left_out: dict[int, str] = {}
     dropped = set[int]()
-    for places in groups.values():
-        if len(places) > SHOWN + 3:
-            gone = places[SHOWN:-1]
+    for indices in groups.values():
+        if len(indices) > SHOWN + 3:
+            gone = indices[SHOWN:-1]
             left_out[gone[0]] = f"… {len(gone)} lines like these left out; --all shows them"
             dropped.update(gone)
-    for place, line in enumerate(lines):
-        if place in left_out:
-            yield Line(note=left_out[place])
-        if place not in dropped:
+    for index, line in enumerate(lines):
+        if index in left_out:
+            yield Line(note=left_out[index])
+        if index not in dropped:
             yield dataclasses.replace(line, sides=tuple(map(_shortened, line.sides)))
 
 

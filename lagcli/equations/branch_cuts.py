@@ -24,8 +24,8 @@ T = TypeVar("T", npt.NDArray[np.float64], ca.SX)
 PERIODS = {ca.OP_ATAN2: 2 * np.pi, ca.OP_ATAN: np.pi}
 # What one turn changes f by is a constant where its slopes are below this part of it: the rounding of its terms.
 CONSTANT = 1e-9
-# So many places beside the start, at this part of its size, at which that is looked at.
-PLACES, BESIDE = 3, 0.3
+# So many points beside the start, at this part of its size, at which that is looked at.
+POINTS, BESIDE = 3, 0.3
 # An angle this close to its cut, in radians, lies on either side of it by rounding.
 ON_CUT = 1e-9
 # Jumps that are whole multiples of another, to rounding, are no jumps of their own.
@@ -61,7 +61,7 @@ class Cuts:
 
     @property
     def first(self) -> int:
-        """The place of the references in p."""
+        """The range of the references in p."""
         return int(self.angles.size1_in(2)) - self.count
 
     def begin(self, t: float, q: Floats, p: Floats) -> Floats:
@@ -77,7 +77,7 @@ class Cuts:
         return p
 
     def counted(self, t: float, q: Floats, p: Floats) -> Floats:
-        """The angles (J,) at a place, each within half a period of its reference."""
+        """The angles (J,) at a point, each within half a period of its reference."""
         here = np.array(self.angles(t, q, p)).ravel()
         return np.asarray(here - self.periods * _turns(here, p[self.first :], self.periods, np.ceil))
 
@@ -228,7 +228,7 @@ def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int,
     random = np.random.default_rng(0)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     found = []
-    for k in range(1 + PLACES):
+    for k in range(1 + POINTS):
         angles = change.size1_in(3) - 1 - q.size
         scales = [abs(t) or 1.0, *np.full(q.size, size), *np.ones(angles)]
         direction = scales * random.standard_normal(change.size1_in(3))

@@ -140,12 +140,12 @@ class _Forces:
         """The sum of the forces without a potential on each dependent particle, (3 times their number, 1)."""
         environment = self._environment
         count = environment.dependent.size
-        place = np.cumsum(environment.is_dependent) - 1
+        index = np.cumsum(environment.is_dependent) - 1
         F_sum = ca.SX.zeros(3 * count)
         for targets, F in self._on_particles(constant=False):
             pairs = np.flatnonzero(environment.is_dependent[targets])
             for axis in range(3):
-                rows = axis * count + place[targets[pairs]]
+                rows = axis * count + index[targets[pairs]]
                 F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
         return F_sum
 

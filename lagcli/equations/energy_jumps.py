@@ -1,6 +1,6 @@
-"""The jumps of potentials, of the Lagrangian and of places of dependent particles: the force there is an impulse.
+"""The jumps of potentials, of the Lagrangian and of positions of dependent particles: the force there is an impulse.
 
-`3*sign(p.y)` has no slope anywhere but at p.y = 0, where it is infinite; `atan2` has such a place at its cut. Equations
+`3*sign(p.y)` has no slope anywhere but at p.y = 0, where it is infinite; `atan2` has such a point at its cut. Equations
 of motion (D.24) see slopes only, so that a run would go over the jump as if there were none.
 """
 
@@ -25,7 +25,7 @@ from lagcli.model import model as nouns
 from lagcli.model.family import Integers
 
 Floats = npt.NDArray[np.float64]
-Place = jump_search.Place
+StateValues = jump_search.StateValues
 
 PHRASES = {
     "sign": "`sign` switches",
@@ -39,7 +39,7 @@ MEMBERS, SWITCHES = 16, 32
 
 @frozen
 class Subject:
-    """A thing that jumps, in words, and where it is declared; value: that of the members in these places, (1, 1)."""
+    """A thing that jumps, in words, and where it is declared; value: that of the members of these numbers, (1, 1)."""
 
     told: str
     location: diagnostics.Location
@@ -147,13 +147,13 @@ class EnergyJumps:
             ca.Function("values", self._inputs, [ca.densify(ca.vertcat(*values))]),
         )
 
-    def anywhere(self, place: Place, p: Floats) -> Iterator[tuple[Subject, str]]:
-        """The jumps that are found across switches near a place, with their words, one for each subject at most.
+    def anywhere(self, state: StateValues, p: Floats) -> Iterator[tuple[Subject, str]]:
+        """The jumps that are found across switches near a state, with their words, one for each subject at most.
 
         MEMBERS of a family stand for all of it, for their text is the same, and SWITCHES of each word for all of a
         sum, where some of every shape are taken: what this costs does not grow with their number.
         """
-        begin = jump_search.starts(place, p)
+        begin = jump_search.starts(state, p)
         for subject in self._subjects:
             spread = np.linspace(0, subject.count - 1, min(subject.count, MEMBERS))
             value = subject.value(np.unique(spread.round().astype(np.int64)))
@@ -187,21 +187,21 @@ def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
 
 
 def _potential(force: nouns.Potential, env: Environment) -> Callable[[Integers], ca.SX]:
-    def value(places: Integers) -> ca.SX:
-        found = env.scalar(force.expression, env.algebra(force.members.taken(places)))
-        return ca.sum1(column(found, places.size))
+    def value(numbers: Integers) -> ca.SX:
+        found = env.scalar(force.expression, env.algebra(force.members.taken(numbers)))
+        return ca.sum1(column(found, numbers.size))
 
     return value
 
 
 def _lagrangian(expression: nouns.Expression, env: Environment) -> Callable[[Integers], ca.SX]:
-    return lambda places: env.scalar(expression)
+    return lambda numbers: env.scalar(expression)
 
 
 def _position(first: int, env: Environment) -> Callable[[Integers], ca.SX]:
-    def value(places: Integers) -> ca.SX:
-        # What jumps in one place does so in their sum, with factors that have nothing in common.
-        parts = zip((1, 2**0.5, 3**0.5), env.position(first + places), strict=True)
+    def value(numbers: Integers) -> ca.SX:
+        # What jumps in one component does so in their sum, with factors that have nothing in common.
+        parts = zip((1, 2**0.5, 3**0.5), env.position(first + numbers), strict=True)
         return sum((factor * ca.sum1(part) for factor, part in parts), ca.SX(0))
 
     return value

@@ -73,7 +73,7 @@ class Environment:
         return self.symbols.v
 
     def rows_of(self, numbers: Integers) -> Integers:
-        """The places of x of Cartesian particles in q and v."""
+        """The indices of x of Cartesian particles in q and v."""
         return 3 * self._rank[numbers]
 
     def algebra(
@@ -143,8 +143,8 @@ class Environment:
         found = rate(value, self.q, self.v, self.t)
         if self._free is None:
             return found
-        places, rates = (ca.vertcat(*parts) for parts in self._free)
-        return ca.densify(found + ca.jtimes(value, places, rates))
+        member_numbers, rates = (ca.vertcat(*parts) for parts in self._free)
+        return ca.densify(found + ca.jtimes(value, member_numbers, rates))
 
     differential = rate
 
@@ -171,11 +171,11 @@ class Environment:
             if isinstance(step, str):
                 self.definition(step)
                 continue
-            numbers = step.places + self.particles.first(step.entry)
+            numbers = step.member_numbers + self.particles.first(step.entry)
             if self._positions.has(numbers).all():
                 continue
             particle = self._model.particles[step.entry]
-            algebra = self.algebra(particle.members.taken(step.places))
+            algebra = self.algebra(particle.members.taken(step.member_numbers))
             x, y, z = (column(part, numbers.size) for part in self.vector(particle.position, algebra))
             self._positions.fill(numbers, (x, y, z))
 

@@ -36,11 +36,11 @@ def entries(matrix: ca.SX, row: Integers, column: Integers) -> ca.SX:
     height = matrix.size1()
     rows_, columns_ = (np.asarray(part, dtype=np.int64) for part in matrix.sparsity().get_triplet())
     stored, wanted = columns_ * height + rows_, column * height + row  # ascending, as a matrix is stored
-    place = np.minimum(np.searchsorted(stored, wanted), max(0, stored.size - 1))
-    found = np.flatnonzero(stored[place] == wanted) if stored.size else np.zeros(0, dtype=np.int64)
+    index = np.minimum(np.searchsorted(stored, wanted), max(0, stored.size - 1))
+    found = np.flatnonzero(stored[index] == wanted) if stored.size else np.zeros(0, dtype=np.int64)
     values = ca.SX.zeros(wanted.size)
     if found.size:
-        values[found.tolist()] = ca.SX(matrix.nz[place[found].tolist()])
+        values[found.tolist()] = ca.SX(matrix.nz[index[found].tolist()])
     return values
 
 

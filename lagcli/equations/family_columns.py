@@ -43,8 +43,8 @@ class Columns:
         if not parts:
             return (ca.SX(0, 1),) * 3
         sizes = [part[0].numel() for part in parts]
-        places = rows + (np.cumsum(sizes) - sizes)[which]
-        return tuple(taken(ca.vertcat(*columns), places) for columns in zip(*parts, strict=True))
+        indices = rows + (np.cumsum(sizes) - sizes)[which]
+        return tuple(taken(ca.vertcat(*columns), indices) for columns in zip(*parts, strict=True))
 
     def vectors(self, numbers: Integers) -> Triple:
         """The columns x, y, z (K, 1) of members that are filled, each with a vector."""
@@ -86,5 +86,5 @@ def scattered(values: ca.SX, rows: Integers, n: int) -> ca.SX:
     """A column (n, 1) with each value added to its row."""
     if rows.size == 0:
         return ca.SX.zeros(n)
-    places = ca.Sparsity.triplet(n, rows.size, rows.tolist(), list(range(rows.size)))
-    return ca.densify(ca.mtimes(ca.SX(ca.DM(places, 1.0)), ca.densify(values)))
+    pattern = ca.Sparsity.triplet(n, rows.size, rows.tolist(), list(range(rows.size)))
+    return ca.densify(ca.mtimes(ca.SX(ca.DM(pattern, 1.0)), ca.densify(values)))

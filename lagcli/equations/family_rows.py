@@ -107,13 +107,13 @@ def _placed(pattern: ca.Sparsity, entries: ca.SX, table: Integers, environment: 
     row = (np.arange(members)[:, None] * each + rows).ravel()
     column = table[columns].T.ravel()
     # By columns, as matrices are stored; one coordinate may be touched twice by a member.
-    places, number = np.unique(column * (each * members) + row, return_inverse=True)
-    if places.size == number.size:
+    indices, number = np.unique(column * (each * members) + row, return_inverse=True)
+    if indices.size == number.size:
         values = entries[np.argsort(number).tolist()] if number.size else entries
     else:
-        values = scattered(entries, number, places.size)
+        values = scattered(entries, number, indices.size)
     sparsity = ca.Sparsity.triplet(
-        each * members, n, (places % (each * members)).tolist(), (places // (each * members)).tolist()
+        each * members, n, (indices % (each * members)).tolist(), (indices // (each * members)).tolist()
     )
     return ca.SX(sparsity, values)
 
@@ -123,7 +123,7 @@ class MemberLeaves:
 
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
-        self._places: dict[bytes, int] = {}
+        self._indices: dict[bytes, int] = {}
         self._rows: list[Integers] = []
         self._u: list[ca.SX] = []
         self._w: list[ca.SX] = []
@@ -164,8 +164,8 @@ class MemberLeaves:
 
     def generalized(self, numbers: Integers, rates: bool) -> ca.SX:
         """Generalized coordinates or their rates."""
-        place = self._place(self._environment.first_generalized + numbers)
-        return (self._w if rates else self._u)[place]
+        index = self._index(self._environment.first_generalized + numbers)
+        return (self._w if rates else self._u)[index]
 
     def variable(self, name: str, values: Integers) -> ca.SX:
         """An index variable."""
@@ -194,8 +194,8 @@ class MemberLeaves:
         others = [x for x in ca.symvar(ca.vertcat(*outputs)) if x.name() not in own]
         shared = ca.vertcat(ca.SX(0, 1), *others)
         one = ca.Function("law", [q, v, indices, shared], outputs, {"cse": True})
-        places = table.ravel(order="F").tolist()
-        arguments = [ca.reshape(vector[places], *table.shape) for vector in (s.q, s.v)]
+        flat = table.ravel(order="F").tolist()
+        arguments = [ca.reshape(vector[flat], *table.shape) for vector in (s.q, s.v)]
         columns = ca.vertcat(ca.DM(0, count), *self._columns)
         return list(one.call([*arguments, ca.SX(columns), ca.repmat(shared, 1, count)]))
 
@@ -203,14 +203,14 @@ class MemberLeaves:
         if self._environment.is_dependent[numbers].any():
             raise NotAlike
         first = self._environment.rows_of(numbers)
-        x, y, z = (self._place(first + axis) for axis in range(3))
+        x, y, z = (self._index(first + axis) for axis in range(3))
         return vector[x], vector[y], vector[z]
 
-    def _place(self, rows: Integers) -> int:
-        """The place of a coordinate among u, by its rows in q, (1,) or (K,)."""
-        place = self._places.setdefault(rows.tobytes(), len(self._rows))
-        if place == len(self._rows):
+    def _index(self, rows: Integers) -> int:
+        """The index of a coordinate among u, by its rows in q, (1,) or (K,)."""
+        index = self._indices.setdefault(rows.tobytes(), len(self._rows))
+        if index == len(self._rows):
             self._rows.append(rows)
-            self._u.append(ca.SX.sym(f"q {place}"))
-            self._w.append(ca.SX.sym(f"v {place}"))
-        return place
+            self._u.append(ca.SX.sym(f"q {index}"))
+            self._w.append(ca.SX.sym(f"v {index}"))
+        return index

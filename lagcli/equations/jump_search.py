@@ -1,4 +1,4 @@
-"""Functions in an expression that may jump, and places near a start at which they do: found by Newton's method."""
+"""Functions in an expression that may jump, and points near a start at which they do: found by Newton's method."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 # t, q and v.
-Place = tuple[float, Floats, Floats]
+StateValues = tuple[float, Floats, Floats]
 # Bisections: an interval of the size of its ends has 53 bits.
 HALVINGS = 60
 # A value jumps where it differs across a switch by so many times what it changes by in the same distance, ASIDE of the
 # way, on either side, and by more than its rounding.
 ASIDE, ABRUPT, ROUNDED = 1e-9, 10.0, 1e-10
-# Places of a switch are sought from so many points, of the size of the start, by so many steps of Newton's method.
+# Points of a switch are sought from so many starts, of the size of the start, by so many steps of Newton's method.
 POINTS, NEWTON, ON_SWITCH = 12, 30, 1e-9
 # The numbers between which a value lies, whatever state and parameters are.
 Bounds = tuple[float, float]
@@ -52,7 +52,7 @@ _WORDS = {
 class Switch:
     """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
 
-    watched: the same for a run, which passes the places where the sign does no harm; shape: a number, the same where
+    watched: the same for a run, which passes the points where the sign does no harm; shape: a number, the same where
     arguments differ in their numbers and variables only, as those of siblings.
     """
 
@@ -77,13 +77,13 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
 
     def visit(op: int, parts: list[_Known], expression: operation_graph.Expression) -> _Known:
         if op in _WORDS:
-            word, place = _WORDS[op]
+            word, index = _WORDS[op]
             if op == ca.OP_DIV and parts[1][2] and 0.0 in parts[1][1]:
-                place = 0  # of x/|x|, whose divisor touches zero on one side alone
-            shape, bounds, is_moving = parts[place]
+                index = 0  # of x/|x|, whose divisor touches zero on one side alone
+            shape, bounds, is_moving = parts[index]
             if is_moving and not is_one_sided(bounds):
                 call = expression()
-                argument = call.dep(place)
+                argument = call.dep(index)
                 # The cut of `atan2` is on one side alone.
                 watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
                 found.setdefault((word, watched.element_hash()), Switch(word, argument, watched, shape))
@@ -102,12 +102,12 @@ def examples(found: Sequence[Switch], most: int) -> list[Switch]:
     """At most so many of each word: of every shape the first, then of every shape the second, and so on."""
     seen: collections.Counter[tuple[str, int]] = collections.Counter()
     ranked: dict[str, list[tuple[int, int]]] = {}
-    for place, switch in enumerate(found):
+    for index, switch in enumerate(found):
         key = switch.word, switch.shape
-        ranked.setdefault(switch.word, []).append((seen[key], place))
+        ranked.setdefault(switch.word, []).append((seen[key], index))
         seen[key] += 1
-    chosen = sorted(place for ranks in ranked.values() for _, place in sorted(ranks)[:most])
-    return [found[place] for place in chosen]
+    chosen = sorted(index for ranks in ranked.values() for _, index in sorted(ranks)[:most])
+    return [found[index] for index in chosen]
 
 
 def is_abrupt(values: Floats) -> npt.NDArray[np.bool_]:
@@ -119,7 +119,7 @@ def is_abrupt(values: Floats) -> npt.NDArray[np.bool_]:
 
 @frozen
 class Starts:
-    """The points that places are sought from: q (n, S) at one t, v and p; size: of q."""
+    """The starts from which points are sought: q (n, S) at one t, v and p; size: of q."""
 
     t: float
     q: Floats
@@ -128,9 +128,9 @@ class Starts:
     size: float
 
 
-def starts(place: Place, p: Floats) -> Starts:
-    """A place, and points about it."""
-    t, q, v = place
+def starts(state: StateValues, p: Floats) -> Starts:
+    """A state, and points about it."""
+    t, q, v = state
     random = np.random.default_rng(0)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     speed = v + (float(np.abs(v).max(initial=0.0)) or 1.0) * random.standard_normal(v.size)
@@ -152,39 +152,39 @@ class Local:
         self._function = ca.Function("local", [t, x, taken(v, self._rates), p], [ca.densify(column)])
 
     def at(self, begin: Starts, x: Floats) -> Floats:
-        """The column (k, S) at places x (m, S)."""
+        """The column (k, S) at points x (m, S)."""
         return np.array(self._function(begin.t, x, begin.v[self._rates], begin.p))
 
 
 def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> bool:
-    """True if a value (1, 1) jumps where the argument of a switch in it changes its sign, at one of the places that
+    """True if a value (1, 1) jumps where the argument of a switch in it changes its sign, at one of the points that
     are come upon."""
     switch = Local(argument, inputs, with_slopes=True)
     with np.errstate(all="ignore"):
-        numbers, centres, across = _places(switch, begin)
+        numbers, centres, across = _switch_points(switch, begin)
         if not numbers.size:
             return False
         low, high = np.zeros(numbers.size), np.ones(numbers.size)
 
-        def place(part: Floats) -> Floats:
+        def point(part: Floats) -> Floats:
             return centres + (2 * part - 1) * across
 
-        sign = np.sign(switch.at(begin, place(low))[0])
+        sign = np.sign(switch.at(begin, point(low))[0])
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            is_before = np.sign(switch.at(begin, place(middle))[0]) == sign
+            is_before = np.sign(switch.at(begin, point(middle))[0]) == sign
             low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
         at = begin.q[value.moving][:, numbers]
         own = np.searchsorted(value.moving, switch.moving)
         values = []
         for part in (low - 2 * ASIDE, low - ASIDE, high + ASIDE, high + 2 * ASIDE):
-            at[own] = place(part)
+            at[own] = point(part)
             values.append(value.at(begin, at)[0])
         return bool(is_abrupt(np.array(values)).any())
 
 
-def _places(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
-    """The starts (A,) from which Newton's method comes upon a switch, the places (m, A), and ways across it there."""
+def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
+    """The starts (A,) from which Newton's method comes upon a switch, the points (m, A), and ways across it there."""
     x = begin.q[switch.moving]
     slopes = np.zeros_like(x)
     is_going, is_there = np.ones(x.shape[1], dtype=bool), np.zeros(x.shape[1], dtype=bool)

@@ -83,10 +83,10 @@ def _cut_forces(built: System) -> Iterator[diagnostics.Diagnostic]:
         return
     names = model.coordinate_names
     along = f"along `{names[hit[0]]}`" if hit[0] < len(names) else "of inertia"
-    places = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
-    places += [definition.expression for definition in model.definitions]
+    expressions = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
+    expressions += [definition.expression for definition in model.definitions]
     location = next(
-        (e.location for e in places if named_functions.ANGLES.search(e.text)),
+        (e.location for e in expressions if named_functions.ANGLES.search(e.text)),
         diagnostics.Location(model.path, 1, 1),
     )
     message = (
@@ -109,11 +109,11 @@ def _warning(message: str, location: diagnostics.Location) -> diagnostics.Diagno
 
 
 def _of_energies(built: System) -> Iterator[diagnostics.Diagnostic]:
-    """One warning for each potential, Lagrangian or place with a jump."""
+    """One warning for each potential, Lagrangian or position with a jump."""
     if built.jumps is None:
         return
-    place = built.model.simulation.start, *mechanics.start(built.model)
-    for subject, word in built.jumps.anywhere(place, mechanics.values(built)):
+    state = built.model.simulation.start, *mechanics.start(built.model)
+    for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
         yield diagnostics.Diagnostic(
             "energy-jump",
             f"{subject.told} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a run that"
@@ -152,14 +152,14 @@ def _jumping(built: System, rows: Sequence[Row], values: ca.SX) -> Iterator[tupl
 
 
 def _words(built: System, value: ca.SX) -> Iterator[str]:
-    """The functions by which a gap or f (1, 1) jumps, as far as places where they do are come upon."""
+    """The functions by which a gap or f (1, 1) jumps, as far as points where they do are come upon."""
     s = built.symbols
     inputs = [s.t, s.q, s.v, built.p]
     switches = [one for one in jump_search.switches(value, inputs) if one.word not in _ANGLES]
     if not switches:
         return
-    place = built.model.simulation.start, *mechanics.start(built.model)
-    begin, whole = jump_search.starts(place, mechanics.values(built)), jump_search.Local(value, inputs)
+    state = built.model.simulation.start, *mechanics.start(built.model)
+    begin, whole = jump_search.starts(state, mechanics.values(built)), jump_search.Local(value, inputs)
     for switch in jump_search.examples(switches, energy_jumps.SWITCHES):
         if jump_search.jumps(whole, switch.argument, inputs, begin):
             yield switch.word

@@ -1,6 +1,6 @@
-"""The places at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump.
+"""The points at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump.
 
-At such a place the constraint surface has an edge. The rule of multipliers needs a gradient there, and the velocity
+At such a point the constraint surface has an edge. The rule of multipliers needs a gradient there, and the velocity
 of a motion that goes over the edge would have to jump: an impact, which the equations (D.24) do not describe.
 """
 
@@ -79,18 +79,18 @@ class Kinks:
     ) -> bool:
         """True if the gradient jumps where switch k changes its sign on the straight way."""
 
-        def place(part: float) -> tuple[float, Floats]:
+        def point(part: float) -> tuple[float, Floats]:
             return before[0] + part * (after[0] - before[0]), before[1] + part * (after[1] - before[1])
 
         sign = np.sign(float(self.switches(*before, p)[k]))
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            if np.sign(float(self.switches(*place(middle), p)[k])) == sign:
+            if np.sign(float(self.switches(*point(middle), p)[k])) == sign:
                 low = middle
             else:
                 high = middle
-        one, other = (self._slopes(*place(part), p)[k] for part in (low - ASIDE, high + ASIDE))
+        one, other = (self._slopes(*point(part), p)[k] for part in (low - ASIDE, high + ASIDE))
         return bool(np.abs(one - other).max(initial=0.0) > JUMP * np.abs(one).max(initial=0.0))
 
     def _slopes(self, t: float, q: Floats, p: Floats) -> Floats:

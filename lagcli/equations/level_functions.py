@@ -104,7 +104,7 @@ class _LevelNames:
             else:
                 self._values[name] = value
         self._q = s.q
-        self._places = {name: i for i, name in enumerate(system.model.coordinate_names)}
+        self._indices = {name: i for i, name in enumerate(system.model.coordinate_names)}
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value:
         """A name, a component, or a member of a family with its indices as numbers."""
@@ -114,8 +114,8 @@ class _LevelNames:
             indices = node.indices if isinstance(node, tree.Index) else ()
             name = family.name(node.owner, (int(integers.evaluate(i, _no_name)) for i in indices))
             name += f".{node.member}" if node.member else ""
-        if name in self._places:
-            return self._q[self._places[name]]
+        if name in self._indices:
+            return self._q[self._indices[name]]
         if name not in self._values:
             raise UnknownName(name)
         return self._values[name]

@@ -36,7 +36,7 @@ def switching_contacts(model: nouns.Model) -> npt.NDArray[np.bool_]:
 
 
 def may_jump(model: nouns.Model) -> bool:
-    """True if a potential, the Lagrangian or a place of a dependent particle has a function that may jump."""
+    """True if a potential, the Lagrangian or a position of a dependent particle has a function that may jump."""
     energies = [force.expression.text for force in model.forces if isinstance(force, nouns.Potential)]
     energies += [] if model.lagrangian is None else [model.lagrangian.text]
     energies += _shared(model)
@@ -44,7 +44,7 @@ def may_jump(model: nouns.Model) -> bool:
 
 
 def texts(model: nouns.Model) -> Iterator[str]:
-    """The texts that rows, forces and places of dependent particles are made of."""
+    """The texts that rows, forces and positions of dependent particles are made of."""
     yield from _laws((*model.holonomic, *model.differential, *model.inequality))
     yield from (expression.text for expression in model.force_expressions())
     if model.lagrangian is not None:

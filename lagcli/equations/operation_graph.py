@@ -20,7 +20,7 @@ Leaf = Callable[[int | None, float], T]
 
 
 class Instruction(NamedTuple):
-    """An operation of a function, the places of its operands and of its result, and the constant that it is.
+    """An operation of a function, the indices of its operands and of its result, and the constant that it is.
 
     The operand of an input is (input, entry), the result of an output (output, entry).
     """
@@ -58,7 +58,7 @@ def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
         elif op == ca.OP_CONST:
             work[given[0]] = ca.SX(constant)
         else:
-            parts = [work[place] for place in taken]
+            parts = [work[index] for index in taken]
             result = ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
             work[given[0]] = visit(op, parts, result)
     return ca.vertcat(ca.SX(0, 1), *found)
@@ -79,6 +79,6 @@ def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) 
         elif op == ca.OP_CONST:
             work[given[0]] = leaf(None, constant)
         else:
-            parts = [work[place] for place in taken]
+            parts = [work[index] for index in taken]
             work[given[0]] = look(op, parts, functools.partial(expressions.__getitem__, k))
     return [found[k] for k in range(value.numel())]

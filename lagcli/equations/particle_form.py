@@ -37,14 +37,14 @@ def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
     r, r_dot = (np.array(part).reshape(-1, 3) for part in where(t, q, v, p))
     particles, first = [], 0
     for particle in declared.particles:
-        places = slice(first, first + particle.members.count)
-        particles.append(dataclasses.replace(particle, start=r[places], start_velocity=r_dot[places]))
-        first = places.stop
+        block = slice(first, first + particle.members.count)
+        particles.append(dataclasses.replace(particle, start=r[block], start_velocity=r_dot[block]))
+        first = block.stop
     coordinates, first = [], symbols.q.numel() - len(declared.generalized_names)
     for coordinate in declared.coordinates:
-        places = slice(first, first + coordinate.members.count)
-        coordinates.append(dataclasses.replace(coordinate, value=q[places], rate=v[places]))
-        first = places.stop
+        block = slice(first, first + coordinate.members.count)
+        coordinates.append(dataclasses.replace(coordinate, value=q[block], rate=v[block]))
+        first = block.stop
     return dataclasses.replace(
         declared,
         fingerprint=f"{declared.fingerprint} freed",
@@ -62,8 +62,8 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
         env: Environment, constraints: rows.ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[rows.ConstraintRows, energy.Dynamics]:
         numbers = _dependent(built.model)
-        places = (3 * numbers[:, None] + np.arange(3)).ravel()
-        block = family_rows.holonomic(_gap(built, env, places), env)
+        indices = (3 * numbers[:, None] + np.arange(3)).ravel()
+        block = family_rows.holonomic(_gap(built, env, indices), env)
         masses = ca.repmat(
             family_columns.column(family_columns.taken(env.masses(), numbers), numbers.size).T, 3, 1
         )
@@ -78,7 +78,7 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
     return system.build(particle_model, tied)
 
 
-def _gap(built: system.System, env: Environment, places: npt.NDArray[np.int64]) -> ca.SX:
+def _gap(built: system.System, env: Environment, indices: npt.NDArray[np.int64]) -> ca.SX:
     """r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`."""
     everyone = np.arange(len(env.particles))
     r = family_columns.interleaved(env.position(everyone), everyone.size)
@@ -89,8 +89,8 @@ def _gap(built: system.System, env: Environment, places: npt.NDArray[np.int64]) 
     coordinates = np.flatnonzero(np.repeat(cartesian, 3)).tolist()
     q = ca.vertcat(env.q[coordinates], env.q[3 * everyone.size :])
     old, new = [built.symbols.t, built.symbols.q, built.symbols.p], [env.t, q, env.symbols.p]
-    x = ca.substitute([built.r[places.tolist()]], old, new)[0]
-    return ca.densify(r[places.tolist()] - x)
+    x = ca.substitute([built.r[indices.tolist()]], old, new)[0]
+    return ca.densify(r[indices.tolist()] - x)
 
 
 def _dependent(declared: nouns.Model) -> npt.NDArray[np.int64]:

@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 # The base takes the first particles that extend the span well, by this part of the body's size; where none does,
 # the one that extends it most, if by more than rounding.
 WELL, SHAPE_ROUNDOFF = 1e-2, 1e-9
-# Distances between places beyond this overflow.
+# Distances between positions beyond this overflow.
 FAR = 1e307
 
 
@@ -33,8 +33,8 @@ class DegenerateBody(ValueError):
 
 @frozen
 class Geometry:
-    """Places in the body's list: `base`, the `pairs` of the base with their `distances` (length), and for each
-    of the `further` places its coefficients `alpha` (len(further), len(base)) and, where the body is a little off
+    """Indices in the body's list: `base`, the `pairs` of the base with their `distances` (length), and for each
+    of the `further` points its coefficients `alpha` (len(further), len(base)) and, where the body is a little off
     its plane, `gamma` (len(further),); otherwise `gamma` is empty."""
 
     base: tuple[int, ...]

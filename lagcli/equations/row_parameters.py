@@ -13,30 +13,30 @@ from lagcli.equations.system import System
 from lagcli.expression import tree
 from lagcli.model import model as nouns
 
-Places = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 
 
-def of_start(system: System) -> Places:
-    """The places in `System.p` of numbers that the inertia M, the rows f, B, b or the contacts g, G hold: assembly asks
-    for nothing else."""
+def of_start(system: System) -> Indices:
+    """The indices in `System.p` of numbers that the inertia M, the rows f, B, b or the contacts g, G hold: assembly
+    asks for nothing else."""
     contacts, rows = system.contacts, system.rows
     moving = [system.dynamics.M, rows.gamma, contacts.g, contacts.G, contacts.g_t, contacts.gamma]
     return _held(system, _rows(system) + moving)
 
 
-def of_rows(system: System) -> Places:
-    """The places in `System.p` of numbers that the rows f, B, b hold, or that are named where they are written: the
+def of_rows(system: System) -> Indices:
+    """The indices in `System.p` of numbers that the rows f, B, b hold, or that are named where they are written: the
     classification asks for nothing else."""
     held = _held(system, _rows(system))
     named = _named(system.model)
-    places: list[int] = []
+    indices: list[int] = []
     first = 0
     for parameter in system.model.parameters:
         count = len(parameter.value) if isinstance(parameter.value, tuple) else 1
         if parameter.name in named:
-            places += range(first, first + count)
+            indices += range(first, first + count)
         first += count
-    return np.union1d(held, np.array(places, dtype=np.intp))
+    return np.union1d(held, np.array(indices, dtype=np.intp))
 
 
 def formulas(model: nouns.Model) -> tuple[str, ...]:
@@ -53,8 +53,8 @@ def _rows(system: System) -> list[ca.SX]:
     return [system.f, system.rows.f, system.rows.B, system.rows.b]
 
 
-def _held(system: System, expressions: Iterable[ca.SX]) -> Places:
-    """The places of symbols that occur: a number that only decides between pieces occurs too, without a derivative."""
+def _held(system: System, expressions: Iterable[ca.SX]) -> Indices:
+    """The indices of symbols that occur: a number that only decides between pieces occurs too, without a derivative."""
     found = {symbol.element_hash() for each in expressions for symbol in ca.symvar(each)}
     p = ca.vertsplit(system.p) if system.p.numel() else []
     return np.array([k for k, symbol in enumerate(p) if symbol.element_hash() in found], dtype=np.intp)

@@ -96,7 +96,7 @@ def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> Co
     """All rows in the order of the multipliers lam (C + K,): the equality rows, then the contacts that act.
 
     f is that of the former. The row of an open contact is 0: its gradient may have no value where it is open, as that
-    of a distance between particles that pass each other at one place.
+    of a distance between particles that pass each other at one point.
     """
     if not contacts.count:
         return rows
@@ -165,8 +165,8 @@ def of_body(
 ) -> ca.SX:
     """The rows f of a rigid body, (k, 1)."""
     columns = environment.position(np.array(body.particles))
-    places = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
-    return ca.vertcat(*_rigid_rows(places, geometry, constants))
+    positions = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
+    return ca.vertcat(*_rigid_rows(positions, geometry, constants))
 
 
 def _rigid_rows(
@@ -183,10 +183,10 @@ def _rigid_rows(
     for k, weights in zip(geometry.further, alpha, strict=True):
         height = next(rest) if normal is not None else None
         for axis in range(3):
-            place = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ca.SX(0))
+            point = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ca.SX(0))
             if normal is not None and height is not None:
-                place += height * normal[axis]
-            rows.append(positions[k][axis] - place)
+                point += height * normal[axis]
+            rows.append(positions[k][axis] - point)
     return rows
 
 

@@ -1,4 +1,5 @@
-"""Limits on the size of a model: what would take more than about 2 GB is refused before it is begun, with its place."""
+"""Limits on the size of a model: what would take more than about 2 GB is refused before it is begun, with its
+location."""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ def rows(law: nouns.Holonomic | nouns.Differential | nouns.RigidBody | nouns.Ine
 
 
 def _sizes(model: nouns.Model) -> list[tuple[int, diagnostics.Location]]:
-    """The size and the place of each entry."""
+    """The size and the location of each entry."""
     sizes = [(3 * p.members.count, p.location) for p in model.particles]
     sizes += [(c.members.count, c.location) for c in model.coordinates]
     for law in model.constraints():

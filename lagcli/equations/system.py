@@ -53,7 +53,7 @@ class System:
     T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
     kinks: where the gradients of rows jump, or None where they cannot; cuts: f continued across the cuts of angles, or
-    None where there are none; jumps: where potentials, the Lagrangian or places jump, or None where they cannot.
+    None where there are none; jumps: where potentials, the Lagrangian or positions jump, or None where they cannot.
     """
 
     model: nouns.Model
@@ -251,14 +251,14 @@ def started_at(declared: nouns.Model, q: Floats, v: Floats) -> nouns.Model:
         if particle.start is None:
             particles.append(particle)
             continue
-        places = slice(first, first + 3 * particle.members.count)
-        start, velocity = q[places].reshape(-1, 3), v[places].reshape(-1, 3)
+        part = slice(first, first + 3 * particle.members.count)
+        start, velocity = q[part].reshape(-1, 3), v[part].reshape(-1, 3)
         particles.append(dataclasses.replace(particle, start=start, start_velocity=velocity))
-        first = places.stop
+        first = part.stop
     for coordinate in declared.coordinates:
-        places = slice(first, first + coordinate.members.count)
-        coordinates.append(dataclasses.replace(coordinate, value=q[places], rate=v[places]))
-        first = places.stop
+        part = slice(first, first + coordinate.members.count)
+        coordinates.append(dataclasses.replace(coordinate, value=q[part], rate=v[part]))
+        first = part.stop
     return dataclasses.replace(
         declared, particles=tuple(particles), coordinates=tuple(coordinates), origin=None
     )
@@ -305,14 +305,14 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geomet
     points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)
     found = []
     for body in model.rigid:
-        places = points[np.searchsorted(numbers, body.particles)]
-        if not np.abs(places).max() < rigid.FAR:
+        positions = points[np.searchsorted(numbers, body.particles)]
+        if not np.abs(positions).max() < rigid.FAR:
             message = f"the particles of the body `{body.name}` do not start at finite places"
             raise diagnostics.ModelError(
                 [diagnostics.Diagnostic("not-finite-at-start", message, body.location)]
             )
         try:
-            found.append(rigid.geometry(places))
+            found.append(rigid.geometry(positions))
         except rigid.DegenerateBody:
             message = f"all particles of the body `{body.name}` start at one point"
             raise diagnostics.ModelError(

@@ -46,7 +46,7 @@ _INVERSES = frozenset(("asin", "acos"))
 
 @frozen_value
 class Operation:
-    """A function of earlier values, each by its place or as a number."""
+    """A function of earlier values, each by its index or as a number."""
 
     name: str
     parts: tuple[int | Range, ...]
@@ -54,10 +54,10 @@ class Operation:
 
 @frozen_value
 class TimeFunctions:
-    """Operations on t, which has the place 0, each on those before it.
+    """Operations on t, which has the index 0, each on those before it.
 
-    size: values of all operations, of a family one for each member; switches: places of values that are zero where a
-    function jumps or has a kink; waves: places of bounded values that are no sums or products of others; is_mixed:
+    size: values of all operations, of a family one for each member; switches: indices of values that are zero where a
+    function jumps or has a kink; waves: indices of bounded values that are no sums or products of others; is_mixed:
     whether t also stands in a function together with coordinates, or some of its functions are too many to look at;
     cached: what was found out about them, for another run with the same.
     """
@@ -76,12 +76,12 @@ class TimeFunctions:
         return all(np.isfinite(a).all() and np.isfinite(b).all() for a, b in self.values(ends, self.waves))
 
     def values(self, cells: Range, wanted: tuple[int, ...]) -> list[Range]:
-        """The ranges of the values at these places over cells of t (low, high), (C,) each, or (K, C) of a family."""
+        """The ranges of the values at these indices over cells of t (low, high), (C,) each, or (K, C) of a family."""
         known: list[Range] = [cells]
         for operation in self.operations[: max(wanted, default=0)]:
             parts = (known[part] if isinstance(part, int) else part for part in operation.parts)
             known.append(intervals.apply(operation.name, *parts))
-        return [known[place] for place in wanted]
+        return [known[index] for index in wanted]
 
 
 def functions(model: nouns.Model) -> TimeFunctions | None:
@@ -128,7 +128,7 @@ class _Timed:
             parts = [part for part in particle.position.parts if self._holds(part)]
             if parts:
                 self.names.add(particle.members.base)
-                taken = particle.members.taken(step.places)
+                taken = particle.members.taken(step.member_numbers)
                 self.laws += [(part.tree, taken) for part in parts]
         for expression, variables in _laws(model):
             if self._holds(expression):
@@ -159,12 +159,12 @@ def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, I
 
 
 class _Value:
-    """A number, or a function of t at a place; neither where it depends on the motion, `is_timed` on t too."""
+    """A number, or a function of t at an index; neither where it depends on the motion, `is_timed` on t too."""
 
-    __slots__ = ("is_timed", "number", "place")
+    __slots__ = ("index", "is_timed", "number")
 
-    def __init__(self, number: Range | None = None, place: int | None = None, is_timed: bool = False) -> None:
-        self.number, self.place, self.is_timed = number, place, is_timed
+    def __init__(self, number: Range | None = None, index: int | None = None, is_timed: bool = False) -> None:
+        self.number, self.index, self.is_timed = number, index, is_timed
 
 
 _MOTION = _Value()
@@ -185,7 +185,7 @@ class _Record:
 
     def __init__(self, most: float = MOST_STEPS) -> None:
         self._most, self._steps, self._size = most, 0, 1
-        self._places: dict[tuple[object, ...], int] = {}
+        self._indices: dict[tuple[object, ...], int] = {}
         self._operations: list[Operation] = []
         self._members: list[int] = [1]
         self._jumps: list[bool] = [False]
@@ -202,9 +202,9 @@ class _Record:
         numbers = [part.number for part in parts if part.number is not None]
         if len(numbers) == len(parts):
             return _Value(number=_folded(name, numbers))
-        if any(part.number is None and part.place is None for part in parts):
+        if any(part.number is None and part.index is None for part in parts):
             return self._mix(name, parts)
-        inputs = [part.number if part.number is not None else part.place for part in parts]
+        inputs = [part.number if part.number is not None else part.index for part in parts]
         taken = tuple(part for part in inputs if part is not None)
         members = max(
             self._members[part] if isinstance(part, int) else int(np.size(part[0])) for part in taken
@@ -212,14 +212,14 @@ class _Record:
         if len(self._operations) >= MOST_OPERATIONS or self._size + members > MOST_VALUES:
             self.is_mixed = True
             return _MOTION_AND_TIME
-        return _Value(place=self._put(Operation(name, taken), members), is_timed=True)
+        return _Value(index=self._put(Operation(name, taken), members), is_timed=True)
 
     def _mix(self, name: str, parts: tuple[_Value, ...]) -> _Value:
         """An operation on what depends on the motion."""
         is_timed = any(part.is_timed for part in parts)
         # A quotient by what does not depend on both is a product.
         own = parts[1:] if name == "divide" else parts
-        mixed = any(part.is_timed and part.place is None for part in own)
+        mixed = any(part.is_timed and part.index is None for part in own)
         if name not in _PLAIN and (mixed or (name != "divide" and is_timed)):
             self.is_mixed = True
         return _MOTION_AND_TIME if is_timed else _MOTION
@@ -230,27 +230,27 @@ class _Record:
             for part in operation.parts
         )
         key = (operation.name, *keys)
-        if key in self._places:
-            return self._places[key]
+        if key in self._indices:
+            return self._indices[key]
         self._operations.append(operation)
         self._size += members
-        place = self._places[key] = len(self._operations)
+        index = self._indices[key] = len(self._operations)
         self._members.append(members)
         jumps = any(self._jumps[part] for part in operation.parts if isinstance(part, int))
         self._jumps.append(jumps or operation.name == "sign")
-        if not (_is_steady(operation) or self._jumps[place]):
-            self._waves[place] = None
-        return place
+        if not (_is_steady(operation) or self._jumps[index]):
+            self._waves[index] = None
+        return index
 
     def switch(self, value: _Value) -> None:
         """Keep a value whose zeros are kinks or jumps, if it is one of t alone."""
-        if value.place is not None:
-            self._switches[value.place] = None
+        if value.index is not None:
+            self._switches[value.index] = None
 
     def functions(self) -> TimeFunctions:
         """All of it."""
-        places = tuple(self._switches), tuple(self._waves)
-        return TimeFunctions(tuple(self._operations), self._size, *places, self.is_mixed)
+        member_numbers = tuple(self._switches), tuple(self._waves)
+        return TimeFunctions(tuple(self._operations), self._size, *member_numbers, self.is_mixed)
 
 
 def _folded(name: str, numbers: list[Range]) -> Range:
@@ -280,7 +280,7 @@ class _Leaves:
         self._particles = {particle.members.base for particle in model.particles}
         self._meanings = {d.name: d.expression.tree for d in model.definitions}
         self._known: dict[str, evaluate.Value[_Value]] = {
-            "t": _Value(place=0, is_timed=True),
+            "t": _Value(index=0, is_timed=True),
             "pi": _Value(number=intervals.constant(np.pi)),
             "dt": _Value(number=intervals.constant(1.0)),
         }

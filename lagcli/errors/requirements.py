@@ -50,19 +50,19 @@ def too_old(names: Collection[str] = OLDEST.keys() - set(OPTIONAL)) -> str:
 
 @functools.cache
 def _listed() -> dict[str, str]:
-    """Versions by the names of the folders that installers leave, of the first place on the path that has one."""
+    """Versions by the names of the folders that installers leave, of the first folder on the path that has one."""
     found: dict[str, str] = {}
-    for place in sys.path:
-        for name, version in _installed(place):
+    for folder in sys.path:
+        for name, version in _installed(folder):
             if name in OLDEST:
                 found.setdefault(name, version)
     return found
 
 
-def _installed(place: str) -> Iterator[tuple[str, str]]:
+def _installed(folder: str) -> Iterator[tuple[str, str]]:
     try:
-        names = os.listdir(place or os.curdir)
-    except OSError:  # a place on the path need not exist
+        names = os.listdir(folder or os.curdir)
+    except OSError:  # a folder on the path need not exist
         return
     for entry in names:
         stem, ending = os.path.splitext(entry)

@@ -27,8 +27,8 @@ Value = float | npt.NDArray[np.float64]
 NONLINEAR = 9
 
 NOTHING: frozenset[Flag] = frozenset()
-PLACE: frozenset[Flag] = frozenset(("position", "time"))
-POSITION: frozenset[Flag] = PLACE | {"cartesian"}
+POSITION_OR_TIME: frozenset[Flag] = frozenset(("position", "time"))
+POSITION: frozenset[Flag] = POSITION_OR_TIME | {"cartesian"}
 MOTION: frozenset[Flag] = POSITION | {"velocity"}
 FORCE: frozenset[Flag] = MOTION | {"mass"}
 DIFFERENTIAL: frozenset[Flag] = MOTION | {"differential"}
@@ -167,8 +167,8 @@ class FactsAlgebra:
     def divide(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
         one, other = left.value, right.value
         if other is not None and not (other if other.__class__ is float else np.all(other)):
-            place = int(np.argmin(other != 0.0)) if np.ndim(other) else None
-            raise ExpressionError("not-finite", "this divides by zero", node.start, node.end, place=place)
+            member = int(np.argmin(other != 0.0)) if np.ndim(other) else None
+            raise ExpressionError("not-finite", "this divides by zero", node.start, node.end, member=member)
         if one is not None and other is not None:
             if one.__class__ is float and other.__class__ is float:
                 return Facts(self._finite(node, one / other))
@@ -211,12 +211,12 @@ class FactsAlgebra:
             found = np.asarray(compute(*values), dtype=float)
         broken = ~np.isfinite(found)
         if broken.any():
-            place = int(np.argmax(broken))
+            member = int(np.argmax(broken))
             try:
-                again(*(Facts(float(np.broadcast_to(value, found.shape).flat[place])) for value in values))
+                again(*(Facts(float(np.broadcast_to(value, found.shape).flat[member])) for value in values))
                 self._finite(node, math.inf)
             except ExpressionError as error:
-                error.place = place if found.ndim else None
+                error.member = member if found.ndim else None
                 raise
         return Facts(found if found.ndim else float(found))
 

@@ -39,7 +39,7 @@ def evaluate(node: tree.Node, lookup: Lookup) -> Integers:
     """The value of an integer expression: an `int`, or int64 of shape (K,) where it differs by member.
 
     `lookup` gives the number or array (K,) of a name, floats with whole values included, and may raise an
-    `ExpressionError` of its own. Raises `ExpressionError`: `not-a-whole-number` (with its `place`) for what
+    `ExpressionError` of its own. Raises `ExpressionError`: `not-a-whole-number` (with its `member`) for what
     is not whole, above 2**53 or no integer expression, `not-finite` for a division by zero.
     """
     found = _fraction(node, lookup)
@@ -226,10 +226,10 @@ def _whole(node: tree.Node, value: object) -> Integers:
         with np.errstate(invalid="ignore"):
             broken = ~(np.abs(array) <= LIMIT) | (array != np.floor(array))
         if broken.any():
-            place = int(np.argmax(broken)) if array.ndim else None
-            number = float(array.flat[place or 0])
+            member = int(np.argmax(broken)) if array.ndim else None
+            number = float(array.flat[member or 0])
             message = f"this must be a whole number up to 2**53, and is {number:.15g}"
-            raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, place=place)
+            raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, member=member)
     return _limited(node, array.astype(np.int64) if array.ndim else int(array))
 
 
@@ -247,25 +247,25 @@ def _first(failing: Truth) -> int | None:
 
 def _refuse(node: tree.Node, failing: Truth, message: str, value: _Fraction) -> None:
     if np.any(failing):
-        place = _first(failing)
+        member = _first(failing)
         top, bottom = (
-            int(np.ravel(part)[(place or 0) % np.size(part)]) for part in (value.top, value.bottom)
+            int(np.ravel(part)[(member or 0) % np.size(part)]) for part in (value.top, value.bottom)
         )
         message = f"{message}, and is {top}/{bottom}"
-        raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, place=place)
+        raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, member=member)
 
 
 def _refuse_large(node: tree.Node, failing: Truth) -> None:
     if failing is False or not np.any(failing):
         return
     message = "this is beyond the whole numbers up to 2**53"
-    raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, place=_first(failing))
+    raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, member=_first(failing))
 
 
 def _refuse_zero(node: tree.Node, failing: Truth) -> None:
     if np.any(failing):
         message = "this divides by zero"
-        raise ExpressionError("not-finite", message, node.start, node.end, place=_first(failing))
+        raise ExpressionError("not-finite", message, node.start, node.end, member=_first(failing))
 
 
 def _unfit(node: tree.Node) -> ExpressionError:

@@ -90,19 +90,19 @@ def _cos(a: Range) -> Range:
 
 
 def _wave(function: Callable[[Floats], Floats], a: Range, crest: float) -> Range:
-    """A sine with a crest at a place: it takes 1 or -1 where the cell holds a crest or a trough."""
+    """A sine with a crest at a point: it takes 1 or -1 where the cell holds a crest or a trough."""
     values = function(a[0]), function(a[1])
     low, high = _wide(np.minimum(*values), np.maximum(*values))
-    # A place that the cell holds may be lost to rounding, where the value is the same to rounding.
+    # A point that the cell holds may be lost to rounding, where the value is the same to rounding.
     high = np.where(_holds(a, crest, 2 * np.pi), 1.0, np.minimum(high, 1.0))
     low = np.where(_holds(a, crest + np.pi, 2 * np.pi), -1.0, np.maximum(low, -1.0))
     endless = ~np.isfinite(a[1] - a[0])
     return np.where(endless, -1.0, low), np.where(endless, 1.0, high)
 
 
-def _holds(a: Range, place: float, period: float) -> npt.NDArray[np.bool_]:
-    """True if a cell holds a place or one that is whole periods away."""
-    return np.asarray(np.floor((a[1] - place) / period) > np.floor((a[0] - place) / period))
+def _holds(a: Range, point: float, period: float) -> npt.NDArray[np.bool_]:
+    """True if a cell holds a point or one that is whole periods away."""
+    return np.asarray(np.floor((a[1] - point) / period) > np.floor((a[0] - point) / period))
 
 
 def _tan(a: Range) -> Range:

@@ -178,9 +178,9 @@ class _Parser:
         return ExpressionError("syntax", message, token.start, token.end, hint)
 
     def _before(self, count: int) -> tuple[str, str]:
-        """Kind and text of the token so many places before this one; empty where there is none."""
-        place = self._at - count
-        return (self._kinds[place], self._texts[place]) if place >= 0 else ("", "")
+        """Kind and text of the token so many tokens before this one; empty where there is none."""
+        index = self._at - count
+        return (self._kinds[index], self._texts[index]) if index >= 0 else ("", "")
 
     def _nested(self, token: Token) -> None:
         self._depth += 1

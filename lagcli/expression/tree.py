@@ -15,16 +15,16 @@ from collections.abc import Callable, Iterator
 class ExpressionError(Exception):
     """Something is wrong with an expression: code, message, hint, and the offsets of the spot.
 
-    `place` is, for an expression over a family, the first member (from 0) that it is wrong for.
+    `member` is, for an expression over a family, the first member (from 0) that it is wrong for.
     """
 
     def __init__(
-        self, code: str, message: str, start: int, end: int, hint: str = "", *, place: int | None = None
+        self, code: str, message: str, start: int, end: int, hint: str = "", *, member: int | None = None
     ) -> None:
         super().__init__(message)
         self.code, self.message, self.hint = code, message, hint
         self.start, self.end = start, end
-        self.place = place
+        self.member = member
 
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)

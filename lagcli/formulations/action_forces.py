@@ -12,9 +12,9 @@ from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
 
-# The curl of a force is looked for at this many places around the start, and is zero below this part of its slopes.
+# The curl of a force is looked for at this many points around the start, and is zero below this part of its slopes.
 SAMPLES, CURL_ROUNDOFF = 12, 1e-10
-WIDTH = 0.3  # of the size of the start: how far these places are from it
+WIDTH = 0.3  # of the size of the start: how far these points are from it
 
 
 def require_action(built: system.System, t: float, q: Floats, p: Floats) -> None:

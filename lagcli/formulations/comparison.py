@@ -170,7 +170,7 @@ class Comparison:
 def kinds(model: Model, columns: Sequence[str]) -> dict[str, str]:
     """Column -> one of `KINDS`, by what it is in this model; time is left out."""
     generalized = model.generalized_names
-    places = {f"{name}.{axis}" for name in model.particle_names for axis in "xyz"} | set(generalized)
+    positions = {f"{name}.{axis}" for name in model.particle_names for axis in "xyz"} | set(generalized)
     speeds = {f"{name}.v{axis}" for name in model.particle_names for axis in "xyz"}
     speeds |= {f"rate({name})" for name in generalized}
     outputs = {column for output in model.outputs for column in output.columns}
@@ -180,8 +180,8 @@ def kinds(model: Model, columns: Sequence[str]) -> dict[str, str]:
             continue
         if column in outputs:
             found[column] = "outputs"
-        elif column in places or column in speeds:
-            found[column] = "r" if column in places else "v"
+        elif column in positions or column in speeds:
+            found[column] = "r" if column in positions else "v"
         else:
             found[column] = column.partition(".")[0]
     return found
@@ -219,11 +219,11 @@ def compare(
             continue
         scale = float(np.abs(one[known & np.isfinite(one)]).max(initial=0.0))
         scale = max(scale, first.exchanged if kind == "energy" else 0.0)
-        row, place = np.unravel_index(int(np.argmax(np.where(known, gaps, -1.0))), gaps.shape)
-        worst = float(gaps[row, place])
+        row, column = np.unravel_index(int(np.argmax(np.where(known, gaps, -1.0))), gaps.shape)
+        worst = float(gaps[row, column])
         error = 0.0 if max(scale, worst) <= rounding else worst / (scale or 1.0)
         error = min(error, sys.float_info.max)
-        found[kind] = Agreement(len(shared), error, shared[int(place)], float(t[row]))
+        found[kind] = Agreement(len(shared), error, shared[int(column)], float(t[row]))
     if matches is not None and (first.events or other.events):
         found["events"] = _of_events(matches, float(np.ptp(t)))
     return found
@@ -251,7 +251,7 @@ def digits_of_motion(agreements: Mapping[str, Agreement]) -> float | None:
 def parting(
     of: Mapping[str, str], first: Formulation, other: Formulation, tolerance: float
 ) -> PartingPoint | None:
-    """The place where the positions of two tables over one grid part; `of`: columns with their kinds."""
+    """When and in which columns the positions of two tables over one grid part; `of`: columns with their kinds."""
     shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
     count = min(len(first.table), len(other.table))
     if not shared or not count:
@@ -262,10 +262,10 @@ def parting(
     apart = np.flatnonzero((gaps > tolerance * scale).any(axis=1))
     if not apart.size:
         return None
-    row, place = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
+    row, column = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
     times = first.table[:count, 0]
     return PartingPoint(
-        float(times[apart[0]]), float(gaps[row, place]), shared[int(place)], float(times[int(row)])
+        float(times[apart[0]]), float(gaps[row, column]), shared[int(column)], float(times[int(row)])
     )
 
 
@@ -281,8 +281,8 @@ class Matched:
         """True for the times (k,) at which one run is before an incident and the other behind it."""
         found = np.zeros(len(rows), dtype=bool)
         first, last = self.t.min(axis=1, initial=np.inf), self.t.max(axis=1, initial=-np.inf)
-        places = np.searchsorted(rows, first, "left"), np.searchsorted(rows, last, "left")
-        for begin, end in zip(*places, strict=True):
+        bounds = np.searchsorted(rows, first, "left"), np.searchsorted(rows, last, "left")
+        for begin, end in zip(*bounds, strict=True):
             found[begin:end] = True
         return found
 

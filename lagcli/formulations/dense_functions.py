@@ -49,9 +49,9 @@ class DenseFunctions:
         self._t, self._q, self._v = np.zeros(1), np.zeros(self.n), np.zeros(self.n)
         own = [self._t, self._q]
         inputs = [symbols.t, symbols.q, system.p]
-        place = [system.f, ca.densify(rows.B), rows.b]
+        outputs = [system.f, ca.densify(rows.B), rows.b]
         self._turns, self._last = Turns(system), np.array(p)
-        self._place = BoundFunction(_function("place", inputs, place), [*own, self._last])
+        self._point = BoundFunction(_function("point", inputs, outputs), [*own, self._last])
         forces = [ca.densify(dynamics.M), dynamics.h, rows.gamma]
         inputs = [symbols.t, symbols.q, symbols.v, system.p]
         self._forces = BoundFunction(_function("forces", inputs, forces), [*own, self._v, np.array(p)])
@@ -65,11 +65,11 @@ class DenseFunctions:
         """Angles with a cut are counted on from where they are at t, q (n,), a state of the motion."""
         self._turns.settle(t, q, self._last)
 
-    def place(self, t: float, q: Floats) -> DensePoint:
+    def point(self, t: float, q: Floats) -> DensePoint:
         """The rows at t, q (n,)."""
         self._t[0], self._q[:] = t, q
-        self._place.trigger()
-        f, B, b = self._place.results
+        self._point.trigger()
+        f, B, b = self._point.results
         return DensePoint(f.copy(), B.reshape(self.rows, self.n).copy(), b.copy())
 
     def forces(self, t: float, q: Floats, v: Floats) -> DenseForces:

@@ -56,7 +56,7 @@ class Chart:
 
     def __init__(self, functions: DenseFunctions, t: float, q: Floats, v: Floats) -> None:
         self._functions, self._q_ref = functions, q
-        here = functions.place(t, q)
+        here = functions.point(t, q)
         M = functions.forces(t, q, v).M
         try:
             lower: Floats = np.asarray(np.linalg.cholesky(M))
@@ -105,7 +105,7 @@ class Chart:
         functions, s = self._functions, self._functions.holonomic
         if s == functions.rows:
             return motion.turned
-        rows = self._mix_h @ functions.place(t, motion.q).B[:s]
+        rows = self._mix_h @ functions.point(t, motion.q).B[:s]
         try:
             N_h = _inverse(np.vstack([rows, self._G_h]))[:, len(rows) :]
         except ChartError:
@@ -124,7 +124,7 @@ class Chart:
         functions, s, q = self._functions, self._functions.holonomic, self._guess
         before = np.inf
         for _ in range(ITERATIONS):
-            here = functions.place(t, q)
+            here = functions.point(t, q)
             residual = np.concatenate([self._mix_h @ here.f, self._G_h @ (q - self._q_ref) - xi])
             step = self._inverse_h @ residual
             moved = self._part(step)
@@ -137,7 +137,7 @@ class Chart:
             q = q - step
             if moved <= ARRIVED or (moved >= HALF * before and moved <= STALLED):
                 self._guess = q
-                return q, functions.place(t, q)
+                return q, functions.point(t, q)
             before = moved
         self._guess = self._q_ref
         raise ChartError("no configuration with these independent coordinates is near")
@@ -152,7 +152,7 @@ def multipliers(functions: DenseFunctions, t: float, motion: ReducedMotion) -> F
     lambda_i^2 B_i M^-1 B_i^T."""
     if not functions.rows:
         return np.zeros(0)
-    B = functions.place(t, motion.q).B
+    B = functions.point(t, motion.q).B
     forces = functions.forces(t, motion.q, motion.v)
     lower = np.linalg.cholesky(forces.M)
     white = np.linalg.solve(lower, B.T)

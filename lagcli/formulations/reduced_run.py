@@ -56,14 +56,14 @@ def run(
     """Rows (k, 1 + columns) of a system from q, v (n,) with parameters p; why it stopped, where it did."""
     q, v, p = begin
     functions, statistics = DenseFunctions(system, p), ReducedStatistics()
-    places = _reaction_columns(system)
+    columns = _reaction_columns(system)
     found: list[Floats] = []
     stopped = None
     try:
         for t, motion in _rows(functions, grid, (q, v), settings, statistics):
             lam = maggi.multipliers(functions, t, motion)
             row = functions.row(t, (motion.q, motion.v, motion.a), lam)
-            row[places] = maggi.reaction(functions, t, motion)
+            row[columns] = maggi.reaction(functions, t, motion)
             found.append(row)
     except ReducedStop as stop:
         stopped = stop

@@ -26,7 +26,7 @@ class NoSlowStartError(ValueError):
 class StiffRow:
     """The row that becomes a spring: its number, and its multiplier and that one's rate at the start."""
 
-    place: int
+    index: int
     multiplier: float
     rate: float
 
@@ -41,7 +41,7 @@ def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> 
     offset = -row.multiplier / k
     q, size = start.q, float(np.abs(start.q).max(initial=0.0)) or 1.0
     for _ in range(MOST_STEPS):
-        f, B = _surface(numeric, start, q, row.place, offset)
+        f, B = _surface(numeric, start, q, row.index, offset)
         # The nearest point: q - q0 is a combination of the rows where it ends.
         step = MetricRows(B, metric).correction(f + LocalRows(B).times(start.q - q))
         moved = start.q + step - q
@@ -51,37 +51,37 @@ def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> 
         if float(np.abs(moved).max(initial=0.0)) <= ARRIVED * size:
             break
     for _ in range(2):  # a nearest point is found to the root of rounding; the rows are held to rounding
-        f, B = _surface(numeric, start, q, row.place, offset)
+        f, B = _surface(numeric, start, q, row.index, offset)
         q = q + MetricRows(B, metric).correction(f)
-    left, B = _surface(numeric, start, q, row.place, offset)
+    left, B = _surface(numeric, start, q, row.index, offset)
     if not float(np.max(np.abs(left) / LocalRows(B).divisors, initial=0.0)) <= 1e-9 * max(size, abs(offset)):
         raise NoSlowStartError
     return q, _velocity(numeric, dataclasses.replace(start, q=q), row, k)
 
 
 def _surface(
-    numeric: NumericSystem, start: State, q: Floats, place: int, offset: float
+    numeric: NumericSystem, start: State, q: Floats, index: int, offset: float
 ) -> tuple[Floats, Sparse]:
     values, B = numeric.holonomic(start.t, q, start.p)
     f = np.array(values).ravel()
-    f[place] -= offset
+    f[index] -= offset
     return f, B
 
 
 def _velocity(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> Floats:
     B, b = numeric.rows(start.t, start.q, start.v, start.p)
     wanted = np.array(b).ravel()
-    wanted[row.place] += row.rate / k
+    wanted[row.index] += row.rate / k
     return projection.velocity(start.v, B, wanted, initial.metric_at(numeric, start))
 
 
-def frequency(numeric: NumericSystem, start: State, place: int) -> float:
+def frequency(numeric: NumericSystem, start: State, index: int) -> float:
     """omega/sqrt(k) of the swing of the row: B_i P B_i^T, with P the inverse of M on what the other rows leave free."""
     B = numeric.rows(start.t, start.q, start.v, start.p)[0]
     dense = np.array(MetricRows(B, _metric(numeric, start)).dense)
     lengths = LocalRows(_metric(numeric, start).whitened(B)).norms
-    others = np.delete(dense, place, axis=0)
-    own = dense[place] * lengths[place]
+    others = np.delete(dense, index, axis=0)
+    own = dense[index] * lengths[index]
     if others.size:
         own = own - others.T @ np.linalg.lstsq(others.T, own, rcond=None)[0]
     return float(np.linalg.norm(own))

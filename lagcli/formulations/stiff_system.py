@@ -62,14 +62,14 @@ def build(stiff: nouns.Model, row: str, grows: bool) -> system.System:
     def restated(
         env: Environment, constraints: ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[ConstraintRows, energy.Dynamics]:
-        place = [one.name for one in constraints.rows].index(row)
+        index = [one.name for one in constraints.rows].index(row)
         k, growth, since = (_parameter(env, name) for name in (STIFFNESS, GROWTH, SINCE))
         if grows:
             k = k * ca.exp(growth * (env.t - since))
-        f, B, f_t = constraints.f[place], constraints.B[place, :], constraints.b[place]
+        f, B, f_t = constraints.f[index], constraints.B[index, :], constraints.b[index]
         V = k * f**2 / 2
         by_time = k * f * f_t + (growth * V if grows else 0)
-        return _without(constraints, place), dataclasses.replace(
+        return _without(constraints, index), dataclasses.replace(
             dynamics,
             h=ca.densify(dynamics.h - k * f * B.T),
             potential=dynamics.potential + V,
@@ -88,9 +88,9 @@ def _parameter(env: Environment, name: str) -> ca.SX:
     return value
 
 
-def _without(constraints: ConstraintRows, place: int) -> ConstraintRows:
+def _without(constraints: ConstraintRows, index: int) -> ConstraintRows:
     """The rows but one, a holonomic one."""
-    rest = [i for i in range(len(constraints.rows)) if i != place]
+    rest = [i for i in range(len(constraints.rows)) if i != index]
     holonomic = [i for i in rest if i < constraints.f.numel()]
     rows = tuple(constraints.rows[i] for i in rest)
     if not rest:
@@ -102,15 +102,15 @@ def _without(constraints: ConstraintRows, place: int) -> ConstraintRows:
     )
 
 
-def has_cut(built: system.System, place: int) -> bool:
+def has_cut(built: system.System, index: int) -> bool:
     """True if f of a row has the cut of an angle, across which its potential would jump."""
     if built.cuts is None:
         return False
-    return bool(ca.depends_on(built.f[place], built.cuts.references))
+    return bool(ca.depends_on(built.f[index], built.cuts.references))
 
 
 def multiplier_rate(
-    solved: ca.Function, at: tuple[float, Floats, Floats, Floats], place: int
+    solved: ca.Function, at: tuple[float, Floats, Floats, Floats], index: int
 ) -> tuple[float, float]:
     """lambda of a row and its rate along the motion, at t, q, v (n,) with parameters p.
 
@@ -121,19 +121,19 @@ def multiplier_rate(
     time, state, numbers = (ca.MX.sym(name, size) for name, size in (("t", 1), ("y", y.size), ("p", p.size)))
     y_dot, lam = solved(time, state, numbers)
     where = ca.vertcat(time, state)
-    rate = ca.jtimes(lam[place], where, ca.vertcat(1, y_dot))
-    values = ca.Function("rate", [time, state, numbers], [lam[place], rate])(t, y, p)
+    rate = ca.jtimes(lam[index], where, ca.vertcat(1, y_dot))
+    values = ca.Function("rate", [time, state, numbers], [lam[index], rate])(t, y, p)
     return float(values[0]), float(values[1])
 
 
-def stretch(built: system.System, place: int) -> ca.Function:
+def stretch(built: system.System, index: int) -> ca.Function:
     """stretch(t, q, p) -> f of a row, also of many states side by side."""
     symbols = built.symbols
-    return ca.Function("stretch", [symbols.t, symbols.q, built.p], [built.rows.f[place]])
+    return ca.Function("stretch", [symbols.t, symbols.q, built.p], [built.rows.f[index]])
 
 
-def size_of_terms(built: system.System, place: int, start: State) -> float:
+def size_of_terms(built: system.System, index: int, start: State) -> float:
     """sum |B_i q_i| of a row at a state: the size of the terms of f, of which rounding is a part."""
     symbols = built.symbols
-    terms = ca.dot(ca.fabs(ca.densify(built.rows.B[place, :]).T), ca.fabs(symbols.q))
+    terms = ca.dot(ca.fabs(ca.densify(built.rows.B[index, :]).T), ca.fabs(symbols.q))
     return float(ca.Function("terms", [symbols.t, symbols.q, built.p], [terms])(start.t, start.q, start.p))

@@ -60,8 +60,8 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
     """The model with a further coordinate for each differential row, and the outputs and events that are left out."""
     declared = system.started_at(built.model, start.q, start.v)
     names = tuple(column(row.name) for row in built.rows.rows[built.holonomic_count :])
-    places = np.arange(len(names), dtype=np.int64)
-    members = family.Family(FURTHER, names, tuple((i,) for i in places.tolist()), {"i": places})
+    numbers = np.arange(len(names), dtype=np.int64)
+    members = family.Family(FURTHER, names, tuple((i,) for i in numbers.tolist()), {"i": numbers})
     where = built.rows.rows[-1].location
     carriers = nouns.Coordinate(members, np.zeros(len(names)), start.mu, where)
     outputs, events, gone = _readable(declared)
@@ -127,9 +127,9 @@ def _mu_rate(
     right = gamma - B @ inertia((dynamics.h + G)[:n])
     lam = solvers.solver(S)(ca.densify(right))
     mu_rate = ca.SX.zeros(len(constraints.rows) - s)
-    for place, row in enumerate(chosen):
+    for index, row in enumerate(chosen):
         if row >= s:
-            mu_rate[row - s] = -lam[place]
+            mu_rate[row - s] = -lam[index]
     return S, mu_rate
 
 
@@ -150,12 +150,12 @@ def _with_whole_reaction(found: system.System, G: ca.SX) -> system.System:
     """The system with R = m a - F, the force of both lambda and mu, in place of the part of lambda alone."""
     Q_R = ca.densify(found.Q_R + G)
     R, first = ca.SX(found.R), 0
-    place = 0
+    offset = 0
     for particle in found.model.particles:
         count = 3 * particle.members.count
         if not particle.is_dependent:
-            R[first : first + count] = Q_R[place : place + count]
-            place += count
+            R[first : first + count] = Q_R[offset : offset + count]
+            offset += count
         first += count
     return dataclasses.replace(found, Q_R=Q_R, R=ca.densify(R))
 
@@ -223,12 +223,12 @@ def _asks(call: tree.Call, without: set[str]) -> bool:
 def table(
     columns: Sequence[str], declared: nouns.Model, differential: Sequence[rows.Row]
 ) -> tuple[list[str], list[int]]:
-    """The columns of the table of the motion and their places in that of the run with further coordinates."""
+    """The columns of the table of the motion and their indices in that of the run with further coordinates."""
     names = [row.name for row in differential]
     own = {f"lambda.{name}" for name in names}
     own |= {part for name in names for part in (column(name), f"rate({column(name)})", f"R.{column(name)}")}
-    places = {name: i for i, name in enumerate(columns)}
-    mu = [places[f"rate({column(name)})"] for name in names]
+    indices = {name: i for i, name in enumerate(columns)}
+    mu = [indices[f"rate({column(name)})"] for name in names]
     independent = [i for i, name in enumerate(columns) if name not in own]
     first = next(
         (k for k, i in enumerate(independent) if columns[i].startswith("R.") or columns[i] == "energy"),

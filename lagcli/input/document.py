@@ -223,7 +223,7 @@ class _Document:
         return self._scope.names.settle(key)
 
     def _coordinate(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Coordinate | None:
-        self._scope.names.define(name.value, lambda: namespace.PLACE)
+        self._scope.names.define(name.value, lambda: namespace.POSITION)
         formulas = self._formulas_of("coordinates", name)
         return None if formulas is None else entries.coordinate(formulas, name, node)
 

@@ -113,8 +113,8 @@ class ParticleReader:
         self._formulas = formulas
         self._name = name
         self._fields = fields(formulas, node, keys.FORMAT.key("particles")) or {}
-        place = self._fields.get("position")
-        self._position = None if place is None else formulas.vector_expression(place)
+        position_node = self._fields.get("position")
+        self._position = None if position_node is None else formulas.vector_expression(position_node)
         self._facts: tuple[facts.Facts, facts.Facts, facts.Facts] | None = None
 
     @property
@@ -127,7 +127,7 @@ class ParticleReader:
         """Facts of the position as others see it: coordinates of its own, or functions of q and t."""
         if self._position is not None:
             self._facts = self._formulas.vector_facts(
-                self._position, facts.PLACE, "the position of a particle"
+                self._position, facts.POSITION_OR_TIME, "the position of a particle"
             )
         if self._facts is None:
             # What is wrong has been reported; what others say about this particle can still be checked.
@@ -161,11 +161,15 @@ class ParticleReader:
 
     def _keeps_kind(self, dependent: bool, file_position: yaml_tree.AnyNode | None) -> bool:
         """True if a changed position is still an initial value, or still a function; else it is refused."""
-        place = self._fields.get("position")
-        if place is None or file_position is None or place is file_position:
+        position_node = self._fields.get("position")
+        if position_node is None or file_position is None or position_node is file_position:
             return True
         before = self._formulas.silent().vector_expression(file_position)
-        found = self._formulas.silent().vector_facts(before, facts.PLACE, "") if before is not None else None
+        found = (
+            self._formulas.silent().vector_facts(before, facts.POSITION_OR_TIME, "")
+            if before is not None
+            else None
+        )
         if found is None or bool(scope.reads(found)) == dependent:
             return True
         if dependent:
@@ -174,8 +178,8 @@ class ParticleReader:
             message = (
                 "the position of this particle is a function of coordinates or time, not an initial value"
             )
-        items = place.items if isinstance(place, yaml_tree.Sequence) else ()
-        changed = next((item for item in items if item.text is not file_position.text), place)
+        items = position_node.items if isinstance(position_node, yaml_tree.Sequence) else ()
+        changed = next((item for item in items if item.text is not file_position.text), position_node)
         self._formulas.report(changed, "not-an-initial-value", message, "change the file instead")
         return False
 

@@ -51,7 +51,7 @@ class EntryNames:
     def take_constraint_names(self, entries: Entries) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`; so have forces, and events."""
         taken: dict[str, tuple[str, bool]] = {}
-        # Impulses of a constraint `x` stand beside the places of a particle of this name.
+        # Impulses of a constraint `x` stand beside the positions of a particle of this name.
         axes = {"x", "y", "z"} if any(name.value == "impulse" for name, _ in entries("particles")) else set()
         for section in (*CONSTRAINTS, "forces", "events"):
             for name, value in entries(section):

@@ -137,8 +137,8 @@ class _Members:
             if unit.entry is None:
                 steps.append(unit.name)
             else:
-                places = sorted(place for n, place in nodes if n == number)
-                steps.append(Batch(unit.entry, np.array(places, dtype=np.int64)))
+                numbers = sorted(member for n, member in nodes if n == number)
+                steps.append(Batch(unit.entry, np.array(numbers, dtype=np.int64)))
         return steps
 
     def _references(self, number: int, group: set[int]) -> list[tuple[Node, set[Node]]]:
@@ -171,9 +171,9 @@ class _Members:
         return []
 
     def _report(self, node: Node) -> None:
-        number, place = node
+        number, member = node
         unit = self._units[number]
         entry = self._particles[unit.entry] if unit.entry is not None else None
-        name = unit.name if entry is None else entry.members.names[place]
+        name = unit.name if entry is None else entry.members.names[member]
         error = ExpressionError("circular", f"`{name}` depends on itself", 0, len(unit.parts[0].text))
         self._formulas.trouble(unit.parts[0].origin, error)

@@ -159,8 +159,8 @@ class Reader:
         except ExpressionError as error:
             self._formulas.within(family.family("", (), variables)).trouble(node, error)
             return None
-        places = np.flatnonzero(np.broadcast_to(kept, count))
-        return {name: values[places] for name, values in variables.items()}, places.size
+        chosen = np.flatnonzero(np.broadcast_to(kept, count))
+        return {name: values[chosen] for name, values in variables.items()}, chosen.size
 
     def _named(
         self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Integers], count: int

@@ -11,13 +11,13 @@ from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import Either, Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import scope
-from lagcli.input.namespace import PLACE, Kind
+from lagcli.input.namespace import POSITION, Kind
 from lagcli.input.overrides import OverrideError
 from lagcli.input.scalars import Formulas
 from lagcli.model import model as nouns
 from lagcli.model.family import Family
 
-PLACES = facts.POSITION - {"time"}
+POSITIONS = facts.POSITION - {"time"}
 
 
 def number(model: nouns.Model, label: str, value: object) -> float:
@@ -68,7 +68,7 @@ def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:
     node = yaml_tree.scalar(text, label)
     formulas = Formulas(names, found)
     expression = formulas.parse(node, parser.parse)
-    value = None if expression is None else formulas.facts(expression, PLACES, "this function")
+    value = None if expression is None else formulas.facts(expression, POSITIONS, "this function")
     if value is not None and value.value is not None:
         raise ValueError("of: it is a constant, for which every point is stationary")
     found.raise_errors()
@@ -88,10 +88,10 @@ def _scope(model: nouns.Model, found: diagnostics.Collector) -> scope.Scope:
         names.settle(parameter.name)
     for coordinate in model.coordinates:
         key = _declared(whole, coordinate.members, "coordinate")
-        names.define(key, functools.partial(_same, PLACE))
+        names.define(key, functools.partial(_same, POSITION))
     for particle in model.particles:
         key = _declared(whole, particle.members, "particle")
-        part = PLACE if particle.is_dependent else Facts(None, frozenset(("position", "cartesian")))
+        part = POSITION if particle.is_dependent else Facts(None, frozenset(("position", "cartesian")))
         names.define(key, functools.partial(_same, (part, part, part)))
     formulas = Formulas(whole, found)
     for definition in model.definitions:

@@ -87,7 +87,7 @@ class Indexed:
             least, most = roll.ends(base)
             hint = f"the members go from `{family.name(base, least)}` to `{family.name(base, most)}`"
             message = f"there is no member `{family.name(base, missing.indices)}`"
-            place = missing.place if any(not isinstance(index, int) for index in indices) else None
+            member = missing.position if any(not isinstance(index, int) for index in indices) else None
             raise ExpressionError(
-                "no-such-member", message, node.start, node.end, hint, place=place
+                "no-such-member", message, node.start, node.end, hint, member=member
             ) from None

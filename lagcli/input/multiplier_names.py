@@ -82,8 +82,8 @@ class LawNames:
             hint = diagnostics.nearest(name, self._laws)
             if not hint and self._laws:
                 hint = "the constraints are " + diagnostics.listed(self._laws)
-            place = "as its second argument " if "," in call else ""
-            message = f"`{call}` takes {place}the name of a constraint"
+            where = "as its second argument " if "," in call else ""
+            message = f"`{call}` takes {where}the name of a constraint"
             raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         if not law.shapes:
             return name, set()

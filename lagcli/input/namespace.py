@@ -22,7 +22,7 @@ Kind = Literal["parameter", "coordinate", "particle", "definition", "output"]
 RESERVED = ("t", "dt", "pi", "kinetic", "potential")
 NOT_FOR_COLUMNS = ("all", "lambda", "R", "energy", "err")
 
-PLACE = Facts(None, frozenset(("position",)))
+POSITION = Facts(None, frozenset(("position",)))
 NUMBERED: tuple[Kind, ...] = ("particle", "coordinate", "output")
 
 BROKEN = ""  # the code of an error that follows from one already reported
@@ -161,7 +161,7 @@ class Namespace:
         if entry.value is None:
             if entry.searching:
                 if entry.is_family and entry.kind == "particle":
-                    return (PLACE,) * 3
+                    return (POSITION,) * 3
                 message = f"`{name}` depends on itself"
                 raise ExpressionError("circular", message, node.start, node.end)
             self._settle(key)

@@ -113,9 +113,9 @@ def _apply(root: yaml_tree.Mapping, name: str, value: yaml_tree.AnyNode) -> yaml
 
 
 def _set_field(
-    root: yaml_tree.Mapping, name: str, place: tuple[str, str, str], value: yaml_tree.AnyNode
+    root: yaml_tree.Mapping, name: str, path: tuple[str, str, str], value: yaml_tree.AnyNode
 ) -> yaml_tree.Mapping:
-    section, owner, field = place
+    section, owner, field = path
     entries = root.get(section)
     entry = entries.get(owner) if isinstance(entries, yaml_tree.Mapping) else None
     if entry is None or not isinstance(entries, yaml_tree.Mapping):
@@ -153,7 +153,7 @@ def _set_component(
 
 
 def _with(mapping: yaml_tree.Mapping, key: str, value: yaml_tree.AnyNode) -> yaml_tree.Mapping:
-    """The mapping with `value` under `key`, in its old place or at the end."""
+    """The mapping with `value` under `key`, at its old position or at the end."""
     if mapping.get(key) is None:
         entries = (*mapping.entries, (yaml_tree.scalar(key, "--set"), value))
     else:

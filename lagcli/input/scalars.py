@@ -94,17 +94,17 @@ class Formulas:
             hint = yaml_tree.QUOTES if origin.is_torn else error.hint
             if error.code == "unknown-function" and self._is_declared(origin.value[error.start : error.end]):
                 hint = messages.AT_A_TIME
-            message = error.message + self.where(error.place)
+            message = error.message + self.where(error.member)
             self.found.add(diagnostics.Diagnostic(error.code, message, location, hint))
 
     def _is_declared(self, name: str) -> bool:
         return self.scope.names.kind(name) is not None
 
-    def where(self, place: int | None) -> str:
+    def where(self, member: int | None) -> str:
         """The end of a sentence about one member of a family, the first it is true of."""
-        if place is None or not self.members.variables:
+        if member is None or not self.members.variables:
             return ""
-        return f" (first where {self.members.at(place)})"
+        return f" (first where {self.members.at(member)})"
 
     def parse(self, node: yaml_tree.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
         """The expression written in `node`."""

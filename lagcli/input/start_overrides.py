@@ -21,11 +21,11 @@ def coordinates(
     """The coordinates with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
     changed = list(read)
     for change in changes:
-        entry, place = _place(formulas, change, "coordinate")
+        entry, member = _member(formulas, change, "coordinate")
         found = formulas.constant(change.value, f"the initial {change.field} of a coordinate")
         if found is not None:
             values = getattr(changed[entry], change.field).copy()
-            values[place] = found
+            values[member] = found
             changed[entry] = dataclasses.replace(changed[entry], **{change.field: values})
     return tuple(changed)
 
@@ -36,7 +36,7 @@ def particles(
     """The particles with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
     changed = list(read)
     for change in changes:
-        entry, place = _place(formulas, change, "particle")
+        entry, member = _member(formulas, change, "particle")
         particle = changed[entry]
         if particle.start is None:
             message = (
@@ -48,16 +48,16 @@ def particles(
         subject = f"an initial {change.field}"
         if change.axis is not None:
             found = formulas.constant(change.value, subject)
-            values[place, change.axis] = 0.0 if found is None else found
+            values[member, change.axis] = 0.0 if found is None else found
         else:
             vectors = formulas.constant_vectors(change.value, subject)
-            values[place] = 0.0 if vectors is None else vectors[0]
+            values[member] = 0.0 if vectors is None else vectors[0]
         changed[entry] = dataclasses.replace(particle, **{_FIELDS[change.field]: values})
     return tuple(changed)
 
 
-def _place(formulas: Formulas, change: OfMember, kind: namespace.Kind) -> tuple[int, int]:
-    """The entry of a member, and its place in it. Raises `OverrideError` where there is none."""
+def _member(formulas: Formulas, change: OfMember, kind: namespace.Kind) -> tuple[int, int]:
+    """The entry of a member, and its number in it. Raises `OverrideError` where there is none."""
     try:
         written = parser.parse_reference(change.owner)
         assert isinstance(written, tree.Index)

@@ -117,7 +117,7 @@ def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
 
 
 def joined(first: Selection, others: Iterable[Selection]) -> Selection:
-    """A selection with the dependencies of others too, which keep the same rows: at one place a weight may vanish."""
+    """A selection with the dependencies of others too, which keep the same rows: at one point a weight may vanish."""
     dependencies = [set(dependency[1:]) for dependency in first.dependencies]
     for other in others:
         for dependency, more in zip(dependencies, other.dependencies, strict=True):

@@ -15,7 +15,7 @@ from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Places = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 
 # M is clearly definite where its smallest eigenvalue is this many times what rounding may leave of a singular one.
 CLEARLY = 10.0
@@ -46,9 +46,9 @@ class Metric:
         if n and not diagonal[worst] > 0:
             raise NotDefiniteError(worst, float(diagonal[worst]))
         # Where each free coordinate stands among them, and the lengths of those that are coupled to no other.
-        self._place = np.cumsum(self._free) - 1
+        self._index = np.cumsum(self._free) - 1
         self._lengths = np.sqrt(diagonal)
-        self._blocks = [] if is_plain else _blocks(M, self._free, self._place)
+        self._blocks = [] if is_plain else _blocks(M, self._free, self._index)
 
     @classmethod
     def unit(cls, n: int, fixed: Flags | None = None) -> Metric:
@@ -75,7 +75,7 @@ class Metric:
         """B M^-1/2 where coordinates are coupled: entries of a block fill it in the rows that touch it."""
         number = np.full(scale.size, -1)
         for i, block in enumerate(self._blocks):
-            number[block.places] = i
+            number[block.indices] = i
         of = number[entries.column]
         order = np.argsort(of, kind="stable")
         ends = np.searchsorted(of[order], np.arange(len(self._blocks) + 1))
@@ -92,7 +92,7 @@ class Metric:
         """M^-1/2 u (n,) for u (free,); zero where a coordinate is held."""
         moved = u / self._lengths[self._free]
         for block in self._blocks:
-            moved[block.places] = np.linalg.solve(block.lower.T, u[block.places])
+            moved[block.indices] = np.linalg.solve(block.lower.T, u[block.indices])
         step = np.zeros(self._free.size)
         step[self._free] = moved
         return step
@@ -102,8 +102,8 @@ class Metric:
         free = force[self._free]
         moved = free / self._lengths[self._free] ** 2
         for block in self._blocks:
-            inner = np.linalg.solve(block.lower, free[block.places])
-            moved[block.places] = np.linalg.solve(block.lower.T, inner)
+            inner = np.linalg.solve(block.lower, free[block.indices])
+            moved[block.indices] = np.linalg.solve(block.lower.T, inner)
         found = np.zeros(self._free.size)
         found[self._free] = moved
         return found
@@ -122,29 +122,29 @@ class Metric:
 class _Entries:
     """Entries of a sparse matrix, all (z,)."""
 
-    row: Places
-    column: Places
+    row: Indices
+    column: Indices
     value: Floats
 
-    def taken(self, places: Places) -> _Entries:
+    def taken(self, indices: Indices) -> _Entries:
         """Some of them."""
-        return _Entries(self.row[places], self.column[places], self.value[places])
+        return _Entries(self.row[indices], self.column[indices], self.value[indices])
 
 
 @frozen
 class _MassBlock:
-    """Free coordinates that are coupled, by their places (k,), and the lower factor of M over them (k, k)."""
+    """Free coordinates that are coupled, by their indices (k,), and the lower factor of M over them (k, k)."""
 
-    places: Places
+    indices: Indices
     lower: Floats
 
     def whitened(self, entries: _Entries) -> _Entries:
         """Entries of rows over these coordinates, times M^-1/2."""
         rows, here = np.unique(entries.row, return_inverse=True)
-        dense = np.zeros((rows.size, self.places.size))
-        dense[here, np.searchsorted(self.places, entries.column)] = entries.value
+        dense = np.zeros((rows.size, self.indices.size))
+        dense[here, np.searchsorted(self.indices, entries.column)] = entries.value
         turned = np.asarray(np.linalg.solve(self.lower, dense.T).T, dtype=float)
-        return _Entries(np.repeat(rows, self.places.size), np.tile(self.places, rows.size), turned.ravel())
+        return _Entries(np.repeat(rows, self.indices.size), np.tile(self.indices, rows.size), turned.ravel())
 
 
 def _require_finite(M: ca.DM) -> None:
@@ -154,7 +154,7 @@ def _require_finite(M: ca.DM) -> None:
         raise NotDefiniteError(int(rows[~np.isfinite(values)].min()), float("nan"))
 
 
-def _blocks(M: ca.DM, free: Flags, place: Places) -> list[_MassBlock]:
+def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:
     """Coordinates that are coupled with others, set by set: a model of many bodies has as many small sets.
 
     Raises `NotDefiniteError` for the set that shows it most.
@@ -176,7 +176,7 @@ def _blocks(M: ca.DM, free: Flags, place: Places) -> list[_MassBlock]:
         independent = free[among]
         if independent.any():
             lower = np.asarray(np.linalg.cholesky(whole[np.ix_(independent, independent)]), dtype=float)
-            found.append(_MassBlock(place[among[independent]], lower))
+            found.append(_MassBlock(index[among[independent]], lower))
     if worst is not None:
         raise worst
     return found

@@ -198,17 +198,17 @@ def _independent(columns: Floats) -> Floats:
 
 
 def _tidy_basis(rows: Complex) -> Complex:
-    """A basis (k, n) of the same space in which each row is alone at the place of its largest entry."""
+    """A basis (k, n) of the same space in which each row is alone in the column of its largest entry."""
     rows = rows.copy()
     if len(rows) > 1:
         for k in range(len(rows)):
             lengths = np.linalg.norm(rows[k:], axis=0)
-            place = int(np.argmax(lengths >= (1 - 1e-6) * lengths.max()))
-            best = k + int(np.argmax(np.abs(rows[k:, place])))
+            column = int(np.argmax(lengths >= (1 - 1e-6) * lengths.max()))
+            best = k + int(np.argmax(np.abs(rows[k:, column])))
             rows[[k, best]] = rows[[best, k]]
-            rows[k] /= rows[k, place]
+            rows[k] /= rows[k, column]
             others = np.arange(len(rows)) != k
-            rows[others] -= rows[others, place][:, None] * rows[k]
+            rows[others] -= rows[others, column][:, None] * rows[k]
     found = [_normalized(row) for row in rows]
     found.sort(key=lambda row: int(np.argmax(np.abs(row) >= 1 - EQUAL)))
     return np.array(found).reshape(rows.shape)

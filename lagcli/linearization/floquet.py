@@ -1,7 +1,7 @@
 """The period of a motion, and the multipliers of deviations over it (Floquet).
 
-Two instants are the same where velocities and all entries of the linear equations are: places may have moved on, as an
-angle does that has turned once.
+Two instants are the same where velocities and all entries of the linear equations are: positions may have moved on, as
+an angle does that has turned once.
 
 Deviations are carried along by the equations of motion and their exact derivatives, integrated together; the rows
 hold them at the start and, as the equations keep the rows, ever after.
@@ -165,10 +165,10 @@ def _tangent(linear: Linear, T: float) -> Floats:
     B, A, D, D_holonomic = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_holonomic))
     h, n = D_holonomic.shape
     nothing = np.zeros_like(B)
-    places = np.hstack([B, nothing])
+    positions = np.hstack([B, nothing])
     speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[:h], A]) / T])
-    basis = freedoms.null_basis(freedoms.unit(np.vstack([places, speeds])))
-    # In units of T speeds are of the size of places.
+    basis = freedoms.null_basis(freedoms.unit(np.vstack([positions, speeds])))
+    # In units of T speeds are of the size of positions.
     basis[n:] /= T
     basis, _ = np.linalg.qr(basis)
     return np.asarray(basis)

@@ -123,11 +123,11 @@ def _differential(A: Floats, D: Floats) -> tuple[Floats, Floats]:
 
 def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats:
     """An orthonormal basis (n, c) of L^T dq for the dq of cyclic coordinates alone that B leaves free."""
-    places = np.flatnonzero(cyclic)
-    if not places.size:
+    columns = np.flatnonzero(cyclic)
+    if not columns.size:
         return np.zeros((L.shape[0], 0))
-    free = null_basis(unit(B[:, places]))
-    basis, _ = np.linalg.qr(L.T[:, places] @ free)
+    free = null_basis(unit(B[:, columns]))
+    basis, _ = np.linalg.qr(L.T[:, columns] @ free)
     return np.asarray(basis)
 
 

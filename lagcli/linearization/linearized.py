@@ -99,12 +99,12 @@ class Linear:
 
     @cached_property
     def D(self) -> sparse.csc_array:
-        """The differential rows by the places."""
+        """The differential rows by the positions."""
         return _sparse(self.matrices.D)
 
     @cached_property
     def D_holonomic(self) -> sparse.csc_array:
-        """The gradient of the rates of the holonomic rows by the places."""
+        """The gradient of the rates of the holonomic rows by the positions."""
         return _sparse(self.matrices.D_holonomic)
 
     @cached_property
@@ -174,7 +174,7 @@ class LinearizedFunctions:
         return np.concatenate([np.zeros(0), *(part.nonzeros() for part in found[:7])])
 
     def keeps_energy(self, here: Reference) -> bool:
-        """True if the forces have a potential as they are written, and no force, place or row knows the time.
+        """True if the forces have a potential as they are written, and no force, position or row knows the time.
 
         What is zero as a function is so at points around that lie in no order.
         """

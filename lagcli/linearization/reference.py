@@ -21,7 +21,7 @@ Kind = Literal["equilibrium", "steady", "varying"]
 # What is left of forces in balance, as a part of the largest: at 1e-10 and at 1e-12
 # `test_forces_balance_where_a_part_of_rounding_is_left` fails.
 BALANCED = 1e-11
-# The same along a path, where places have roundings of their own; entries of matrices that stay the same.
+# The same along a path, where positions have roundings of their own; entries of matrices that stay the same.
 PATH_ROUNDOFF, SAME = 1e-9, 1e-9
 # Speeds that would lead no farther than this part of the configuration in the time of the run are none: at 1e-13
 # `test_what_leads_nowhere_in_the_time_of_the_run_is_at_rest` of `tests/unit/test_numbers_of_linear_equations.py` fails.

@@ -31,13 +31,13 @@ class Family:
         """K."""
         return len(self.names)
 
-    def taken(self, places: Integers) -> dict[str, Integers]:
+    def taken(self, numbers: Integers) -> dict[str, Integers]:
         """The index variables at some of the members."""
-        return {name: values[places] for name, values in self.variables.items()}
+        return {name: values[numbers] for name, values in self.variables.items()}
 
-    def at(self, place: int) -> str:
+    def at(self, number: int) -> str:
         """The values of the index variables at a member, such as `i = 3, j = 4`."""
-        return ", ".join(f"{name} = {values[place]}" for name, values in self.variables.items())
+        return ", ".join(f"{name} = {values[number]}" for name, values in self.variables.items())
 
 
 def one(name: str) -> Family:
@@ -47,7 +47,7 @@ def one(name: str) -> Family:
 
 def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Integers]) -> Family:
     """The members with these indices."""
-    return Family(base, tuple(name(base, place) for place in indices), tuple(indices), variables)
+    return Family(base, tuple(name(base, index) for index in indices), tuple(indices), variables)
 
 
 def name(base: str, indices: Iterable[int]) -> str:
@@ -56,11 +56,11 @@ def name(base: str, indices: Iterable[int]) -> str:
 
 
 class MissingMember(LookupError):
-    """There is no member of these indices; `place` is the first of several that were looked for."""
+    """There is no member of these indices; `position` is the first of several that were looked for."""
 
-    def __init__(self, indices: Indices, place: int) -> None:
+    def __init__(self, indices: Indices, position: int) -> None:
         super().__init__(indices)
-        self.indices, self.place = indices, place
+        self.indices, self.position = indices, position
 
 
 class MemberIndex:
@@ -111,11 +111,11 @@ class MemberIndex:
         known = self._numbers[base]
         vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in indices)) if indices else ()
         wanted = list(zip(*(v.tolist() for v in vectors), strict=True)) if indices else [()]
-        numbers = np.array([known.get(place, -1) for place in wanted], dtype=np.int64)
+        numbers = np.array([known.get(index, -1) for index in wanted], dtype=np.int64)
         missing = np.flatnonzero(numbers < 0)
         if len(missing):
-            place = int(missing[0])
-            raise MissingMember(wanted[place], place)
+            position = int(missing[0])
+            raise MissingMember(wanted[position], position)
         return numbers
 
     def entries(self, numbers: Integers) -> Integers:

@@ -44,7 +44,7 @@ class Expression:
 
     @property
     def location(self) -> diagnostics.Location:
-        """The place of the expression."""
+        """The location of the expression."""
         return self.origin.location
 
 
@@ -56,7 +56,7 @@ class VectorExpression:
 
     @property
     def location(self) -> diagnostics.Location:
-        """The place at which it begins."""
+        """The location at which it begins."""
         return self.parts[0].location
 
 
@@ -272,10 +272,10 @@ class Simulation:
 
 @frozen
 class Batch:
-    """Members (by their places) of the particle entry number `entry`, to be evaluated together."""
+    """Members (by their numbers) of the particle entry number `entry`, to be evaluated together."""
 
     entry: int
-    places: Integers
+    member_numbers: Integers
 
 
 # What expressions know without a declaration. A file that declares `deg` has its own instead; `pi` is reserved.
@@ -412,7 +412,7 @@ class Model:
         return (*(f"{name}.{axis}" for name in cartesian for axis in "xyz"), *self.generalized_names)
 
     def location(self, coordinate: str) -> diagnostics.Location:
-        """The place at which one of `coordinate_names` was declared."""
+        """The location at which one of `coordinate_names` was declared."""
         for entry in self.coordinates:
             if coordinate in entry.members.names:
                 return entry.location

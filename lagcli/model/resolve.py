@@ -49,8 +49,8 @@ class ModelNames:
         if not isinstance(node, tree.Index):
             return [node.name if isinstance(node, tree.Name) else node.owner]
         vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in self._indices(node, variables)))
-        places = zip(*(vector.tolist() for vector in vectors), strict=True)
-        return [family.name(node.owner, place) for place in places]
+        indices = zip(*(vector.tolist() for vector in vectors), strict=True)
+        return [family.name(node.owner, index) for index in indices]
 
     def _indices(self, node: tree.Index, variables: Variables) -> list[int | Integers]:
         def lookup(name: tree.Name) -> float | Integers:

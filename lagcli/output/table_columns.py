@@ -25,17 +25,17 @@ STATES = 8  # of each block of rows, at which forces and inertia are looked at
 
 
 class States:
-    """The places of t, q and v in the rows of a table with all `columns` of a model."""
+    """The indices of t, q and v in the rows of a table with all `columns` of a model."""
 
     def __init__(self, model: Model, columns: Sequence[str]) -> None:
-        places = {name: i for i, name in enumerate(columns)}
+        indices = {name: i for i, name in enumerate(columns)}
         cartesian = [name for p in model.particles if not p.is_dependent for name in p.members.names]
         q = [f"{name}.{axis}" for name in cartesian for axis in "xyz"]
         v = [f"{name}.v{axis}" for name in cartesian for axis in "xyz"]
         generalized = model.generalized_names
-        self._t = places["t"]
-        self._q = [places[name] for name in (*q, *generalized)]
-        self._v = [places[name] for name in (*v, *(f"rate({name})" for name in generalized))]
+        self._t = indices["t"]
+        self._q = [indices[name] for name in (*q, *generalized)]
+        self._v = [indices[name] for name in (*v, *(f"rate({name})" for name in generalized))]
 
     def __call__(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
         """t (k,), q (k, n) and v (k, n) of rows (k, columns)."""
@@ -69,17 +69,17 @@ class Floors:
     def __init__(self, system: System, numeric: NumericSystem, p: Floats, columns: Sequence[str]) -> None:
         model = system.model
         self._numeric, self._p, self._states = numeric, p, States(model, columns)
-        places = {name: i for i, name in enumerate(columns)}
-        self._lam = [places[f"lambda.{row.name}"] for row in system.rows.rows]
+        indices = {name: i for i, name in enumerate(columns)}
+        self._lam = [indices[f"lambda.{row.name}"] for row in system.rows.rows]
         names = model.coordinate_names
         generalized = set(model.generalized_names)
-        self._R = [places[f"R.{name}"] for name in names]
-        self._v = [places[f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}"] for n in names]
+        self._R = [indices[f"R.{name}"] for name in names]
+        self._v = [indices[f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}"] for n in names]
         dependent = [(k, n) for k, n in enumerate(model.particle_names) if f"{n}.x" not in set(names)]
-        self._dependent = [(k, places[f"R.{name}.{axis}"]) for k, name in dependent for axis in "xyz"]
+        self._dependent = [(k, indices[f"R.{name}.{axis}"]) for k, name in dependent for axis in "xyz"]
         self._masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
         n = len(names)
-        self._force = self._motion = self._place = 0.0
+        self._force = self._motion = self._extent = 0.0
         self._inertia, self._lengths = np.zeros(n), np.full(len(self._lam), np.inf)
         self._largest = np.zeros(len(columns))
         self._times = (np.inf, -np.inf)
@@ -107,16 +107,16 @@ class Floors:
         parts = [h, h + reaction]
         lengths = np.sqrt(np.bincount(B.row, weights=(B.values / root[B.column]) ** 2, minlength=lam.size))
         forces = [float(np.linalg.norm(part / root)) for part in parts] + np.abs(lam * lengths).tolist()
-        moving, place = float(np.linalg.norm(v * root)), float(np.linalg.norm(q * root))
+        moving, extent = float(np.linalg.norm(v * root)), float(np.linalg.norm(q * root))
         self._force = max(self._force, *forces)
-        self._motion, self._place = max(self._motion, moving), max(self._place, place)
+        self._motion, self._extent = max(self._motion, moving), max(self._extent, extent)
         self._inertia = np.maximum(self._inertia, root)
         self._lengths = np.minimum(self._lengths, np.where(lengths > 0, lengths, np.inf))
         self._times = min(self._times[0], float(t)), max(self._times[1], float(t))
 
     def floors(self) -> Floats:
         """The floor of each column (columns,), 0 where there is none."""
-        curved = self._motion**2 / self._place if self._place else 0.0
+        curved = self._motion**2 / self._extent if self._extent else 0.0
         G, found = max(self._force, curved), np.zeros(self._largest.size)
         lasting = max(0.0, self._times[1] - self._times[0])
         found[self._lam] = np.where(np.isfinite(self._lengths), FORCE_ROUNDOFF * G / self._lengths, 0.0)
@@ -124,13 +124,13 @@ class Floors:
         with np.errstate(divide="ignore"):
             speed = FORCE_ROUNDOFF * (self._motion + G * lasting) / self._inertia
         found[self._v] = np.where(self._inertia > 0, speed, 0.0)
-        for k, place in self._dependent:
-            found[place] = FORCE_ROUNDOFF * G * np.sqrt(self._masses[k])
+        for k, extent in self._dependent:
+            found[extent] = FORCE_ROUNDOFF * G * np.sqrt(self._masses[k])
         return found
 
-    def are_zero(self, places: Sequence[int]) -> bool:
+    def are_zero(self, indices: Sequence[int]) -> bool:
         """True if some columns, one of them not exactly zero, are zero to rounding in all rows."""
-        at, floors = list(places), self.floors()
+        at, floors = list(indices), self.floors()
         return bool((self._largest[at] <= floors[at]).all() and (self._largest[at] > 0).any())
 
     def zeros(self) -> npt.NDArray[np.bool_]:

@@ -202,12 +202,12 @@ class Trajectory(dict[str, Floats]):
     def _group(self, name: str) -> Floats:
         if name in self.columns:
             return self[name]
-        places = [i for i, column in enumerate(self.columns) if column.rpartition(".")[0] == name]
-        if not places:
+        indices = [i for i, column in enumerate(self.columns) if column.rpartition(".")[0] == name]
+        if not indices:
             groups = dict.fromkeys(column.rpartition(".")[0] for column in self.columns)
             hint = diagnostics.nearest(name, [*self.columns, *filter(None, groups)])
             raise KeyError(f"there are no columns `{name}`" + (f"; {hint}" if hint else ""))
-        return self.rows[:, places]
+        return self.rows[:, indices]
 
 
 class SimulationStopped(Exception):

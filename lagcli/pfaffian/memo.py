@@ -28,13 +28,13 @@ class _Numbering:
     """Symbols for the coordinates of a form or block by their numbers."""
 
     def __init__(self) -> None:
-        self._places: list[sympy.Symbol] = []
+        self._placeholders: list[sympy.Symbol] = []
 
     def of(self, variables: Sequence[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Symbol]:
         """The symbol of each coordinate."""
-        for n in range(len(self._places), len(variables)):
-            self._places.append(sympy.Dummy(f"x{n}", real=True))
-        return dict(zip(variables, self._places, strict=False))
+        for n in range(len(self._placeholders), len(variables)):
+            self._placeholders.append(sympy.Dummy(f"x{n}", real=True))
+        return dict(zip(variables, self._placeholders, strict=False))
 
 
 class VerdictMemo:

@@ -123,11 +123,11 @@ class Translation:
         for law in laws:
             assert isinstance(law.equation.tree, tree.Relation)
             each = 3 if law.is_vector else 1
-            for place in range(law.members.count):
-                rows = law.rows[place * each : (place + 1) * each]
+            for member in range(law.members.count):
+                rows = law.rows[member * each : (member + 1) * each]
                 try:
                     notation.require_short(law.equation.tree)
-                    there = self._names.at(law.members, place)
+                    there = self._names.at(law.members, member)
                     yield from zip(rows, evaluate.difference(law.equation.tree, there), strict=True)
                 except TooLarge as failure:
                     yield from dict.fromkeys(rows, failure).items()
@@ -185,8 +185,8 @@ class _FormNames(notation.SympyAlgebra):
                 if isinstance(step, str):
                     self.definition(step)
                     continue
-                for place in step.places.tolist():
-                    self._position(self._particles.first(step.entry) + place)
+                for member in step.member_numbers.tolist():
+                    self._position(self._particles.first(step.entry) + member)
 
     def parameter(self, name: str) -> Value[sympy.Expr]:
         """The symbol of a parameter, or the three of a vector."""
@@ -200,12 +200,12 @@ class _FormNames(notation.SympyAlgebra):
         """The coordinates and time among these symbols, in their order, time last."""
         return tuple(sorted((x for x in symbols if x in self._rank), key=self._rank.__getitem__))
 
-    def at(self, members: Family, place: int) -> _FormNames:
+    def at(self, members: Family, member: int) -> _FormNames:
         """The names for one member of a family: its indices are numbers."""
         if not members.variables and not self._indices:
             return self
         there = copy.copy(self)
-        there._indices = {name: int(values[place]) for name, values in members.variables.items()}
+        there._indices = {name: int(values[member]) for name, values in members.variables.items()}
         there.resolver = Resolver(self._names, there, there._indices, {})
         return there
 

@@ -95,8 +95,8 @@ class Search:
         largest = 0.0
         if not self.system.model.coordinates:
             for axis in range(3):
-                place = q[axis::3][touched[axis::3]]
-                largest = max(largest, float(np.ptp(place)) if place.size else 0.0)
+                positions = q[axis::3][touched[axis::3]]
+                largest = max(largest, float(np.ptp(positions)) if positions.size else 0.0)
         return largest or float(np.abs(q[touched]).max(initial=0.0)) or initial.size(q)
 
     def neighbours(self, q: Floats, rows: Sequence[int]) -> Iterator[Floats]:
@@ -127,7 +127,7 @@ class Search:
         return ConfigurationResult(tuple(rows), best, starts, asked)
 
     def independent(self, rows: Sequence[int], q: Floats) -> tuple[list[int], Floats] | None:
-        """Independent ones of some rows at a place, and 1 / |B_i| of each; None where they are not finite."""
+        """Independent ones of some rows at a configuration, and 1 / |B_i| of each; None where they are not finite."""
         B = self.numeric.holonomic(self.state.t, q, self.state.p)[1][list(rows), :]
         if not LocalRows(B).are_finite().all():
             return None

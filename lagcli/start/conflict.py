@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 APART = 1e-7
 # Of many rows what is left is found by sparse factors, with a part of the identity added, in a few passes.
 SHIFT, PASSES, APART_OF_MANY = 1e-8, 4, 1e-5
-# Rows that have this part of the least residual, or that, take part in the conflict at that place.
+# Rows that have this part of the least residual, or that, take part in the conflict at that configuration.
 TAKING_PART = (1e-2, 1e-4, 1e-6)
 # Sets of rows that are tried, times their number of rows; the set that is left then is named.
 BUDGET = 1500

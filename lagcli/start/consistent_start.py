@@ -86,14 +86,14 @@ class KnownStarts:
     MOST = 64  # that are kept: the inner one of two loops over values comes again for each value of the outer
 
     def __init__(self, built: System) -> None:
-        self._places = row_parameters.of_start(built)
+        self._parameters = row_parameters.of_start(built)
         self._found: OrderedDict[tuple[object, ...], ConsistentStart] = OrderedDict()
 
     def find(self, built: System, numeric: NumericSystem) -> ConsistentStart:
         """The consistent start of a model. Raises `diagnostics.ModelError` where no run can begin."""
         size_limits.require_run(built)
         declared, chosen = initial.declared(built), built.model.simulation
-        parts = declared.q.tobytes(), declared.v.tobytes(), declared.p[self._places].tobytes()
+        parts = declared.q.tobytes(), declared.v.tobytes(), declared.p[self._parameters].tobytes()
         key = (declared.t, *parts, chosen.duration, chosen.assemble, chosen.keep)
         known = self._found.get(key)
         if known is None:

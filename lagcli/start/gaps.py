@@ -93,11 +93,11 @@ def gaps(system: System, numeric: NumericSystem, state: State) -> Gaps:
 
 def penetrations(system: System, found: Gaps) -> list[diagnostics.Diagnostic]:
     """One diagnostic for each constraint that the start violates; of a family some, and one for the rest of it."""
-    by_place: dict[diagnostics.Location, list[int]] = {}
+    by_location: dict[diagnostics.Location, list[int]] = {}
     for j in found.violated:
-        by_place.setdefault(system.contacts.rows[j].location, []).append(j)
+        by_location.setdefault(system.contacts.rows[j].location, []).append(j)
     report = []
-    for location, broken in by_place.items():
+    for location, broken in by_location.items():
         report += [_penetration(system, found, j) for j in broken[: initial.MOST_LISTED]]
         rest = broken[initial.MOST_LISTED :]
         if rest:
@@ -146,7 +146,9 @@ class BoundarySurface(projection.Surface):
     def matrix(self, entries: Floats) -> Sparse:
         """The gradients of f and of g of the constraints, sparse."""
         equalities, own = np.split(entries, [entries.size - self._gradients.nnz()])
-        return metric_rows.stacked(super().matrix(equalities), position_rows.in_places(self._gradients, own))
+        return metric_rows.stacked(
+            super().matrix(equalities), position_rows.sparse_matrix(self._gradients, own)
+        )
 
 
 def nearest(search: Search, q: Floats) -> Floats:

@@ -151,7 +151,7 @@ def require_finite(system: System, numeric: NumericSystem, state: State) -> None
 
 
 def _column_location(system: System, column: str) -> diagnostics.Location:
-    """The place where the quantity of a column was declared, or what the energy is made of."""
+    """The location where the quantity of a column was declared, or what the energy is made of."""
     model = system.model
     for output in model.outputs:
         if column in output.columns:
@@ -257,10 +257,10 @@ def _sizes(rows: LocalRows, values: Floats) -> Floats:
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
     """One diagnostic for each row that the start violates; of a family `MOST_LISTED`, and one for the rest of it."""
     report: list[diagnostics.Diagnostic] = []
-    by_place: dict[diagnostics.Location, list[int]] = {}
+    by_location: dict[diagnostics.Location, list[int]] = {}
     for i in found.violated:
-        by_place.setdefault(system.rows.rows[i].location, []).append(i)
-    for location, broken in by_place.items():
+        by_location.setdefault(system.rows.rows[i].location, []).append(i)
+    for location, broken in by_location.items():
         report += (_violation(system, found, i) for i in broken[:MOST_LISTED])
         rest = broken[MOST_LISTED:]
         if rest:

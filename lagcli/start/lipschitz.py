@@ -108,20 +108,20 @@ def _values(numeric: NumericSystem, state: State, q: Floats, v: Floats) -> Float
     return np.concatenate([h.full().T, *entries, b.full().T], axis=1)
 
 
-def _warning(system: System, numeric: NumericSystem, place: int) -> diagnostics.Diagnostic:
+def _warning(system: System, numeric: NumericSystem, index: int) -> diagnostics.Diagnostic:
     names, n = system.model.coordinate_names, numeric.n
     M, B = system.dynamics.M.sparsity(), system.rows.B.sparsity()
     entries = [*M.row(), *(n + row for row in B.row()), *range(n, n + len(system.rows.rows))]
-    if place < n:
-        what, location = f"the force along `{names[place]}`", system.model.location(names[place])
+    if index < n:
+        what, location = f"the force along `{names[index]}`", system.model.location(names[index])
         expressions = [e for force in system.model.forces for e in _expressions(force)]
         if len(expressions) == 1:
             location = expressions[0].location
-    elif entries[place - n] < n:
-        name = names[entries[place - n]]
+    elif entries[index - n] < n:
+        name = names[entries[index - n]]
         what, location = f"the inertia of `{name}`", system.model.location(name)
     else:
-        row = system.rows.rows[entries[place - n] - n]
+        row = system.rows.rows[entries[index - n] - n]
         what, location = f"the gradient of the constraint `{row.name}`", row.location
     message = (
         f"{what} is not Lipschitz at the start, where its slope has no bound: the motion from there need not be"

@@ -25,7 +25,7 @@ FALLEN, MOST_ASKED = 1e-3, 300
 # (`test_an_inertia_is_negative_beyond_rounding` fails at 1e-11 and 1e-6).
 NEGATIVE = 1e-9
 
-_SINGULAR_PLACE = "start away from a singular place (the centre of polar, the pole of spherical coordinates)"
+_SINGULAR_HINT = "start away from a singular place (the centre of polar, the pole of spherical coordinates)"
 
 
 @frozen_value
@@ -50,7 +50,7 @@ def without_inertia(M: Sparse, names: Sequence[str]) -> list[Fault]:
                 f"the coordinate `{names[i]}` has no inertia at the start: what the energy holds of its rate has a"
                 " second derivative that vanishes there"
             )
-            hint = f"{_SINGULAR_PLACE} or with another rate, or choose other coordinates"
+            hint = f"{_SINGULAR_HINT} or with another rate, or choose other coordinates"
         else:
             message = (
                 f"the coordinate `{names[i]}` has no inertia: no kinetic energy is quadratic in its rate, so its"
@@ -75,7 +75,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
         message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
         hint = (
             "leave out a coordinate that describes the same motion as others (where a constraint fixes it, insert"
-            f" what the constraint says), give it a mass, or {_SINGULAR_PLACE}"
+            f" what the constraint says), give it a mass, or {_SINGULAR_HINT}"
         )
     else:
         message = (

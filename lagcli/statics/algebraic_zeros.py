@@ -63,8 +63,8 @@ def zeros(ring: PolyRing, equations: Sequence[PolyElement], used: Sequence[int])
     """
     found = np.zeros((1, len(ring.gens)))
     for block in _blocks(equations, used):
-        places, polynomials = block
-        part = _of_block(ring, polynomials, places)
+        indices, polynomials = block
+        part = _of_block(ring, polynomials, indices)
         if len(found) * len(part) > PARAMETERS.most_zeros:
             raise NotCounted("there are too many of them")
         found = (found[:, None, :] + part[None, :, :]).reshape(-1, len(ring.gens))
@@ -79,7 +79,7 @@ def _blocks(
         (frozenset(k for m in e.itermonoms() for k, power in enumerate(m) if power), e) for e in equations
     ]
     waiting = set(used)
-    for constant in (e for places, e in left if not places):
+    for constant in (e for indices, e in left if not indices):
         assert constant
         waiting = set()
         yield (), [constant]
@@ -87,31 +87,31 @@ def _blocks(
     while waiting:
         block = {min(waiting)}
         while True:
-            wider = block.union(*(places for places, _ in left if places & block))
+            wider = block.union(*(indices for indices, _ in left if indices & block))
             if wider == block:
                 break
             block = wider
-        yield tuple(sorted(block)), [e for places, e in left if places & block]
+        yield tuple(sorted(block)), [e for indices, e in left if indices & block]
         waiting -= block
 
 
-def _of_block(ring: PolyRing, equations: Sequence[PolyElement], places: Sequence[int]) -> Floats:
-    if not places:
+def _of_block(ring: PolyRing, equations: Sequence[PolyElement], indices: Sequence[int]) -> Floats:
+    if not indices:
         return np.zeros((0, len(ring.gens)))  # a constant is no zero
-    small = PolyRing([str(ring.symbols[k]) for k in places], ring.domain, ring.order)
+    small = PolyRing([str(ring.symbols[k]) for k in indices], ring.domain, ring.order)
     own = [
-        small.from_dict({tuple(m[k] for k in places): factor for m, factor in e.terms()}) for e in equations
+        small.from_dict({tuple(m[k] for k in indices): factor for m, factor in e.terms()}) for e in equations
     ]
     basis = groebner(own, small)
     if any(e.is_ground for e in basis):
         return np.zeros((0, len(ring.gens)))
     algebra = _QuotientAlgebra(small, basis)
     real = algebra.real_count()
-    roots = algebra.real_zeros(own) if real else np.zeros((0, len(places)))
+    roots = algebra.real_zeros(own) if real else np.zeros((0, len(indices)))
     if len(roots) != real:
         raise NotCounted(f"{real} real zeros are proved and {len(roots)} found")
     found = np.zeros((real, len(ring.gens)))
-    found[:, list(places)] = roots
+    found[:, list(indices)] = roots
     return found
 
 
@@ -122,7 +122,7 @@ class _QuotientAlgebra:
         self._ring, self._ideal = ring, list(basis)
         leading = [e.LM for e in basis]
         self.monomials = list(_standard(leading, len(ring.gens)))
-        self._place = {monomial: k for k, monomial in enumerate(self.monomials)}
+        self._index = {monomial: k for k, monomial in enumerate(self.monomials)}
         self.D = len(self.monomials)
         self._by_unknown = [self._multiplication(k) for k in range(len(ring.gens))]
 
@@ -136,13 +136,13 @@ class _QuotientAlgebra:
 
     def _reduced(self, monomial: tuple[int, ...]) -> list[Fraction]:
         row = [Fraction(0)] * self.D
-        if monomial in self._place:
-            row[self._place[monomial]] = Fraction(1)
+        if monomial in self._index:
+            row[self._index[monomial]] = Fraction(1)
             return row
         for powers, factor in (
             self._ring.from_dict({monomial: self._ring.domain.one}).rem(self._ideal).terms()
         ):
-            row[self._place[powers]] = Fraction(int(factor.numerator), int(factor.denominator))
+            row[self._index[powers]] = Fraction(int(factor.numerator), int(factor.denominator))
         return row
 
     def real_count(self) -> int:
@@ -173,7 +173,7 @@ class _QuotientAlgebra:
             weights = random.standard_normal(len(matrices))
             mixed = sum(w * M for w, M in zip(weights, matrices, strict=True))
             _, vectors = np.linalg.eig(mixed)
-            one = self._place[(0,) * len(self._ring.gens)]
+            one = self._index[(0,) * len(self._ring.gens)]
             for vector in vectors.T:
                 if abs(vector[one]) < 1e-14 * np.abs(vector).max():
                     continue

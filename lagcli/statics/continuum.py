@@ -47,7 +47,7 @@ class ContinuumParameters:
     """What is left of the way where a walk has arrived. `test_a_walk_has_arrived_where_a_millionth_is_left`
     fails at 1e-7 and 1e-5."""
     straight: tuple[float, ...] = (0.0917, 0.2371, 0.3719, 0.5113, 0.6547, 0.7829, 0.9137, 1.0)
-    """Places on a straight way at which it is looked whether they are points of rest too; at no common
+    """Points on a straight way at which it is looked whether they are points of rest too; at no common
     period. `test_points_at_equal_distances_are_no_straight_continuum` fails at a tenth and at ten times of
     it."""
     no_side: float = 1e-7

@@ -43,7 +43,7 @@ class HomotopyParameters:
     """A path that asks for shorter steps is given up.
     `test_a_path_that_asks_for_steps_of_a_hundred_thousandth_is_given_up` fails at 1e-6 and 0.0001."""
     off: float = 1e-7
-    """What a corrected place may be off its path. `test_a_start_that_is_a_zero_has_no_path` fails at 1e-8 and
+    """What a corrected point may be off its path. `test_a_start_that_is_a_zero_has_no_path` fails at 1e-8 and
     1e-6."""
     far: float = 30.0
     """How far a path is followed. `test_a_path_is_followed_for_thirty_sizes` fails at 3 and 300."""
@@ -72,7 +72,7 @@ PARAMETERS, DEFLATION = HomotopyParameters(), DeflationParameters()
 
 
 def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
-    """Places next to zeros of the equations, on both ways of the path through x.
+    """Points next to zeros of the equations, on both ways of the path through x.
 
     None where the equations are not as many as the unknowns, or x is a zero itself.
     """
@@ -101,7 +101,7 @@ class _Path:
         self._begin = np.append(x / self._units, 1.0)
 
     def followed(self, sense: float) -> Iterator[Floats]:
-        """The places x at which s changes its sign along one way."""
+        """The points x at which s changes its sign along one way."""
         z = self._begin
         along = self._tangent(z)
         if along is None:

@@ -68,7 +68,7 @@ class NewtonEnd:
 
 
 def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -> NewtonEnd | None:
-    """The zero that damped steps lead to, refined; or the place with the least residual met. None where the residual
+    """The zero that damped steps lead to, refined; or the point with the least residual met. None where the residual
     has no value at the start."""
     begun = residual(x)
     if begun is None:
@@ -79,7 +79,7 @@ def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -
 
 
 def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -> Floats:
-    """The place that damped steps lead to."""
+    """The point that damped steps lead to."""
     damping, growth = 1e-3, 2.0
     widths = np.zeros(x.size)
     for _ in range(damped):

@@ -192,7 +192,7 @@ def _isolated(force: _Force, search: PointSearch, is_angle: bool) -> list[tuple[
 def _whole(force: _Force, search: PointSearch, is_angle: bool) -> tuple[float, float] | None:
     """An interval that holds all zeros: a whole turn, or as far as the force has no zero beyond."""
     if is_angle:
-        # The ends lie at no place where a zero is likely.
+        # The ends lie at no point where a zero is likely.
         return -np.pi + 0.0123 - PARAMETERS.overlap, np.pi + 0.0123 + PARAMETERS.overlap
     far = PARAMETERS.far * search.scales.length
     for end, tail in ((far, iv.mpf([far, "inf"])), (-far, iv.mpf(["-inf", -far]))):

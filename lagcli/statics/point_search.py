@@ -241,11 +241,11 @@ class PointSearch:
             return False
         return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
 
-    def _nearer_turn(self, goal: Floats, place: Floats) -> Floats:
-        """The goal with its angles within half a turn of a place."""
+    def _nearer_turn(self, goal: Floats, point: Floats) -> Floats:
+        """The goal with its angles within half a turn of a point."""
         angles = np.array(self.options.angles, dtype=bool)
         turned = np.array(goal)
-        turned[angles] += 2 * np.pi * np.round((place - goal)[angles] / (2 * np.pi))
+        turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
         return turned
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
@@ -267,9 +267,9 @@ class PointSearch:
         is_large = equations.size > PARAMETERS.most_unknowns
         if self.options.has_potential and not (is_large and self.starts):
             for sign in (1.0,) if is_large else (1.0, -1.0):
-                place = surface_descent.lowest(equations, begin, sign)
-                if place is not None:
-                    self.take(refine.reached(self.problem, place, closed, self.scales))
+                point = surface_descent.lowest(equations, begin, sign)
+                if point is not None:
+                    self.take(refine.reached(self.problem, point, closed, self.scales))
         if is_large:
             return
         self._along_path(equations, begin)
@@ -294,9 +294,9 @@ class PointSearch:
         x = refine.begun(equations, begin)
         if x is None or self.starts >= PARAMETERS.paths:
             return
-        for place in further_zeros.near_zeros(equations, x):
-            if equations(place) is not None:
-                self.take(refine.settled(equations, newton.refined(equations, place)))
+        for point in further_zeros.near_zeros(equations, x):
+            if equations(point) is not None:
+                self.take(refine.settled(equations, newton.refined(equations, point)))
 
     def _all_sets(self) -> Iterator[tuple[int, ...]]:
         """Sets of closed contacts, the small ones first; that of the start is the first of all."""
@@ -325,8 +325,8 @@ class PointSearch:
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
             if not number:
                 q = np.zeros(problem.n)  # where much is symmetric
-            place = surface_descent.onto(problem, q, (), self.scales)
-            yield q if place is None else place
+            point = surface_descent.onto(problem, q, (), self.scales)
+            yield q if point is None else point
 
 
 def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:

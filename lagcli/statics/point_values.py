@@ -19,33 +19,33 @@ from lagcli.statics.static_problem import StaticProblem
 Floats = npt.NDArray[np.float64]
 Origin = Literal["declared", "integrated", "none"]
 
-# Parts of the forces, and of their gradients, that are rounding; and places that are looked at.
+# Parts of the forces, and of their gradients, that are rounding; and points that are looked at.
 FORCE_ROUNDOFF, CURL_ROUNDOFF = 1e-11, 1e-10
 SAMPLES = (0.0, 0.1, 0.5, 1.0, 2.0)
 DEPENDENT_ROWS = 1e-9  # of rows of length one: singular values below it belong to dependent rows
 
 
 class PointColumns:
-    """Places and reactions of one system at rest, at one time and for one p."""
+    """Positions and reactions of one system at rest, at one time and for one p."""
 
     def __init__(self, system: System, t: float, p: Floats) -> None:
         self._system, self._t, self._p = system, t, p
         s, n = system.symbols, system.symbols.q.numel()
         zeros = ca.SX.zeros(n)
         R = ca.substitute([system.R, system.Q_R], [s.v, system.a], [zeros, zeros])
-        places = ca.Function("places", [s.t, s.q, system.p], [system.r])
+        positions = ca.Function("positions", [s.t, s.q, system.p], [system.r])
         reactions = ca.Function(
             "reactions", [s.t, s.q, system.lam, system.p], [ca.densify(part) for part in R]
         )
-        self._places, self._reactions = places, reactions
+        self._positions, self._reactions = positions, reactions
 
     def at(self, q: Floats) -> dict[str, float]:
         """Positions of all particles, then the generalized coordinates."""
         model = self._system.model
         names = [f"{name}.{axis}" for name in model.particle_names for axis in "xyz"]
-        places = self._places(self._t, q, self._p).full().ravel().tolist()
+        positions = self._positions(self._t, q, self._p).full().ravel().tolist()
         own = q[q.size - len(model.generalized_names) :].tolist()
-        return _named((*names, *model.generalized_names), [*places, *own])
+        return _named((*names, *model.generalized_names), [*positions, *own])
 
     def reactions(self, q: Floats, lam: Floats) -> dict[str, float]:
         """R of all particles, then of the generalized coordinates; lam (C + K,)."""
@@ -68,7 +68,7 @@ def _named(names: tuple[str, ...] | list[str], values: list[float]) -> dict[str,
 def potential_origin(problem: StaticProblem) -> Origin:
     """The potential of the forces at rest: as declared, of forces that have one by their gradient, or none.
 
-    Functions are told from zero by their values at random places.
+    Functions are told from zero by their values at random points.
     """
     random = np.random.default_rng(7)
     size = float(np.abs(problem.begin).max(initial=0.0)) or 1.0

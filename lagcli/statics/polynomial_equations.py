@@ -35,7 +35,7 @@ class PolynomialParameters:
     """Digits of a number that somebody wrote: 0.1 is 1/10.
     At 1 and at 120 `test_twelve_digits_are_written_and_thirteen_are_not` fails."""
     roundings: int = 2
-    """Units of the last place by which a number may differ from these digits: what a sum of two is off.
+    """Units of the last digit by which a number may differ from these digits: what a sum of two is off.
     At 20 `test_a_rounding_of_a_sum_is_forgiven_and_four_are_not` fails."""
     most_terms: int = 400
     """Terms of a numerator or denominator: a basis of larger ones takes minutes.
@@ -199,10 +199,10 @@ class _Translation:
             self._count,
         )
 
-    def _input(self, argument: int, place: int) -> Quotient:
+    def _input(self, argument: int, index: int) -> Quotient:
         if argument == 0:
-            return Quotient(self._ring.gens[place], self._one)
-        return self._number(float(self._parameters[place]))
+            return Quotient(self._ring.gens[index], self._one)
+        return self._number(float(self._parameters[index]))
 
     def _number(self, value: float) -> Quotient:
         found = exact(value)
@@ -292,10 +292,10 @@ class _Translation:
             return Quotient(self._ring.ground_new(QQ(root.numerator, root.denominator)), self._one)
         if a not in self._roots:
             self._roots.append(a)
-        place = self._first_root + self._roots.index(a)
+        index = self._first_root + self._roots.index(a)
         # Where the root vanishes its derivative has no value.
         self._denominators.append(a.above)
-        return Quotient(self._ring.gens[place], self._one)
+        return Quotient(self._ring.gens[index], self._one)
 
     def _turned(self, name: str, a: Quotient) -> Quotient:
         """The sine or cosine of a sum of whole multiples of angles."""

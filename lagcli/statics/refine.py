@@ -77,11 +77,11 @@ def nearest_equilibrium(
     random = np.random.default_rng(20061)
     best = NoEquilibrium(np.inf, begin)
     for part in (0.0, *asides):
-        place = begin + part * scales.length * random.standard_normal(begin.size)
+        point = begin + part * scales.length * random.standard_normal(begin.size)
         if problem.K:
-            found = pushed(problem, place, scales)
+            found = pushed(problem, point, scales)
         else:
-            found = reached(problem, place, (), scales)
+            found = reached(problem, point, (), scales)
         if isinstance(found, EquilibriumPoint):
             return found
         best = min(best, found, key=lambda one: one.residual)
@@ -153,18 +153,18 @@ def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> Equilibrium
     near = np.flatnonzero(values.g <= PARAMETERS.closed * scales.contacts * scales.length)
     guesses = [_complementary(problem, begin, scales), (begin, tuple(near.tolist())), (begin, ())]
     best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
-    for place, closed in guesses:
+    for point, closed in guesses:
         tried: set[tuple[int, ...]] = set()
         while closed not in tried and len(tried) < PARAMETERS.changes:
             tried.add(closed)
-            found = reached(problem, place, closed, scales)
+            found = reached(problem, point, closed, scales)
             if isinstance(found, NoEquilibrium):
                 best = found if found.residual < best.residual else best
                 break
             pulling, below = wrong_side(problem, found, scales)
             if not pulling and not below:
                 return found
-            place, closed = found.q, tuple(sorted((set(closed) - pulling) | below))
+            point, closed = found.q, tuple(sorted((set(closed) - pulling) | below))
     return best
 
 

@@ -138,14 +138,14 @@ def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def scales(problem: StaticProblem, q: Floats) -> Scales:
-    """Units from a place and from some beside it: none of them may vanish by accident."""
+    """Units from a point and from some beside it: none of them may vanish by accident."""
     random = np.random.default_rng(1)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     force = stiffness = 0.0
     conditions, contacts = np.zeros(problem.laws.c.numel()), np.zeros(problem.K)
     for part in (0.0, 0.03, 0.1):
-        place = q + part * size * random.standard_normal(q.size)
-        values = problem.at(problem.t, place, problem.nothing)
+        point = q + part * size * random.standard_normal(q.size)
+        values = problem.at(problem.t, point, problem.nothing)
         force = max(force, float(np.abs(values.F[np.isfinite(values.F)]).max(initial=0.0)))
         stiffness = max(stiffness, float(np.abs(values.K[np.isfinite(values.K)]).max(initial=0.0)))
         with np.errstate(invalid="ignore"):

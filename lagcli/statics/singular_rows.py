@@ -1,6 +1,6 @@
-"""Places where the gradients of the rows depend on each other: there the multiplier rule need not hold.
+"""Points where the gradients of the rows depend on each other: there the multiplier rule need not hold.
 
-At such a place a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2.
+At such a point a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class DependenceParameters:
-    """Numbers of the search for places where gradients depend on each other.
+    """Numbers of the search for points where gradients depend on each other.
 
     The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
@@ -26,7 +26,7 @@ class DependenceParameters:
     __slots__ = ()
 
     most_coordinates: int = 12
-    """Of more coordinates no such places are looked for: starts at random find none in so many dimensions.
+    """Of more coordinates no such points are looked for: starts at random find none in so many dimensions.
     `test_places_of_dependent_gradients_are_sought_among_twelve_coordinates` fails at 1 and 120."""
     tries: int = 12
     """Starts at random, beside the start of the model.
@@ -35,14 +35,14 @@ class DependenceParameters:
     """Damped steps of each. `test_such_places_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
     800."""
     most_told: int = 4
-    """Places that a note names; of more it tells the number. `test_a_note_names_four_such_places` fails at 0
+    """Points that a note names; of more it tells the number. `test_a_note_names_four_such_places` fails at 0
     and 40."""
     zero: float = 1e-10
-    """The residual of a place, of rows of length one. `test_such_a_place_has_no_residual` fails at 1e-11 and
+    """The residual of a point, of rows of length one. `test_such_a_place_has_no_residual` fails at 1e-11 and
     1e-9."""
     near: float = 3e-4
     """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of
-    things are zero, and places closer than ten times it are one.
+    things are zero, and points closer than ten times it are one.
     `test_a_coordinate_of_such_a_place_is_zero_to_the_root_of_rounding` fails at 3e-5 and 0.003."""
 
 
@@ -72,7 +72,7 @@ class DependentGradients:
         return residual, np.hstack([by_q, by_mu])
 
 
-def places(search: PointSearch) -> list[Floats]:
+def singular_points(search: PointSearch) -> list[Floats]:
     """Configurations on the surface where rows that are independent elsewhere depend on each other."""
     problem, scales = search.problem, search.scales
     if not problem.C or problem.n > PARAMETERS.most_coordinates or len(problem.times) > 1:
@@ -103,7 +103,7 @@ def places(search: PointSearch) -> list[Floats]:
 
 
 def _independent(problem: StaticProblem, length: float, random: np.random.Generator) -> list[int]:
-    """Rows that are independent at a place anywhere."""
+    """Rows that are independent at a point anywhere."""
     q = problem.begin + 0.3 * length * random.standard_normal(problem.n)
     B = problem.at(problem.t, q, problem.nothing).B
     chosen: list[int] = []
@@ -114,9 +114,9 @@ def _independent(problem: StaticProblem, length: float, random: np.random.Genera
 
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
-    """Sentences on such places; `value`: the function that is asked for."""
+    """Sentences on such points; `value`: the function that is asked for."""
     told = []
-    found = places(search)
+    found = singular_points(search)
     for q in found[: PARAMETERS.most_told]:
         where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
         told.append(

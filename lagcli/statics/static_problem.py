@@ -159,7 +159,7 @@ class StaticProblem:
         return np.zeros(self.C + self.K)
 
     def _is_steady(self) -> bool:
-        """True if no value depends on t, at random places round the start."""
+        """True if no value depends on t, at random points round the start."""
         laws = self.laws
         entries = [laws.F, laws.B, laws.c, laws.g, laws.G]
         everything = _stacked(entries)
@@ -204,11 +204,11 @@ def angles(problem: StaticProblem) -> tuple[bool, ...]:
     )
 
 
-def _occurs(program: Program, place: int) -> bool:
-    return any(name == "input" and ins == (0, place) for name, _, ins, _ in program.steps)
+def _occurs(program: Program, index: int) -> bool:
+    return any(name == "input" and ins == (0, index) for name, _, ins, _ in program.steps)
 
 
-def _is_periodic(program: Program, place: int) -> bool:
+def _is_periodic(program: Program, index: int) -> bool:
     """True if every output stays the same when one input grows by 2 pi.
 
     Each register holds the number of times by which its value grows with the input, 0 for one that is periodic.
@@ -224,7 +224,7 @@ def _is_periodic(program: Program, place: int) -> bool:
         known = constants.get(ins[0]) if ins and name != "input" else None
         constants.pop(target, None) if name != "const" else None
         if name == "input":
-            grows[target] = 1.0 if ins == (0, place) else 0.0
+            grows[target] = 1.0 if ins == (0, index) else 0.0
         elif name == "const":
             grows[target], constants[target] = 0.0, value
         else:

@@ -84,28 +84,28 @@ def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
     """A configuration near the bottom (sign 1) or the top (-1) that lies downhill or uphill of q; None where the
     surface is not met."""
     problem, scales, closed = equations.problem, equations.scales, tuple(equations.acting)
-    place = onto(problem, q, closed, scales)
-    if place is None:
+    point = onto(problem, q, closed, scales)
+    if point is None:
         return None
-    height = sign * problem.value(place)
+    height = sign * problem.value(point)
     for _ in range(PARAMETERS.most_steps):
-        step, slope = _step(equations, place, sign)
-        if float(np.abs(place).max(initial=0.0)) > PARAMETERS.far * scales.length:
+        step, slope = _step(equations, point, sign)
+        if float(np.abs(point).max(initial=0.0)) > PARAMETERS.far * scales.length:
             return None
         if step is None or slope <= PARAMETERS.level * scales.force * scales.length:
             break
         length = float(np.linalg.norm(step))
         part = min(1.0, PARAMETERS.stride * scales.length / length) if length else 1.0
         for _ in range(PARAMETERS.halvings):
-            there = onto(problem, place + part * step, closed, scales)
+            there = onto(problem, point + part * step, closed, scales)
             lower = np.inf if there is None else sign * problem.value(there)
             if there is not None and lower < height - PARAMETERS.enough * part * slope:
-                place, height = there, lower
+                point, height = there, lower
                 break
             part /= 2
         else:
             break
-    return place
+    return point
 
 
 def _step(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | None, float]:

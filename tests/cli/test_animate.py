@@ -186,7 +186,7 @@ simulation: {duration: 1, samples: 5}
     scene = animate.of_model(lagcli.loads(text), {})
     (net,) = scene.surfaces
     for frame in (0, 3):
-        places = nets.strings(net.places(frame))
+        places = nets.strings(net.corners_at(frame))
         side = nets.MOVING_NODES
         assert len(places) == 2 * side * (side + 1)
         off = places[:, 2] - 0.1 * np.sin(3 * places[:, 0] - 2 * scene.t[frame])

@@ -340,7 +340,7 @@ def test_a_file_aside_whose_writer_was_interrupted_is_swept_away(tmp_path, momen
     with monkeypatch.context() as patch:
         patch.setattr(os, name, interrupted)
         with pytest.raises(KeyboardInterrupt):
-            atomic_file.Aside(target).commit()
+            atomic_file.PendingFile(target).commit()
     atomic_file.sweep()
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
     assert target.read_text() == "old"
@@ -348,7 +348,7 @@ def test_a_file_aside_whose_writer_was_interrupted_is_swept_away(tmp_path, momen
 
 def test_sweeping_leaves_what_is_finished_and_what_belongs_to_others(tmp_path):
     (tmp_path / ".run.json.00000000.tmp").write_text("of somebody else")
-    one, two = atomic_file.Aside(tmp_path / "one.json"), atomic_file.Aside(tmp_path / "two.json")
+    one, two = atomic_file.PendingFile(tmp_path / "one.json"), atomic_file.PendingFile(tmp_path / "two.json")
     one.commit()
     two.keep_partial()
     atomic_file.sweep()

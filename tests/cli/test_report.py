@@ -264,7 +264,7 @@ def test_what_cannot_be_written_is_refused_before_any_work(tmp_path):
 
 def test_without_a_browser_a_pdf_is_refused_with_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(pdf_programs, "PLACES", ())
+    monkeypatch.setattr(pdf_programs, "LOCATIONS", ())
     _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(tmp_path / "report.pdf"))
     assert code == 2
     assert "install one" in err
@@ -314,7 +314,7 @@ def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
     )
     stand_in(bin_, made if works else 'echo "! Undefined control sequence."; exit 1')
     monkeypatch.setenv("PATH", str(bin_))
-    monkeypatch.setattr(pdf_programs, "PLACES", ())
+    monkeypatch.setattr(pdf_programs, "LOCATIONS", ())
     arguments = (
         "report",
         str(MODELS / "pendulum.yaml"),

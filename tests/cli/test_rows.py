@@ -172,10 +172,10 @@ def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, m
 
 def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     order = []
-    sync, write = os.fsync, atomic_file.Aside.commit
+    sync, write = os.fsync, atomic_file.PendingFile.commit
     monkeypatch.setattr(os, "fsync", lambda number: (order.append("sync"), sync(number)))
     monkeypatch.setattr(
-        atomic_file.Aside, "commit", lambda *a, **k: (order.append("move"), write(*a, **k))[1]
+        atomic_file.PendingFile, "commit", lambda *a, **k: (order.append("move"), write(*a, **k))[1]
     )
     model = lagcli.load("m.yaml")
     running = prepare_run.start(model, model.simulation)

@@ -13,7 +13,7 @@ import pytest
 import lagcli
 from lagcli.api import animate, animate_modes
 from lagcli.model.model import Model
-from lagcli.output.animation import links, nets, page, places, quadratic_algebra, quadratic_form
+from lagcli.output.animation import links, nets, page, point_tracks, quadratic_algebra, quadratic_form
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -355,7 +355,7 @@ def test_a_surface_that_bends_back_is_drawn_all_along_the_motion(row: str, place
     scene = scene_of(text + FALLING.replace("duration: 1,", "duration: 2,"))
     assert len(scene.surfaces) > 1
     assert {one.kind for one in scene.surfaces} == {"net"}
-    nodes = np.concatenate([one.places(0) for one in scene.surfaces])
+    nodes = np.concatenate([one.corners_at(0) for one in scene.surfaces])
     nodes = nodes[np.isfinite(nodes).all(axis=1)]
     assert len(np.unique(nodes.round(6), axis=0)) == len(nodes)
     apart = np.linalg.norm(scene.points[0][:, None] - nodes, axis=-1).min(axis=1)
@@ -559,7 +559,7 @@ def test_coordinates_without_particles_are_places_or_beads() -> None:
 
 def test_a_model_of_too_many_particles_is_refused() -> None:
     text = "lagcli: 1\nparticles:\n  p[i]: {for: 'i = 1..5001', mass: 1, position: '[i, 0, 0]'}"
-    with pytest.raises(places.NothingToShow, match="5001 particles"):
+    with pytest.raises(point_tracks.NothingToShow, match="5001 particles"):
         animate.of_model(lagcli.loads(text), {})
 
 

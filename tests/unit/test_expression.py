@@ -560,7 +560,7 @@ def test_what_is_not_whole_is_refused_at_its_member(
     with pytest.raises(ExpressionError) as caught:
         integer(text)
     error = caught.value
-    assert (error.code, text[error.start : error.end], error.place) == (code, spot, place)
+    assert (error.code, text[error.start : error.end], error.member) == (code, spot, place)
 
 
 def test_the_lookup_of_a_name_may_refuse() -> None:
@@ -660,7 +660,7 @@ def test_integer_expressions_agree_with_python(term: Term) -> None:
     elif expected and "beyond" not in error.message:
         assert error.code == "not-a-whole-number"
         first = next(k for k, value in enumerate(expected) if value.denominator > 1)
-        assert error.place in (first, None)
+        assert error.member in (first, None)
 
 
 @settings(max_examples=200)
@@ -744,10 +744,10 @@ def test_a_constant_of_a_family_fails_at_its_first_member(text: str, spot: str, 
     with pytest.raises(ExpressionError) as caught:
         of_family(text)
     error = caught.value
-    assert (error.code, text[error.start : error.end], error.place) == ("not-finite", spot, place)
+    assert (error.code, text[error.start : error.end], error.member) == ("not-finite", spot, place)
     with pytest.raises(ExpressionError) as alone:
         of_family(text, place)
-    assert (alone.value.message, alone.value.place) == (error.message, None)
+    assert (alone.value.message, alone.value.member) == (error.message, None)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ class _Lines:
         check_size(path, self.length, len(names))
 
     def take(self, names: Sequence[str]) -> table_format.Floats:
-        return np.array(self._rows)[:, table_format.places(self.columns, names)]
+        return np.array(self._rows)[:, table_format.column_indices(self.columns, names)]
 
 
 class _LineWriter:

@@ -55,9 +55,9 @@ class Case:
     def orbits(self) -> tuple[Orbit, ...]:
         """The groups whose motions from the start were followed."""
         return tuple(
-            Orbit(group.rows, found.places)
+            Orbit(group.rows, found.states)
             for group, found in self._flags.items()
-            if found.is_certain and len(found.places) > 1
+            if found.is_certain and len(found.states) > 1
         )
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:

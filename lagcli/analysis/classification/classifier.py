@@ -27,14 +27,14 @@ from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
-from lagcli.pfaffian.special_places import Expression
+from lagcli.pfaffian.special_points import Expression
 from lagcli.start import initial
 
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
 PROMPT, PATIENT = 25_000, 80_000
 # More holonomic rows than these are not treated exactly.
 MOST_ROWS = 40
-# Longer expressions are not told as places where the flag is another.
+# Longer expressions are not told as points where the flag is another.
 SHORT = 60
 EXCEPTIONAL = (
     "the verdict is that for these values of the parameters: for nearly all others it would be another"
@@ -162,14 +162,14 @@ class Classifier:
 
     def _demand(self, group: CoupledGroup, found: joint.Flagged) -> None:
         """Raise what rows demand of which a combination is g dt: that g = 0, or the impossible."""
-        place = group.differential
+        numbers = group.differential
         if not all(one.factors for one in found.flag.conditions):
-            raise initial.contradiction(self._case.system, [place[i] for i in found.flag.contradiction])
+            raise initial.contradiction(self._case.system, [numbers[i] for i in found.flag.contradiction])
         raise HiddenConditionsError(
             tuple(
                 Condition(
                     notation.written(self._locality.own_factor(one.factors)),
-                    self._names(place[i] for i in one.rows),
+                    self._names(numbers[i] for i in one.rows),
                 )
                 for one in found.flag.conditions
             )

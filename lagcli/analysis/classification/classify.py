@@ -93,11 +93,11 @@ def certainly_nonholonomic(case: Case) -> bool:
 
 def extended(system: System, conditions: Sequence[Condition]) -> System:
     """The system with conditions as further holonomic rows, which stand last among the declared ones."""
-    model, place = system.model, {row.name: row for row in system.rows.rows}
+    model, rows_by_name = system.model, {row.name: row for row in system.rows.rows}
     laws = {law_row: law for law in model.differential for law_row in law.rows}
     more = []
     for one in conditions:
-        origin = laws[place[one.rows[-1]].name].equation.origin
+        origin = laws[rows_by_name[one.rows[-1]].name].equation.origin
         text = dataclasses.replace(origin, value=equation(one))
         expression = nouns.Expression(parser.parse_equation(text.value), text)
         more.append(nouns.Holonomic(family.one(equation(one)), expression, False))

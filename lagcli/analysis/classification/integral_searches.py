@@ -35,7 +35,7 @@ class KnownSearches:
     MOST = 64  # that are kept: the inner one of two loops over values comes again for each value of the outer
 
     def __init__(self, built: system.System) -> None:
-        self._places = row_parameters.of_rows(built)
+        self._parameters = row_parameters.of_rows(built)
         self._found: OrderedDict[tuple[object, ...], KnownIntegrals] = OrderedDict()
 
     def search(self, built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
@@ -47,7 +47,7 @@ class KnownSearches:
                 raise
             return _classified(built, numeric, limit)
         begin = case.begin
-        parts = begin.q.tobytes(), begin.v.tobytes(), begin.p[self._places].tobytes()
+        parts = begin.q.tobytes(), begin.v.tobytes(), begin.p[self._parameters].tobytes()
         model = built.model
         key = (begin.t, *parts, row_parameters.formulas(model), model.simulation.duration, limit)
         known = self._found.get(key)
@@ -64,7 +64,7 @@ class KnownSearches:
 def _at(orbits: tuple[Orbit, ...], p: Floats) -> tuple[Orbit, ...]:
     """The orbits with other numbers, of which the rows hold none."""
     return tuple(
-        dataclasses.replace(one, places=tuple(dataclasses.replace(place, p=p) for place in one.places))
+        dataclasses.replace(one, states=tuple(dataclasses.replace(state, p=p) for state in one.states))
         for one in orbits
     )
 

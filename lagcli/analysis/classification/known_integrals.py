@@ -17,10 +17,10 @@ Integrals = tuple[FirstIntegral, ...]
 
 @frozen_value
 class Orbit:
-    """Rows by their numbers, and places to which motions from the start come, as far as these rows see them."""
+    """Rows by their numbers, and states to which motions from the start come, as far as these rows see them."""
 
     rows: tuple[int, ...]
-    places: tuple[State, ...]
+    states: tuple[State, ...]
 
 
 @frozen_value

@@ -1,6 +1,6 @@
 """The findings of exact algebra in general position, held against the motions from the start.
 
-Algebra judges all sheets of the holonomic rows, all sides of kinks and all places at once; what it found not to
+Algebra judges all sheets of the holonomic rows, all sides of kinks and all points at once; what it found not to
 vanish may vanish where the start lies. Where nothing that it divided by vanishes at the start its ranks are those
 there. Else numbers decide, along the motions from the start; where they differ, the equations of the set that these
 keep to are sought, and the integrals on it.
@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from lagcli.analysis.classification.case import Case
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
-from lagcli.pfaffian import joint, special_places, translate
+from lagcli.pfaffian import joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
-from lagcli.pfaffian.special_places import Expression
+from lagcli.pfaffian.special_points import Expression
 from lagcli.start.initial import State
 
 # Operations for the equations of a set and for the integrals on it.
@@ -45,27 +45,27 @@ class Locality:
     def is_regular(self, flagged: joint.Flagged) -> bool:
         """True if the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
         here = self._point(self._case.begin)
-        return not any(e is None or special_places.vanishes(e, [here]) for e in flagged.flag.divisors)
+        return not any(e is None or special_points.vanishes(e, [here]) for e in flagged.flag.divisors)
 
     def has_sheets(self, block: PfaffianBlock, numbers: NumericFlag) -> bool:
         """True if a holonomic row has other factors than those that vanish along the motions from the start."""
-        points = [self._point(state) for state in numbers.places]
+        points = [self._point(state) for state in numbers.states]
         try:
-            return bool(time_limit.run(self._deadline, lambda: special_places.sheets(block, points), BUDGET))
+            return bool(time_limit.run(self._deadline, lambda: special_points.sheets(block, points), BUDGET))
         except time_limit.NO_ANSWER:
             return False
 
     def own_factor(self, factors: Sequence[Expression]) -> Expression:
         """The factor that vanishes at the start, if one alone does, else the product."""
         here = self._point(self._case.begin)
-        own = [e for e in factors if special_places.vanishes(e, [here])]
-        return own[0] if len(own) == 1 else special_places.product(factors)
+        own = [e for e in factors if special_points.vanishes(e, [here])]
+        return own[0] if len(own) == 1 else special_points.product(factors)
 
     def without_idle(
         self, together: JointVerdict, block: PfaffianBlock, numbers: NumericFlag
     ) -> JointVerdict:
         """The verdict of numbers, in which rows that vanish along the motions from the start have no integrals."""
-        points = [self._point(state) for state in numbers.places]
+        points = [self._point(state) for state in numbers.states]
         idle = _idle(block, points) if len(points) > 1 else frozenset()  # the start alone may be special
         lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
         return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | idle)
@@ -79,7 +79,7 @@ class Locality:
         single: Sequence[frobenius.FormVerdict | None],
     ) -> JointVerdict:
         """The verdict of numbers with the set that motions from the start keep to, and integrals on it."""
-        points = [self._point(state) for state in numbers.places]
+        points = [self._point(state) for state in numbers.states]
         idle = _idle(block, points)
         of_rows = [None if name in idle else one for name, one in zip(block.names, single, strict=True)]
         candidates = self._candidates(block, flagged, points)
@@ -88,14 +88,14 @@ class Locality:
         known = {one.text for one in lasting}
         told = [translate.first_integral(one.phi, one.rows, self._translation.values) for one in passing]
         note = "verdicts and count hold for the motions from the start"
-        names = special_places.told(block, where or candidates[0], points[0])
+        names = special_points.told(block, where or candidates[0], points[0])
         if names:
             note += f", which keep to {', '.join(names[:MOST_LISTED])}"
         return dataclasses.replace(
             together,
             integrals=lasting,
             passing=tuple(one for one in told if one.text not in known),
-            notes=(f"{note}; on another sheet, place or side of a kink they are different", *together.notes),
+            notes=(f"{note}; on another sheet, set or side of a kink they are different", *together.notes),
             vanishing=together.vanishing | idle,
         )
 
@@ -136,26 +136,27 @@ class Locality:
                 equations, found = fewer, there
         return equations, found
 
-    def _point(self, state: State) -> special_places.Point:
+    def _point(self, state: State) -> special_points.Point:
         names = self._case.system.model.coordinate_names
-        return special_places.point(names, state.q, state.t, self._translation.numbers)
+        return special_points.point(names, state.q, state.t, self._translation.numbers)
 
     def _candidates(
-        self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_places.Point]
+        self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_points.Point]
     ) -> list[list[Expression]]:
-        """Equations that hold on all points: those of sheets and places, and with those of what stands still."""
+        """Equations that hold on all points: those of sheets and special points, and with those of what stands
+        still."""
 
         def work() -> list[Expression]:
             divisors = flagged.flag.divisors if flagged is not None else ()
-            return special_places.distinct(
-                special_places.sheets(block, points), special_places.of(divisors, points)
+            return special_points.distinct(
+                special_points.sheets(block, points), special_points.of(divisors, points)
             )
 
         try:
             own = time_limit.run(self._deadline, work, BUDGET)
         except time_limit.NO_ANSWER:
             own = []
-        return [own, [*own, *special_places.still(block, points)]]
+        return [own, [*own, *special_points.still(block, points)]]
 
     def _on(
         self, block: PfaffianBlock, equations: Sequence[Expression], numbers: NumericFlag
@@ -193,10 +194,10 @@ class Locality:
             return ()
 
 
-def _idle(block: PfaffianBlock, points: Sequence[special_places.Point]) -> frozenset[str]:
+def _idle(block: PfaffianBlock, points: Sequence[special_points.Point]) -> frozenset[str]:
     """The rows that vanish at all points."""
     return frozenset(
         name
         for name, row in zip(block.names, block.rows, strict=True)
-        if all(special_places.is_nothing(a, points) for a in row if a != 0)
+        if all(special_points.is_nothing(a, points) for a in row if a != 0)
     )

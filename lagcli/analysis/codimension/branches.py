@@ -41,7 +41,7 @@ class BranchParameters:
     """A step that leaves no more than this part has squared a small residual, as it does where the rank is constant;
     where it is not it halves the distance."""
     creeping: float = 1e-9
-    """A residual that comes so near, but slowly, comes to a place that is not regular."""
+    """A residual that comes so near, but slowly, comes to a point that is not regular."""
     seed: int = 20062
     """Of random directions: a fixed one, so that the verdict does not change."""
 

@@ -114,9 +114,9 @@ class Manifold:
         if largest <= rank.LARGE:
             return False
         for size in PARAMETERS.far:
-            place = z + size * along / largest
-            there = self.reached(place, t)
-            if there is None or np.abs(there - place).max() > PARAMETERS.step:
+            point = z + size * along / largest
+            there = self.reached(point, t)
+            if there is None or np.abs(there - point).max() > PARAMETERS.step:
                 return False  # it is curved: what Newton's method finds may be another branch
             F, J = self.equations.at(there, t)
             distance = np.abs(F) / np.maximum(np.linalg.norm(J, axis=1), 1.0)

@@ -15,7 +15,7 @@ from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 
-PLACES = 3  # places beside the start at which rows are compared
+POINTS = 3  # points beside the start at which rows are compared
 # A fixed one: the advice must not change from run to run.
 SEED = 20061
 
@@ -81,10 +81,10 @@ def _hint(system: System, numeric: NumericSystem, state: State, rows: list[int])
 
 
 def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> list[int]:
-    """The rows that depend on the others of them at places beside the surface, where most are independent."""
+    """The rows that depend on the others of them at points beside the surface, where most are independent."""
     random = np.random.default_rng(SEED)
     best: list[int] = rows
-    for _ in range(PLACES):
+    for _ in range(POINTS):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
             state, q=state.q + sample_points.NEIGHBOUR_OFFSET * initial.size(state.q) * direction

@@ -77,7 +77,7 @@ class ScaledPart:
 
     def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
         """F (k,) and its derivatives (k, m) at x = z."""
-        f, B = self.numeric.holonomic(t, self.place(z), self.state.p)
+        f, B = self.numeric.holonomic(t, self.configuration(z), self.state.p)
         gradient = np.array(B[self.rows, self.coordinates]) * self.unit
         return np.array(f).ravel()[self.rows] / self.weight, gradient / self.weight[:, None]
 
@@ -85,10 +85,10 @@ class ScaledPart:
         """Second derivatives (m, m) of stress . F at x = z."""
         whole = np.zeros(int(self.numeric.hessian.size1_in(2)))
         whole[self.rows] = stress / self.weight
-        H = self.numeric.hessian(t, self.place(z), whole, self.state.p)
+        H = self.numeric.hessian(t, self.configuration(z), whole, self.state.p)
         return np.array(H[self.coordinates, self.coordinates]) * np.outer(self.unit, self.unit)
 
-    def place(self, z: Floats) -> Floats:
+    def configuration(self, z: Floats) -> Floats:
         """The configuration q (n,); coordinates without these rows stay where they are."""
         q = self.state.q.copy()
         q[self.coordinates] += self.unit * z
@@ -96,7 +96,7 @@ class ScaledPart:
 
     def moved(self, z: Floats, t: float) -> ScaledPart:
         """These equations about another point."""
-        return dataclasses.replace(self, state=dataclasses.replace(self.state, q=self.place(z), t=t))
+        return dataclasses.replace(self, state=dataclasses.replace(self.state, q=self.configuration(z), t=t))
 
     @property
     def begin(self) -> Floats:
@@ -112,7 +112,7 @@ class ScaledPart:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Second:
-    """The second derivatives of k rows by m coordinates that are not zero, with their places, all (z,)."""
+    """The second derivatives of k rows by m coordinates that are not zero, with their indices, all (z,)."""
 
     row: npt.NDArray[np.intp]
     one: npt.NDArray[np.intp]
@@ -122,8 +122,8 @@ class _Second:
 
     def changes(self, unit: Floats) -> Floats:
         """The most that gradients (k, m) change where each coordinate moves by its unit (m,)."""
-        places = self.row * self.shape[1] + self.one
-        found = np.bincount(places, self.sizes * unit[self.other], minlength=self.shape[0] * self.shape[1])
+        indices = self.row * self.shape[1] + self.one
+        found = np.bincount(indices, self.sizes * unit[self.other], minlength=self.shape[0] * self.shape[1])
         return np.asarray(found.reshape(self.shape), dtype=float)
 
     def norms(self, unit: Floats) -> Floats:
@@ -134,13 +134,13 @@ class _Second:
 
 def _second(plain: ScaledPart) -> _Second:
     k, m = len(plain.rows), len(plain.coordinates)
-    places, sizes = [], []
+    indices, sizes = [], []
     for row, chosen in enumerate(np.eye(k)):
         H = plain.hessian(plain.begin, plain.state.t, chosen)
         one, other = np.nonzero(H)
-        places.append(np.array([np.full(one.size, row), one, other], dtype=np.intp))
+        indices.append(np.array([np.full(one.size, row), one, other], dtype=np.intp))
         sizes.append(np.abs(H[one, other]))
-    row, one, other = np.concatenate(places, axis=1)
+    row, one, other = np.concatenate(indices, axis=1)
     return _Second(row, one, other, np.concatenate(sizes), (k, m))
 
 
@@ -183,7 +183,7 @@ def is_smooth(part: ScaledPart) -> bool:
 
 
 def _units(system: System, state: State, coordinates: Indices, B: Floats, second: _Second) -> Floats:
-    """Units (m,) of coordinates: of particles the extent of their places, the same for all of them; of generalized
+    """Units (m,) of coordinates: of particles the extent of their positions, the same for all of them; of generalized
     ones such that they move the rows alike, with first and second derivatives, B (k, m) and `second`."""
     q = state.q[coordinates]
     first = system.symbols.q.numel() - len(system.model.generalized_names)

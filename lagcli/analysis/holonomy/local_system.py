@@ -53,7 +53,7 @@ class LocalPart:
 
     @property
     def k(self) -> int:
-        """The number of coordinates, and the place of t in a point."""
+        """The number of coordinates, and the index of t in a point."""
         return self.coordinates.size
 
     @property

@@ -80,15 +80,15 @@ def loops(
     first, second = pair
     count_a, count_b = (letters + 1) // 2, letters // 2
     basis = np.zeros((letters, m, letters - 2))
-    for place in range(letters):
+    for position in range(letters):
         which, number, count = (
-            (first, place // 2, count_a) if place % 2 == 0 else (second, place // 2, count_b)
+            (first, position // 2, count_a) if position % 2 == 0 else (second, position // 2, count_b)
         )
-        offset = 0 if place % 2 == 0 else count_a - 1
+        offset = 0 if position % 2 == 0 else count_a - 1
         if number < count - 1:
-            basis[place, which, offset + number] = 1.0
+            basis[position, which, offset + number] = 1.0
         else:
-            basis[place, which, offset : offset + count - 1] = -1.0
+            basis[position, which, offset : offset + count - 1] = -1.0
     scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
     if extra > 1:  # all combinations of round lengths would be too many
         grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 2))

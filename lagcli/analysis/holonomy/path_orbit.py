@@ -80,8 +80,8 @@ def is_singular(part: LocalPart, point: Floats) -> bool:
     random = np.random.default_rng(SEED)
     out = np.zeros((BESIDE, 1, kernel.shape[1] + 1))
     out[:, 0, :-1] = BESIDE_BY * random.standard_normal((BESIDE, kernel.shape[1]))
-    places = controlled_paths.ends(controlled_paths.Projected(part, kernel), point, out, STEPS)
-    kernels = (_kernel(part, place) for place in places if np.isfinite(place).all())
+    points = controlled_paths.ends(controlled_paths.Projected(part, kernel), point, out, STEPS)
+    kernels = (_kernel(part, end) for end in points if np.isfinite(end).all())
     return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
 
 

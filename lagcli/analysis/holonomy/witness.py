@@ -101,7 +101,7 @@ class Witness:
         return start
 
     def along(self, name: str) -> int:
-        """The place of a coordinate in the points."""
+        """The index of a coordinate in the points."""
         return self.names.index(name)
 
 

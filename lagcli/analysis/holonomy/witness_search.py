@@ -1,5 +1,5 @@
-"""The search for a loop that shows a row to be nonholonomic: places, parts and sizes in their order, and the words of
-moves that are tried."""
+"""The search for a loop that shows a row to be nonholonomic: configurations, parts and sizes in their order, and the
+words of moves that are tried."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class WitnessSearchParameters:
     far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
     """Sizes that come last, with round lengths alone: few systems need them."""
     shifts: int = 4
-    """Places tried, the start first."""
+    """Configurations tried, the start first."""
     bends: int = 3
-    """Bent configurations tried between the start and the places beside it."""
+    """Bent configurations tried between the start and the configurations beside it."""
     bent: float = 0.5
     """The angle by which holonomic rows are turned in them, rad."""
     drawn: float = 0.7
@@ -82,7 +82,7 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
         raise KeyError(row)
     declared = assembly.assemble(system, numeric, initial.declared(system), ()).state
     try:
-        for shift, state in _places(system, numeric, declared, names.index(row)):
+        for shift, state in _base_states(system, numeric, declared, names.index(row)):
             everywhere = around(system, numeric, state, names.index(row), deadline)
             parts = [part for part in everywhere if part.k <= LARGEST]
             found = _found(parts, len(parts) == len(everywhere), shift)
@@ -94,8 +94,10 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
     return None
 
 
-def _places(system: System, numeric: NumericSystem, declared: State, row: int) -> Iterator[tuple[int, State]]:
-    """The places to begin: at the declared configuration, at bent ones, and beside the declared one."""
+def _base_states(
+    system: System, numeric: NumericSystem, declared: State, row: int
+) -> Iterator[tuple[int, State]]:
+    """The configurations to begin at: the declared one, bent ones, and some beside the declared one."""
     yield 0, declared
     if system.holonomic_count:
         bent = (_bent(system, numeric, declared, row, seed) for seed in range(PARAMETERS.bends))
@@ -113,10 +115,10 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     here, there = (
         numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + PARAMETERS.nudge * noise)
     )
-    place, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
-    kept = place < system.holonomic_count
+    row_of, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
+    kept = row_of < system.holonomic_count
     turned, lengths = (
-        np.sqrt(np.bincount(place[kept], np.array(x.nonzeros())[kept] ** 2, system.holonomic_count))
+        np.sqrt(np.bincount(row_of[kept], np.array(x.nonzeros())[kept] ** 2, system.holonomic_count))
         for x in (there - here, here)
     )
     with np.errstate(all="ignore"):
@@ -124,7 +126,7 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     rates = rates[np.isfinite(rates) & (rates > 0)]
     q = state.q + (PARAMETERS.bent / float(np.median(rates)) if rates.size else PARAMETERS.bent) * noise
     count = state.q.size - len(system.model.generalized_names)  # components of particles come first
-    touched = np.unique(column[place == row])
+    touched = np.unique(column[row_of == row])
     if (touched < count).any():
         centre = state.q[:count].reshape(-1, 3)[touched[touched < count] // 3].mean(axis=0)
         q[:count] -= np.ravel((1 - PARAMETERS.drawn) * (state.q[:count].reshape(-1, 3) - centre))
@@ -303,8 +305,8 @@ class _WitnessSearch:
         random = np.random.default_rng(PARAMETERS.seed)
         out = np.zeros((3, 1, found.kernel.shape[1] + 1))
         out[:, 0, :-1] = 0.3 * self.size * random.standard_normal(out[:, 0, :-1].shape)
-        places = controlled_paths.ends(frame, self.base, out, 4)
-        A = part.forms(places[np.isfinite(places).all(axis=1)])
+        points = controlled_paths.ends(frame, self.base, out, 4)
+        A = part.forms(points[np.isfinite(points).all(axis=1)])
         if not len(A) or not np.isfinite(A).all():
             return []
         A = A / (np.linalg.norm(A, axis=2, keepdims=True) + 1e-300)

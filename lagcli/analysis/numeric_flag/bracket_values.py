@@ -1,4 +1,4 @@
-"""Random values of brackets at one place, in many digits where the rows are few enough, else in doubles; the growth of
+"""Random values of brackets at one point, in many digits where the rows are few enough, else in doubles; the growth of
 the distribution by them, and the derived flag that follows.
 
 Random brackets of a shape span what all brackets of that shape span. Growth vector: dim D plus the ranks of brackets
@@ -37,32 +37,32 @@ SEED = 20062
 
 
 class BracketValues:
-    """Random values of brackets on the independent differential rows of a place.
+    """Random values of brackets on the independent differential rows of a point.
 
     is_decimal: as in `Exact`. limits: other ones than those of the digits. Raises `undecided.Undecided`.
     """
 
     def __init__(
-        self, place: EvaluationPoint, deadline: float, is_decimal: bool, limits: Limits | None = None
+        self, point: EvaluationPoint, deadline: float, is_decimal: bool, limits: Limits | None = None
     ) -> None:
-        if place.all.low != len(place.independent):
+        if point.all.low != len(point.independent):
             raise undecided.Undecided("which of so many rows depend on others is not known")
-        self.place, self._deadline, self._is_decimal = place, deadline, is_decimal
-        self.count = len(place.kept)
+        self.point, self._deadline, self._is_decimal = point, deadline, is_decimal
+        self.count = len(point.kept)
         self._random = np.random.default_rng(SEED)
-        self.exact = in_digits(place, is_decimal)
-        self._length = DOUBLES * place.block.size if self.exact is None else self.exact.length
+        self.exact = in_digits(point, is_decimal)
+        self._length = DOUBLES * point.block.size if self.exact is None else self.exact.length
         self.digits = 16 if self.exact is None else precise_brackets.DIGITS
         usual = (
             Limits(ROUGH_ZERO, ROUGH_SURE)
             if self.exact is None
             else Limits(precise_brackets.ZERO, precise_brackets.SURE)
         )
-        self._limits = _beyond(limits or usual, OFF * place.error)
+        self._limits = _beyond(limits or usual, OFF * point.error)
 
-    def at(self, place: EvaluationPoint, limits: Limits) -> BracketValues:
-        """These brackets at another place."""
-        return BracketValues(place, self._deadline, self._is_decimal, limits)
+    def at(self, point: EvaluationPoint, limits: Limits) -> BracketValues:
+        """These brackets at another point."""
+        return BracketValues(point, self._deadline, self._is_decimal, limits)
 
     def span(self) -> Span:
         """An empty span for them."""
@@ -82,21 +82,21 @@ class BracketValues:
         return added
 
     def _sample(self, shape: Shape) -> DigitSample:
-        U = self._random.integers(-LETTERS, LETTERS, (self.place.block.size, lie_brackets.leaves(shape)))
+        U = self._random.integers(-LETTERS, LETTERS, (self.point.block.size, lie_brackets.leaves(shape)))
         if self.exact is None:
-            return self._rough(shape, U / LETTERS * self.place.sizes[:, None])
+            return self._rough(shape, U / LETTERS * self.point.sizes[:, None])
         return self.exact.bracket(shape, U.T.tolist())
 
     @cached_property
     def _brackets(self) -> lie_brackets.Brackets:
-        return lie_brackets.Brackets(self.place.block, self.place.independent)
+        return lie_brackets.Brackets(self.point.block, self.point.independent)
 
     def _rough(self, shape: Shape, U: Floats) -> DigitSample:
         """The values in doubles: at x moved by rounding the size is seen, but where all is rounding."""
-        place, function = self.place, self._brackets.values(shape)
-        neighbour = place.x + NUDGE * place.sizes * self._random.standard_normal(place.x.size)
-        here, there = (np.array(function(x, place.p, U)).ravel() for x in (place.x, neighbour))
-        terms = place.terms[place.kept] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
+        point, function = self.point, self._brackets.values(shape)
+        neighbour = point.x + NUDGE * point.sizes * self._random.standard_normal(point.x.size)
+        here, there = (np.array(function(x, point.p, U)).ravel() for x in (point.x, neighbour))
+        terms = point.terms[point.kept] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
         sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / NUDGE), terms)
         if not np.isfinite(sizes).all():
             raise undecided.Undecided("a bracket is not finite")
@@ -162,19 +162,19 @@ def _pairs(shapes: list[Shape], new: list[Shape]) -> list[Shape]:
 
 
 def _beyond(limits: Limits, off: float) -> Limits:
-    """Limits at a place that may be off the orbit, where a value that should vanish may be so large."""
+    """Limits at a point that may be off the orbit, where a value that should vanish may be so large."""
     return Limits(limits.zero, max(limits.sure, Decimal(off)))
 
 
-def in_digits(place: EvaluationPoint, is_decimal: bool) -> Exact | None:
+def in_digits(point: EvaluationPoint, is_decimal: bool) -> Exact | None:
     """The rows in many digits, or None where they are too large for it or a function is not known in them."""
     try:
-        return Exact(place, is_decimal)
+        return Exact(point, is_decimal)
     except (lie_brackets.TooMuchFill, multiprecision.Unknown):
         return None
 
 
 def _work(shape: Shape, depth: int = 0) -> float:
-    """Evaluations of the functions of the place, with derivatives so deep."""
+    """Evaluations of the functions of the point, with derivatives so deep."""
     inner = sum(_work(part, depth + 1) for part in shape if part != LEAF)
     return 3.0**depth + inner + (_work(shape[0], depth) if shape[0] != LEAF else 0.0)

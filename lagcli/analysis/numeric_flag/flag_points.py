@@ -3,7 +3,7 @@
 What holds at a generic point of the orbit holds at nearly all of it; a start is often special.
 
 What the rows say of a start is what they say along the motions from it. These stay on one sheet of the holonomic
-rows, and on a place that the rows keep to (y = 0 under d(y) = y d(x)). By the theorem of Nagano and Sussmann such an
+rows, and on a point that the rows keep to (y = 0 under d(y) = y d(x)). By the theorem of Nagano and Sussmann such an
 orbit is a manifold, whose tangent space is spanned by the brackets of all orders; at nearly all of its points those
 of the order at which they stop to be new suffice. So points of it are met by going along the rows, and by nothing
 else: a step off them and back to f = 0 could end on another sheet.
@@ -67,7 +67,7 @@ class FlowParameters:
     stalled: float = 1e-9
     """Or, where they stall, at this."""
     flows: int = 2
-    """One after the other, each from the place before; of many rows one, which takes long."""
+    """One after the other, each from the point before; of many rows one, which takes long."""
     on_kink: float = 1e-9
     """A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on neither
     side."""
@@ -81,7 +81,7 @@ PARAMETERS = FlowParameters()
 
 
 class Points:
-    """The start and other points of its orbit, as places of one block; `places` that were met, the start first.
+    """The start and other points of its orbit, as points of one block; `visited` that were met, the start first.
 
     Raises `undecided.Undecided` where the rows are not finite at the start.
     """
@@ -96,40 +96,40 @@ class Points:
         self.start = EvaluationPoint(block, variables(block, begin), begin.p)
         if not self.start.is_finite:
             raise undecided.Undecided("the rows are not finite at the start")
-        self.places = [self.start]
-        self._orbit = ReachablePlaces(block, system.model.simulation.duration or 1.0, deadline)
+        self.visited = [self.start]
+        self._orbit = ReachablePoints(block, system.model.simulation.duration or 1.0, deadline)
 
     def generic(self) -> EvaluationPoint:
-        """The place with the highest ranks; among equals the last, which is no special choice of anyone."""
+        """The point with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
         if self.start.all.low < count or self.start.first < len(self.start.kept):
             self.walk()
-        return max(enumerate(self.places), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
+        return max(enumerate(self.visited), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
     def both_sides_turn(self) -> bool:
         """True if the brackets of two fields are as many as rows on both sides of a switch that the start lies on."""
         if not self._block.has_kinks:
             return True
         sides = (self._block.on_branch(self.start.x, self.start.p, math.inf, side) for side in (1.0, -1.0))
-        places = [EvaluationPoint(block, self.start.x, self.start.p) for block in sides]
-        return all(one.is_finite and one.first == len(one.independent) for one in places)
+        points = [EvaluationPoint(block, self.start.x, self.start.p) for block in sides]
+        return all(one.is_finite and one.first == len(one.independent) for one in points)
 
     def walk(self) -> list[EvaluationPoint]:
-        """The start, and places on its orbit as far as flows lead."""
+        """The start, and points on its orbit as far as flows lead."""
         count = 1 if self.start.rows.is_large else PARAMETERS.flows
-        while len(self.places) <= count:
-            there = self._orbit.from_place(self.places[-1])
+        while len(self.visited) <= count:
+            there = self._orbit.from_point(self.visited[-1])
             if there is None:
                 break
-            self.places.append(there)
-        return self.places
+            self.visited.append(there)
+        return self.visited
 
-    def state(self, place: EvaluationPoint) -> State:
-        """The state at a place; coordinates that are none of the block stay where they are."""
+    def state(self, point: EvaluationPoint) -> State:
+        """The state of a point; coordinates that are none of the block stay where they are."""
         n = len(self._block.columns)
         q = self._begin.q.copy()
-        q[self._block.columns] = place.x[:n]
-        t = float(place.x[n]) if self._block.has_time else self._begin.t
+        q[self._block.columns] = point.x[:n]
+        t = float(point.x[n]) if self._block.has_time else self._begin.t
         return dataclasses.replace(self._begin, t=t, q=q)
 
 
@@ -138,71 +138,71 @@ def variables(block: RowBlock, point: State) -> Floats:
     return np.append(point.q[block.columns], [point.t] if block.has_time else [])
 
 
-class ReachablePlaces:
-    """Places on the way from a start, of one block; duration: of the run, which bounds how far time goes on."""
+class ReachablePoints:
+    """Points on the way from a start, of one block; duration: of the run, which bounds how far time goes on."""
 
     def __init__(self, block: RowBlock, duration: float, deadline: float) -> None:
         self._block, self._deadline, self._duration = block, deadline, duration
         self._random = np.random.default_rng(PARAMETERS.seed)
 
-    def from_place(self, place: EvaluationPoint) -> EvaluationPoint | None:
-        """The place at the end of a flow along a random field of the kernel of the rows, or None.
+    def from_point(self, point: EvaluationPoint) -> EvaluationPoint | None:
+        """The point at the end of a flow along a random field of the kernel of the rows, or None.
 
-        Where the rank is lower at the place than beside it the field is one of the rows that are independent there.
+        Where the rank is lower at the point than beside it the field is one of the rows that are independent there.
         """
-        kept = place.independent
-        ranges = self._ranges(place)
+        kept = point.independent
+        ranges = self._ranges(point)
         u = self._random.standard_normal(self._block.size)
-        size = initial.size(place.x[: len(self._block.columns)])
+        size = initial.size(point.x[: len(self._block.columns)])
 
         def along(x: Floats) -> Floats | None:
-            A, _ = self._block.rows(x, place.p)
+            A, _ = self._block.rows(x, point.p)
             if not np.isfinite(A.nonzeros()).all():
                 return None
             return _projected(row_block.scaled(A[kept, :], ranges), u)
 
-        first = along(place.x)
+        first = along(point.x)
         largest = 0.0 if first is None else float(np.abs(first).max(initial=0.0))
         if first is None or largest < np.finfo(float).eps:
             return None
         # Time goes on.
         sign = -1.0 if self._block.has_time and first[-1] < 0 else 1.0
-        best = EvaluationPoint(self._block, place.x, place.p, math.inf)
+        best = EvaluationPoint(self._block, point.x, point.p, math.inf)
         for k in range(PARAMETERS.shorter):
             undecided.require_time(self._deadline)
             scale = sign * ranges / largest / PARAMETERS.factor**k
-            if self._leaves(along, place, scale):
+            if self._leaves(along, point, scale):
                 continue
-            x, error = _flow(along, place.x, scale)
+            x, error = _flow(along, point.x, scale)
             there = (
-                met(self._block, x, place.p, size)
+                met(self._block, x, point.p, size)
                 if error <= PARAMETERS.roughly and error < best.error
                 else None
             )
             if there is not None and there.is_finite:
-                best = EvaluationPoint(self._block, there.x, place.p, error)
+                best = EvaluationPoint(self._block, there.x, point.p, error)
             if best.error <= PARAMETERS.converged:
                 break
         # The rounding of large terms may allow no more.
         return (
-            EvaluationPoint(self._block, best.x, place.p, max(best.error, place.error))
+            EvaluationPoint(self._block, best.x, point.p, max(best.error, point.error))
             if best.error <= PARAMETERS.roughly
             else None
         )
 
-    def _leaves(self, along: Field, place: EvaluationPoint, scale: Floats) -> bool:
-        """True if a flow may leave the piece of the place on which the rows are analytic."""
+    def _leaves(self, along: Field, point: EvaluationPoint, scale: Floats) -> bool:
+        """True if a flow may leave the piece of the point on which the rows are analytic."""
         pieces = self._block.pieces
         if not pieces.count:
             return False
-        path = _path(along, place.x, scale, PARAMETERS.looks)
-        return path is None or pieces.end_between(np.array(path), place.p)
+        path = _path(along, point.x, scale, PARAMETERS.looks)
+        return path is None or pieces.end_between(np.array(path), point.p)
 
-    def _ranges(self, place: EvaluationPoint) -> Floats:
+    def _ranges(self, point: EvaluationPoint) -> Floats:
         """The range of each variable (N,): as far as its kind is large, and angles less than one."""
         n = len(self._block.columns)
         found = np.full(self._block.size, PARAMETERS.later * self._duration)
-        values = np.abs(place.x[:n])
+        values = np.abs(point.x[:n])
         least = min(float(values.max(initial=0.0)) or 1.0, 1.0)
         of_kind = np.full(int(self._block.kinds.max(initial=0)) + 1, least)
         np.maximum.at(of_kind, self._block.kinds[:n], values)
@@ -261,7 +261,7 @@ def _path(along: Field, x: Floats, scale: Floats, count: int) -> list[Floats] | 
 
 
 def met(block: RowBlock, x: Floats, p: Floats, size: float) -> EvaluationPoint | None:
-    """The place on f = 0 that a few Newton steps in the coordinates reach from x, or None; size: that of x."""
+    """The point on f = 0 that a few Newton steps in the coordinates reach from x, or None; size: that of x."""
     n, s = len(block.columns), len(block.holonomic)
     before = math.inf
     for _ in range(PARAMETERS.steps):

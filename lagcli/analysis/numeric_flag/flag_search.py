@@ -29,10 +29,10 @@ Floats = npt.NDArray[np.float64]
 
 CONDITION = "a combination of the rows says g dt = 0, and the condition g = 0 was not found in closed form"
 SIDES_DIFFER = "the start lies on a kink (abs, sign, min, max), whose sides may differ"
-# What a start that was declared in decimals shows where it lies on a special place.
+# What a start that was declared in decimals shows where it lies on a special point.
 AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
 # The limits that are tried: numbers as they are written, as doubles, and at last as those of a start that was rounded,
-# off the place that it lies on.
+# off the point that it lies on.
 ROUNDED = Limits(Decimal("1e-10"), Decimal("1e-6"))
 ATTEMPTS: tuple[tuple[bool, Limits | None], ...] = ((True, None), (False, None), (True, ROUNDED))
 # Constants of the rows are doubles: what is smaller is their rounding.
@@ -69,7 +69,7 @@ class NumericFlag:
     combinations: Floats | None = None
     contradiction: bool = False
     special: bool | None = False
-    places: tuple[State, ...] = ()
+    states: tuple[State, ...] = ()
     surface: int = 0
     on_piece: bool = False
     is_certain: bool = False
@@ -109,7 +109,7 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         dimension=generic.dimension,
         contradiction=generic.still.high < generic.all.low,
         special=start.ranks != generic.ranks,
-        places=tuple(points.state(place) for place in points.places),
+        states=tuple(points.state(point) for point in points.visited),
         surface=generic.surface.low,
         is_certain=True,
     )
@@ -131,44 +131,44 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
     raise failed
 
 
-def _on_piece(found: NumericFlag, points: Points, place: EvaluationPoint) -> NumericFlag:
+def _on_piece(found: NumericFlag, points: Points, point: EvaluationPoint) -> NumericFlag:
     """The flag, with what kinks (abs, sign, min, max) mean for combinations that stay."""
     if not found.is_certain or not found.extra[-1] or not points.has_switches:
         return found
-    if place.block.has_kinks:
+    if point.block.has_kinks:
         raise undecided.Undecided(SIDES_DIFFER)
     return dataclasses.replace(found, on_piece=True)
 
 
-def _open(known: NumericFlag, start: EvaluationPoint, place: EvaluationPoint) -> NumericFlag:
+def _open(known: NumericFlag, start: EvaluationPoint, point: EvaluationPoint) -> NumericFlag:
     """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
-    m = len(place.kept)
-    whole = None if place.are_independent else bracket_values.in_digits(place, is_decimal=True)
+    m = len(point.kept)
+    whole = None if point.are_independent else bracket_values.in_digits(point, is_decimal=True)
     return dataclasses.replace(
         known,
         extra=(m, 0) if m else (0,),
         growth=(0, m) if m else (0,),
-        inside=tuple(not any(weights) for weights in _weights(place, whole)),
-        combinations=np.zeros((0, len(place.block.differential))),
+        inside=tuple(not any(weights) for weights in _weights(point, whole)),
+        combinations=np.zeros((0, len(point.block.differential))),
         special=known.special or start.first != m,
-        least=float(place.turning[m - 1]) if m else math.inf,
+        least=float(point.turning[m - 1]) if m else math.inf,
     )
 
 
 def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) -> NumericFlag:
     """The flag by brackets."""
-    place = given.place
-    grown = bracket_values.grown(given) if place.dimension > 1 else Growth(given.span())
+    point = given.point
+    grown = bracket_values.grown(given) if point.dimension > 1 else Growth(given.span())
     told = dataclasses.replace(
         known,
         growth=grown.ranks,
-        inside=tuple(not grown.span.touches(w) for w in _weights(place, given.exact)),
-        combinations=_staying(grown.span, place),
+        inside=tuple(not grown.span.touches(w) for w in _weights(point, given.exact)),
+        combinations=_staying(grown.span, point),
         digits=given.digits,
         error=float(grown.span.error),
         least=float(grown.span.least),
     )
-    if place.dimension > 1 and not told.special:
+    if point.dimension > 1 and not told.special:
         there = _at_start(start, grown, given)
         told = dataclasses.replace(told, special=None if there is None else there.ranks != grown.ranks)
         if there is not None and not told.special:
@@ -183,9 +183,9 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
     return dataclasses.replace(told, extra=extra, error=error, least=least)
 
 
-def _require_one_branch(place: EvaluationPoint, start: EvaluationPoint) -> None:
-    """Raise `undecided.Undecided` where what holds at a place need not hold elsewhere around the start."""
-    if start.surface.low < place.surface.low:
+def _require_one_branch(point: EvaluationPoint, start: EvaluationPoint) -> None:
+    """Raise `undecided.Undecided` where what holds at a point need not hold elsewhere around the start."""
+    if start.surface.low < point.surface.low:
         raise undecided.Undecided("the surface is singular at the start, and its branches may differ")
 
 
@@ -200,29 +200,29 @@ def _at_start(start: EvaluationPoint, grown: Growth, given: BracketValues) -> Gr
     return there
 
 
-def _staying(span: Span, place: EvaluationPoint) -> Floats:
+def _staying(span: Span, point: EvaluationPoint) -> Floats:
     """The combinations (k, m) of the differential rows that vanish on a span, the largest weight 1."""
-    found = np.zeros((span.count - span.rank, len(place.block.differential)))
+    found = np.zeros((span.count - span.rank, len(point.block.differential)))
     for row, weights in zip(found, span.annihilators(), strict=True):
         largest = max(map(abs, weights))
-        row[place.kept] = [float(a / largest) for a in weights]
+        row[point.kept] = [float(a / largest) for a in weights]
     return found
 
 
-def _weights(place: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]:
-    """The differential rows (m,) at a place as combinations of the independent ones among them.
+def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]:
+    """The differential rows (m,) at a point as combinations of the independent ones among them.
 
     What holonomic rows add does not matter. Raises `undecided.Undecided` where a row only nearly depends on others.
     """
-    kept, s = place.kept, len(place.block.holonomic)
-    m = len(place.block.differential)
+    kept, s = point.kept, len(point.block.holonomic)
+    m = len(point.block.differential)
     found = {row: unit(len(kept), k) for k, row in enumerate(kept)}
-    others = [i for i in range(s + m) if i not in set(place.independent)]
+    others = [i for i in range(s + m) if i not in set(point.independent)]
     if others and exact is not None:
-        _require_dependence(exact, others, place)
+        _require_dependence(exact, others, point)
         found |= {i - s: [] for i in others if i >= s}
         for k in range(len(kept)):
-            along = exact.rows_along([0] * place.block.size, unit(len(kept), k))
+            along = exact.rows_along([0] * point.block.size, unit(len(kept), k))
             for i in others:
                 weight = Decimal(0) if along.relative[i] <= WEIGHT_ROUNDOFF else along.values[i]
                 if i >= s:
@@ -230,26 +230,26 @@ def _weights(place: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
                 elif weight:
                     raise undecided.Undecided(NEARLY)
     elif others:
-        found |= {i - s: _by_doubles(place, i) for i in others if i >= s}
+        found |= {i - s: _by_doubles(point, i) for i in others if i >= s}
     return [found[i] for i in range(m)]
 
 
-def _require_dependence(exact: Exact, others: list[int], place: EvaluationPoint) -> None:
+def _require_dependence(exact: Exact, others: list[int], point: EvaluationPoint) -> None:
     """Raise `undecided.Undecided` where a row does not vanish on the kernel of the independent ones."""
-    u = np.random.default_rng(SEED).integers(-(10**6), 10**6, place.block.size).tolist()
-    along = exact.rows_along(u, [Decimal(0)] * len(place.kept))
+    u = np.random.default_rng(SEED).integers(-(10**6), 10**6, point.block.size).tolist()
+    along = exact.rows_along(u, [Decimal(0)] * len(point.kept))
     if any(along.relative[i] > WEIGHT_ROUNDOFF for i in others):
         raise undecided.Undecided(NEARLY)
 
 
-def _by_doubles(place: EvaluationPoint, row: int) -> list[Decimal]:
+def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
     """The weights of a row by least squares."""
-    dense, kept = place.rows.dense, len(place.kept)
-    lengths = place.rows.lengths
-    found = np.linalg.lstsq(dense[place.independent].T, dense[row], rcond=None)[0]
+    dense, kept = point.rows.dense, len(point.kept)
+    lengths = point.rows.lengths
+    found = np.linalg.lstsq(dense[point.independent].T, dense[row], rcond=None)[0]
     scale = Decimal(float(np.abs(found).max(initial=0.0)))
     weights = []
-    for k, value in zip(place.independent[-kept:] if kept else [], found[-kept:].tolist(), strict=False):
+    for k, value in zip(point.independent[-kept:] if kept else [], found[-kept:].tolist(), strict=False):
         weight = Decimal(value)
         if ROUGH_WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
             raise undecided.Undecided(NEARLY)

@@ -34,29 +34,29 @@ Field = list[Number]
 
 
 class Exact:
-    """The rows at one place as written-out programs.
+    """The rows at one point as written-out programs.
 
     is_decimal: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
     Raises `lie_brackets.TooMuchFill`, `multiprecision.Unknown`, and `undecided.Undecided`.
     """
 
-    def __init__(self, place: EvaluationPoint, is_decimal: bool) -> None:
-        if place.rows.is_large:
+    def __init__(self, point: EvaluationPoint, is_decimal: bool) -> None:
+        if point.rows.is_large:
             raise lie_brackets.TooMuchFill
-        block, self._place = place.block, place
-        order = lie_brackets.pivots(place.A[place.independent, :], FILL)
-        self._field = program.written_out(lie_brackets.expanded_field(block, place.independent, order))
+        block, self._point = point.block, point
+        order = lie_brackets.pivots(point.A[point.independent, :], FILL)
+        self._field = program.written_out(lie_brackets.expanded_field(block, point.independent, order))
         self._curl, self._along = program.written_out(block.curl), program.written_out(block.along)
         surface = program.written_out(block.surface)
         self.length = len(self._field.steps) + len(self._curl.steps)
         for one in (self._field, self._curl, self._along, surface):
             multiprecision.require_known(one)
         self._read = multiprecision.decimal_of if is_decimal else Decimal
-        self._p = [self._read(a) for a in place.p.tolist()]
-        self._sizes = [Decimal(size) for size in place.sizes.tolist()]
-        self._nothing = [Decimal(0)] * len(place.kept)
+        self._p = [self._read(a) for a in point.p.tolist()]
+        self._sizes = [Decimal(size) for size in point.sizes.tolist()]
+        self._nothing = [Decimal(0)] * len(point.kept)
         self._still = [Decimal(0)] * block.size
-        self._x = self._refined([self._read(a) for a in place.x.tolist()], surface)
+        self._x = self._refined([self._read(a) for a in point.x.tolist()], surface)
 
     def bracket(self, shape: Shape, U: list[list[int]]) -> DigitSample:
         """Values on the independent differential rows, of a bracket of fields of scaled components U (leaves, N)."""
@@ -74,7 +74,7 @@ class Exact:
     @cached_property
     def _perturbed(self) -> Exact:
         """These brackets with numbers off as those may be that were computed in doubles, the start among them: it
-        may stand for a place that no double hits (sin(x) = 0 at pi)."""
+        may stand for a point that no double hits (sin(x) = 0 at pi)."""
         other = copy.copy(self)
         other._p, other._read = (
             [multiprecision.perturbed(a) for a in self._p],
@@ -121,7 +121,7 @@ class Exact:
         curl = self._run(self._curl, [x, self._p, Y, Z])
         return [
             multiprecision.subtract(multiprecision.subtract(a, b), curl[i])
-            for a, b, i in zip(*change, self._place.kept, strict=True)
+            for a, b, i in zip(*change, self._point.kept, strict=True)
         ]
 
     def _of(self, shape: Shape, x: list[Number], columns: list[list[Decimal]], tag: int) -> Field:
@@ -132,12 +132,12 @@ class Exact:
 
     def _refined(self, x: list[Decimal], surface: Program) -> list[Decimal]:
         """The point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
-        block, place = self._place.block, self._place
+        block, point = self._point.block, self._point
         n, s = len(block.columns), len(block.holonomic)
-        held = [i for i in place.independent if i < s]
+        held = [i for i in point.independent if i < s]
         if not held:
             return x
-        rows = MetricRows(place.plain[held, :n], Metric.unit(n))
+        rows = MetricRows(point.plain[held, :n], Metric.unit(n))
         goal = Decimal(10) ** (5 - DIGITS) * max((abs(a) for a in x[:n]), default=Decimal(0))
         for _ in range(REFINEMENTS):
             f = self._run(surface, [x, self._p])

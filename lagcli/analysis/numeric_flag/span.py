@@ -35,18 +35,18 @@ class DigitSample:
         """|values| in parts of their sizes."""
         return [abs(a) / size if size else NOTHING for a, size in zip(self.values, self.sizes, strict=True)]
 
-    def without(self, other: DigitSample, place: int) -> DigitSample:
-        """The part that is zero at a place, where the other is one."""
-        part, size = self.values[place], self.sizes[place]
+    def without(self, other: DigitSample, index: int) -> DigitSample:
+        """The part that is zero at an index, where the other is one."""
+        part, size = self.values[index], self.sizes[index]
         mine = zip(self.values, self.sizes, other.values, other.sizes, strict=True)
         return DigitSample(
             [a - part * b for a, b in zip(self.values, other.values, strict=True)],
             [s + abs(part) * t + size * abs(b) for _, s, b, t in mine],
         )
 
-    def over(self, place: int) -> DigitSample:
-        """The multiple that is one at a place."""
-        pivot, loss = self.values[place], self.relative[place]
+    def over(self, index: int) -> DigitSample:
+        """The multiple that is one at an index."""
+        pivot, loss = self.values[index], self.relative[index]
         return DigitSample(
             [a / pivot for a in self.values],
             [(size + abs(a) / loss) / abs(pivot) for a, size in zip(self.values, self.sizes, strict=True)],
@@ -54,7 +54,7 @@ class DigitSample:
 
 
 class Span:
-    """A span of vectors of values (m,), kept as vectors that are one at a place where the others are zero.
+    """A span of vectors of values (m,), kept as vectors that are one at an index where the others are zero.
 
     error: the largest relative value that counted as zero; least: the smallest that did not.
     """
@@ -72,15 +72,15 @@ class Span:
     def add(self, sample: DigitSample) -> bool:
         """True if a sample brings something new. Raises `undecided.AmbiguousRank`."""
         rest = sample
-        for place, vector in self._vectors.items():
-            rest = rest.without(vector, place)
+        for index, vector in self._vectors.items():
+            rest = rest.without(vector, index)
         relative = [a if i not in self._vectors else NOTHING for i, a in enumerate(rest.relative)]
-        place = max(range(self.count), key=relative.__getitem__)
-        if self._is_zero(relative[place]):
+        index = max(range(self.count), key=relative.__getitem__)
+        if self._is_zero(relative[index]):
             return False
-        self.least = min(self.least, relative[place])
-        new = rest.over(place)
-        self._vectors = {i: vector.without(new, place) for i, vector in self._vectors.items()} | {place: new}
+        self.least = min(self.least, relative[index])
+        new = rest.over(index)
+        self._vectors = {i: vector.without(new, index) for i, vector in self._vectors.items()} | {index: new}
         return True
 
     def touches(self, weights: Sequence[Decimal]) -> bool:
@@ -93,8 +93,8 @@ class Span:
         for i in range(self.count):
             if i not in self._vectors:
                 one = unit(self.count, i)
-                for place, vector in self._vectors.items():
-                    one[place] = NOTHING if self._is_zero(vector.relative[i]) else -vector.values[i]
+                for index, vector in self._vectors.items():
+                    one[index] = NOTHING if self._is_zero(vector.relative[i]) else -vector.values[i]
                 found.append(one)
         return found
 
@@ -108,7 +108,7 @@ class Span:
 
 
 def unit(count: int, i: int) -> list[Decimal]:
-    """The vector (m,) that is one at a place."""
+    """The vector (m,) that is one at an index."""
     return [Decimal(int(i == j)) for j in range(count)]
 
 

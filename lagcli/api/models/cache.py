@@ -18,7 +18,7 @@ _kept: OrderedDict[tuple[str, str], CompiledModel] = OrderedDict()
 def compiled(model: Model) -> CompiledModel:
     """The compiled system of a model. Other values of parameters or of the start need no new build."""
     size_limits.require_built(model)
-    key = model.path, model.fingerprint  # a place that is told holds the path
+    key = model.path, model.fingerprint  # a reported location contains the path
     cached = _kept.pop(key, None)
     result = (cached.with_values(model) if cached is not None else None) or CompiledModel(system.build(model))
     _kept[key] = result

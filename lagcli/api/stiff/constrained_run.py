@@ -52,8 +52,8 @@ class Constrained:
 
     def at(self, refined: int) -> tuple[Floats, Floats]:
         """Times and lambda on a grid that is `refined` times as fine as that of the rows."""
-        places = spaced(len(self.t), self.refined // refined)
-        return self.t[places], self.multiplier[places]
+        rows = spaced(len(self.t), self.refined // refined)
+        return self.t[rows], self.multiplier[rows]
 
 
 def constrained(
@@ -65,9 +65,9 @@ def constrained(
     """
     _require_no_inequality(model)
     first = prepare_run.start(model, chosen)
-    place = _place(first, plan.constraint)
+    index = _row_index(first, plan.constraint)
     chosen, notes = _until_stopped(model, chosen, first)
-    return _constrained(model, chosen, place, plan), first.built.rows.rows[place].name, notes
+    return _constrained(model, chosen, index, plan), first.built.rows.rows[index].name, notes
 
 
 def _require_no_inequality(model: Model) -> None:
@@ -85,7 +85,7 @@ def _without_limit(message: str, where: diagnostics.Location, hint: str) -> diag
     return diagnostics.ModelError([diagnostics.Diagnostic("no-stiff-limit", message, where, hint)])
 
 
-def _place(run: SimulationRun, name: str) -> int:
+def _row_index(run: SimulationRun, name: str) -> int:
     """The number of the row of this name. Raises `ModelError` where it has no limit, `ValueError` where it is none."""
     built = run.built
     rows = built.rows.rows
@@ -110,21 +110,21 @@ def _place(run: SimulationRun, name: str) -> int:
     if len(named) > 1:
         hint = f"its rows are `{rows[named[0]].name}` to `{rows[named[-1]].name}`"
         raise ValueError(f"constraint: `{name}` is {len(named)} rows, and one becomes a spring; {hint}")
-    (place,) = named
-    if place in run.selection.indeterminate:
+    (index,) = named
+    if index in run.selection.indeterminate:
         raise _without_limit(
-            f"the row `{rows[place].name}` is redundant: others hold it when it becomes a spring, which then has no"
+            f"the row `{rows[index].name}` is redundant: others hold it when it becomes a spring, which then has no"
             " force, and its multiplier is not unique",
-            rows[place].location,
+            rows[index].location,
             "take the rows out that repeat it",
         )
-    if stiff_system.has_cut(built, place):
+    if stiff_system.has_cut(built, index):
         raise _without_limit(
-            f"f of the row `{rows[place].name}` has the cut of an angle, where the potential k f^2/2 would jump",
-            rows[place].location,
+            f"f of the row `{rows[index].name}` has the cut of an angle, where the potential k f^2/2 would jump",
+            rows[index].location,
             "write the row without `atan2`, or name the angle as a coordinate",
         )
-    return place
+    return index
 
 
 def _until_stopped(model: Model, chosen: Simulation, run: SimulationRun) -> tuple[Simulation, list[str]]:
@@ -143,26 +143,26 @@ def _until_stopped(model: Model, chosen: Simulation, run: SimulationRun) -> tupl
     return dataclasses.replace(chosen, duration=run.end - chosen.start), [note]
 
 
-def _constrained(model: Model, chosen: Simulation, place: int, plan: LimitPlan) -> Constrained | str:
+def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) -> Constrained | str:
     """The constrained run without outputs and events, or why it stopped."""
     bare = dataclasses.replace(model, outputs=(), events=(), fingerprint=f"{model.fingerprint} bare")
     run = prepare_run.start(bare, chosen)
     start, numeric = run.begin, run.numeric
     solved = numeric.keeping(run.selection).solved
-    lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), place)
-    frequency = stiff_start.frequency(numeric, start, place)
+    lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), index)
+    frequency = stiff_start.frequency(numeric, start, index)
     swings = frequency * math.sqrt(plan.stiffness[-1]) * chosen.duration / (2 * math.pi)
     refined = refinement(run.grid.count - 1, swings)
     if refined > 1:
         run = prepare_run.start(bare, finer(chosen, refined))
-    column = run.columns.index(f"lambda.{run.built.rows.rows[place].name}")
+    column = run.columns.index(f"lambda.{run.built.rows.rows[index].name}")
     blocks = [np.zeros((0, 2))]
     try:
         blocks += [block[:, [0, column]].copy() for block in run.blocks()]
     except run_stop.RunStop as stop:
         return f"the constrained run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
     t, multiplier = np.concatenate(blocks).T
-    row = StiffRow(place, lam, rate)
+    row = StiffRow(index, lam, rate)
     return Constrained(run, row, start, frequency, chosen, refined, t, multiplier)
 
 
@@ -185,5 +185,5 @@ def finer(chosen: Simulation, refined: int) -> Simulation:
 
 def spaced(count: int, every: int) -> npt.NDArray[np.int64]:
     """Every so many of `count` rows, and the last."""
-    places = np.arange(0, count, every)
-    return places if places[-1] == count - 1 else np.append(places, count - 1)
+    indices = np.arange(0, count, every)
+    return indices if indices[-1] == count - 1 else np.append(indices, count - 1)

@@ -67,8 +67,8 @@ class _StiffRuns:
         self._constrained, self._row, self._plan = constrained, row, plan
         self._ready: CompiledModel | None = None
         built = constrained.run.built
-        self._stretch = stiff_system.stretch(built, constrained.row.place)
-        self._size = stiff_system.size_of_terms(built, constrained.row.place, constrained.start)
+        self._stretch = stiff_system.stretch(built, constrained.row.index)
+        self._size = stiff_system.size_of_terms(built, constrained.row.index, constrained.start)
 
     def ladder(self, kind: str) -> StiffLimit:
         """One run for each stiffness, from the least on, as far as their errors can be told."""

@@ -131,12 +131,12 @@ class _Stream:
         self._engine, self._task, self._points, self._numbers = engine, task, points, numbers
         self._sent = 0  # of `numbers`
         self._size = 1
-        self._parts: dict[int, range] = {}  # sent and not handed out, by the place of their first point
+        self._parts: dict[int, range] = {}  # sent and not handed out, by the index of their first point
         self._under_way: dict[Future[Finished], int] = {}
         self._come: dict[int, list[PointRow]] = {}
         self._has_come = False
         self._pools = 1
-        # Places of points that go one at a time, when nothing else is under way: after all pools were lost, or after
+        # Indices of points that go one at a time, when nothing else is under way: after all pools were lost, or after
         # workers of an executor have died over their part.
         self._alone: list[int] = []
         self._endings = 0  # of workers by points that went alone, since one has come
@@ -202,10 +202,10 @@ class _Stream:
             self._alone.remove(first)
             self._pools = 1  # when the last of them is there, parts go out as before
 
-    def _singly(self, places: Sequence[int]) -> list[int]:
-        """Divide parts at these places into parts of one point; the places of these."""
-        found = [place + i for place in places for i in range(len(self._parts[place]))]
-        self._parts |= {place: self._numbers[place : place + 1] for place in found}
+    def _singly(self, indices: Sequence[int]) -> list[int]:
+        """Divide parts at these indices into parts of one point; the indices of these."""
+        found = [index + i for index in indices for i in range(len(self._parts[index]))]
+        self._parts |= {index: self._numbers[index : index + 1] for index in found}
         self._parts = dict(sorted(self._parts.items()))
         return found
 

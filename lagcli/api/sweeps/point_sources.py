@@ -101,8 +101,8 @@ class PointProduct:
         """See `SweepPoints`."""
         found: list[Point] = []
         for part in reversed(self._parts):
-            number, place = divmod(number, part.count)
-            found.append(part.point(place))
+            number, index = divmod(number, part.count)
+            found.append(part.point(index))
         return tuple(value for values in reversed(found) for value in values)
 
 

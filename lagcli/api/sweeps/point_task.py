@@ -137,7 +137,7 @@ class _Kept:
         self._task = task
         self._blocks: list[Floats] = []
         self._names: tuple[str, ...] = ()
-        self._places: list[int] = []
+        self._indices: list[int] = []
         self._sink: sinks.Sink | None = None
         self.t_end = math.nan
 
@@ -146,7 +146,7 @@ class _Kept:
         everything = (*run.columns, *run.by_name)
         needed = [name for one in self._task.reductions for name in reductions.columns_of(one, everything)]
         self._names = tuple(dict.fromkeys(["t", *needed]))
-        self._places = [everything.index(name) for name in self._names]
+        self._indices = [everything.index(name) for name in self._names]
         if self._task.tables is not None:
             path = pathlib.Path(self._task.tables.replace("*", f"{number:07d}"))
             whence = run.stats.provenance
@@ -162,7 +162,7 @@ class _Kept:
             self.reach(run)
         if self._sink is not None:
             self._sink.write(block)
-        self._blocks.append(run.taken(block, self._places))
+        self._blocks.append(run.taken(block, self._indices))
 
     def reach(self, run: SimulationRun) -> None:
         """The run has come to a time without the rows up to there, which nobody needs."""

@@ -133,7 +133,7 @@ def _evaluated(
 
 
 def _marked(text: str, known: frozenset[str]) -> tuple[str, dict[int, str]]:
-    """The text with every column put as a plain word of its length, and the columns by the places of these words."""
+    """The text with every column put as a plain word of its length, and the columns by the indices of these words."""
     by_letter: dict[str, list[str]] = {}
     for name in sorted(known, key=len, reverse=True):
         by_letter.setdefault(name[:1], []).append(name)

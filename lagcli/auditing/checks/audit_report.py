@@ -1,4 +1,4 @@
-"""The findings of an audit: the checks, each with its worst place and the limit it was held against, and sentences."""
+"""The findings of an audit: the checks, each with its worst entry and the limit it was held against, and sentences."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
-NAMED = 12  # places that a check names, the worst
+NAMED = 12  # entries that a check names, the worst
 NEARLY_ALL = (
     0.9  # of the entries must be judged before a check says `pass`: kinks may leave the rows around them open
 )
@@ -64,8 +64,8 @@ class Check:
             "law": self.law,
             "equation": self.equation,
             "verdict": self.verdict,
-            "worst": _place(self.worst),
-            "failing": [_place(place) for place in self.failing],
+            "worst": _location_json(self.worst),
+            "failing": [_location_json(location) for location in self.failing],
             "failures": self.failures,
             "judged": self.judged,
             "entries": self.entries,
@@ -216,7 +216,7 @@ def judge(
         note = "cannot be judged at this spacing of rows"
         return Check(law.name, law.law, law.equation, "not judged", None, entries=residual.size, note=note)
 
-    def place(i: int, j: int) -> TableLocation:
+    def location(i: int, j: int) -> TableLocation:
         return TableLocation(names[j], float(t[i]), float(size[i, j]), float(limit[i, j]))
 
     worst = np.unravel_index(int(np.argmax(ratio)), shape)
@@ -227,8 +227,8 @@ def judge(
         law.law,
         law.equation,
         "fail" if beyond else "pass" if count >= NEARLY_ALL * decided.size else "partly judged",
-        place(int(worst[0]), int(worst[1])),
-        tuple(place(int(rows[j]), j) for j in beyond[:NAMED]),
+        location(int(worst[0]), int(worst[1])),
+        tuple(location(int(rows[j]), j) for j in beyond[:NAMED]),
         len(beyond),
         count,
         residual.size,
@@ -243,14 +243,14 @@ def _curve(t: Array, ratio: Array) -> tuple[tuple[float, float], ...]:
     return tuple(zip(t[known].tolist(), ratio[known].tolist(), strict=True))
 
 
-def _place(place: TableLocation | None) -> dict[str, object] | None:
-    if place is None:
+def _location_json(location: TableLocation | None) -> dict[str, object] | None:
+    if location is None:
         return None
     return {
-        "name": place.name,
-        "t": place.t,
-        "value": _finite(place.value),
-        "limit": _finite(place.limit),
+        "name": location.name,
+        "t": location.t,
+        "value": _finite(location.value),
+        "limit": _finite(location.limit),
     }
 
 

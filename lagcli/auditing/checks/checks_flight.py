@@ -1,7 +1,7 @@
 """The motion from an incident to the next row or incident.
 
 Around incidents rows stand too far apart for differences, and the states of the incidents have no reactions. Where
-the rows that are equations and those of contacts that rest are independent, accelerations follow from places and
+the rows that are equations and those of contacts that rest are independent, accelerations follow from positions and
 velocities: with a_F = F/m and W the matrix of B m^(-1/2), m^(1/2) (a - a_F) = -W^+ (d/dt (B v + b) along a_F), (D.24).
 """
 
@@ -92,7 +92,7 @@ def _joined(one: Record, other: Record) -> Record:
 
 
 def flights(e: Evidence) -> list[Check]:
-    """Momenta and places over each flight, of models in Cartesian coordinates without a `lagrangian`."""
+    """Momenta and positions over each flight, of models in Cartesian coordinates without a `lagrangian`."""
     impact, laws = e.once(checks_impact.impact_evidence), e.laws
     if impact is None or not len(impact.incidents.t):
         return []
@@ -138,8 +138,8 @@ def _flown(e: Evidence, motion: _FreeMotion, found: Flights, k: Array) -> tuple[
     if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
         unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(way.middle, way.acceleration))
     residual_v = other.v - one.v - way.velocities
-    unknown_bend = way.unknown_places
-    residual_q = other.q - one.q - h / 2 * (one.v + other.v) - way.places
+    unknown_bend = way.unknown_positions
+    residual_q = other.q - one.q - h / 2 * (one.v + other.v) - way.positions
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * one.v))
     if motion.has_rows:
@@ -166,7 +166,7 @@ def _of_particles(y: Array) -> Array:
 
 class _FreeMotion:
     """Accelerations of Cartesian particles while some contacts rest, by their numbers, and all others are open: from
-    places and velocities alone."""
+    positions and velocities alone."""
 
     def __init__(self, e: Evidence, closed: Sequence[int]) -> None:
         self._e = e
@@ -222,19 +222,19 @@ class _FreeMotion:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class FlightIntegrals:
-    """Of P flights: changes of velocities, and of places beyond h (v + v')/2, (P, n) each, with what is not known of
+    """Of P flights: changes of velocities, and of positions beyond h (v + v')/2, (P, n) each, with what is not known of
     them; and states halfway with their accelerations."""
 
     velocities: Array
     unknown_velocities: Array
-    places: Array
-    unknown_places: Array
+    positions: Array
+    unknown_positions: Array
     middle: Record
     acceleration: Array
 
 
 def _integrals(one: Record, other: Record, accelerations: Callable[[Record], Array]) -> FlightIntegrals:
-    """Those from states to states later, by Boole's formula on the quintic curve through places, velocities and
+    """Those from states to states later, by Boole's formula on the quintic curve through positions, velocities and
     accelerations at both ends (Hermite); `accelerations` (P, n) of states."""
     h = (other.t - one.t)[:, None]
     begin, end = accelerations(one), accelerations(other)

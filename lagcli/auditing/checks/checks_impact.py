@@ -2,8 +2,8 @@
 
 M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_j+ + e_j min(dg_j-, 0) >= 0
 
-Rows and places may move with t. With H = q' . p - L of the whole system, quadratic in q', the jump of p at one place
-gives exactly
+Rows and positions may move with t. With H = q' . p - L of the whole system, quadratic in q', the jump of p at one
+configuration gives exactly
 
     H(+) - H(-) = (p(+) - p(-)) . (q'(+) + q'(-))/2,    p(+) - p(-) = sum_i impulse_i B_i,    B_i . q' = df_i/dt - b_i
 
@@ -12,7 +12,7 @@ is -impulse_i b_i, b_i its rate where only t moves. Dependent particles x(q, t) 
 
     T + V = H + sum_k m_k u_k . dx_k/dt
 
-without what is in `lagrangian`: places that move with t do the work m_k (u_k(+) - u_k(-)) . dx_k/dt on T. The mass
+without what is in `lagrangian`: positions that move with t do the work m_k (u_k(+) - u_k(-)) . dx_k/dt on T. The mass
 matrix may depend on q and t; it is the same on both sides.
 """
 
@@ -75,8 +75,8 @@ class ImpactEvidence:
         """The rows that are equations, before and after."""
         laws, t = self.laws, self.incidents.t
         own = [i for i in self.rows if i < laws.s]
-        places = self.before.values.f[:, own]
-        residual = np.concatenate([places, self.after.values.w[:, self.rows]], axis=1)
+        positions = self.before.values.f[:, own]
+        residual = np.concatenate([positions, self.after.values.w[:, self.rows]], axis=1)
         limit = np.concatenate([self.before.noise("f")[:, own], self.after.noise("w")[:, self.rows]], axis=1)
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows)]
         return judge(KEPT, names, t, residual, limit + self.tolerance.atol)
@@ -161,8 +161,8 @@ class ImpactEvidence:
         return judge(IMPACTS, names, self.incidents.t, residual, limits)
 
     def losses(self) -> Check:
-        """The energy lost, by velocities and by impulses, beside the work of rows and places that move with t; no more
-        than rounding is gained."""
+        """The energy lost, by velocities and by impulses, beside the work of rows and positions that move with t; no
+        more than rounding is gained."""
         one, other = self.before, self.after
         impulses, b = self.incidents.impulses, one.values.b
         (H, off), (H_after, off_after) = _hamiltonian(one), _hamiltonian(other)

@@ -21,7 +21,7 @@ ENERGY = CheckedLaw("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' 
 
 
 def rates(e: Evidence) -> list[Check]:
-    """The recorded rates against differences of the recorded places."""
+    """The recorded rates against differences of the recorded positions."""
     r = e.record
     q = e.grid.derivative(r.q, SAFETY * e.off_q)
     limit = q.noise + SAFETY * e.off_v
@@ -34,7 +34,7 @@ def rates(e: Evidence) -> list[Check]:
 
 
 def path(e: Evidence) -> list[Check]:
-    """The recorded places against the integrals of the recorded rates: a slow drift adds up."""
+    """The recorded positions against the integrals of the recorded rates: a slow drift adds up."""
     r = e.record
     return _integrated(e, PATH, (e.names.q, e.names.x), (r.q, r.x), (r.v, r.u), (SAFETY * e.off_q, 0.0))
 

@@ -93,8 +93,8 @@ def _of_all(laws: ModelLaws, own: Array, dependent: Array) -> Array:
     """Components of the particles in their order, (T, 3 N), from those of coordinates and of dependent particles."""
     found = np.zeros((len(own), 3 * len(laws.index.particles)))
     for numbers, part in ((laws.index.cartesian, own), (laws.index.dependent, dependent)):
-        places = (3 * numbers[:, None] + np.arange(3)).ravel()
-        found[:, places] = part[:, : places.size]
+        columns = (3 * numbers[:, None] + np.arange(3)).ravel()
+        found[:, columns] = part[:, : columns.size]
     return found
 
 

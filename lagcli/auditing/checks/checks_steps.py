@@ -66,20 +66,20 @@ class TableSteps:
 
     @functools.cached_property
     def weights(self) -> dict[int, tuple[Array, Array, Array]]:
-        """By order: places (T - 1, m), weights of the integral of s -> y and of s -> (h/2 - s) y over each step."""
+        """By order: indices (T - 1, m), weights of the integral of s -> y and of s -> (h/2 - s) y over each step."""
         nodes, shares = np.polynomial.legendre.leggauss(NODES)
         found = {}
         for m in self.orders:
             first = np.clip(np.arange(len(self.h)) - (m // 2 - 1), 0, len(self.t) - m)
-            places = first[:, None] + np.arange(m)
-            plain, moment = np.zeros(places.shape), np.zeros(places.shape)
+            indices = first[:, None] + np.arange(m)
+            plain, moment = np.zeros(indices.shape), np.zeros(indices.shape)
             s = self.h * (1 + nodes[:, None]) / 2
-            values = differences.values_at((self.t[places] - (self.t[:-1] + s)[:, :, None]).reshape(-1, m))
-            for i, here in enumerate(values.reshape(NODES, *places.shape)):
+            values = differences.values_at((self.t[indices] - (self.t[:-1] + s)[:, :, None]).reshape(-1, m))
+            for i, here in enumerate(values.reshape(NODES, *indices.shape)):
                 here *= (shares[i] / 2 * self.h)[:, None]
                 plain += here
                 moment += here * (self.h / 2 - s[i])[:, None]
-            found[m] = places, plain, moment
+            found[m] = indices, plain, moment
         return found
 
     @functools.cached_property
@@ -100,7 +100,7 @@ class TableSteps:
 
 
 def quantities(e: Evidence) -> list[Quantity]:
-    """Places with their velocities, momenta with forces and reactions: of particles, then of coordinates."""
+    """Positions with their velocities, momenta with forces and reactions: of particles, then of coordinates."""
     own, n, r = e.laws.index.first_generalized, e.laws.index.n, e.record
     found = _of_particles(e, _cartesian(e)) if own else []
     if r.x.size:
@@ -112,7 +112,7 @@ def quantities(e: Evidence) -> list[Quantity]:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Particles:
-    """Places and velocities of particles, (T, 3 K), with the forces on them, and by how much all may be off."""
+    """Indices and velocities of particles, (T, 3 K), with the forces on them, and by how much all may be off."""
 
     names: tuple[tuple[str, ...], tuple[str, ...]]
     y: Array
@@ -257,15 +257,15 @@ def judged_steps(grid: TableSteps, one: Quantity, fast: Array) -> tuple[Array, A
     off = np.maximum(one.off[1:], one.off[:-1])
     off = off + differences.CLOCK * (np.abs(grid.t).max() * np.abs(one.rate[1:]) + np.abs(one.y[1:]))
     off_rate = np.maximum(one.off_rate[1:], one.off_rate[:-1])
-    for m, (places, plain, moment) in grid.weights.items():
+    for m, (indices, plain, moment) in grid.weights.items():
         if one.second is None:
-            found = change - differences.combined(places, plain, one.rate)
+            found = change - differences.combined(indices, plain, one.rate)
             open_ = ORDERS[m] * h * grid.spread(m, one.rate)
             limit = off + h * off_rate + open_
         else:
             assert one.off_second is not None
             found = change - h * (one.rate[1:] + one.rate[:-1]) / 2
-            found = found - differences.combined(places, moment, one.second)
+            found = found - differences.combined(indices, moment, one.second)
             open_ = ORDERS[m] * h * h / 4 * grid.spread(m, one.second)
             off_second = np.maximum(one.off_second[1:], one.off_second[:-1])
             limit = off + h * off_rate + h * h / 4 * off_second + open_

@@ -8,7 +8,7 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.tolerances import Evidence
 
 AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
-PLACES = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
+POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
 BENDS, ROUNDED = 2.0, 1e-12  # times the bend that rows show, and a part of the size: what is above is hidden
 FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass it on
 
@@ -33,7 +33,7 @@ def _drives(e: Evidence, steps: Array) -> Array:
     """The pushes (K,) by which t alone changes momenta within steps (K,), in rows, dependent particles and inertia,
     beyond what the rows around show; 0 where t occurs in none of them."""
     r = e.record
-    s = np.arange(PLACES + 2) / (PLACES + 1)
+    s = np.arange(POINTS + 2) / (POINTS + 1)
     first, last = r.t[steps], r.t[steps + 1]
     inside = first[:, None] + s * (last - first)[:, None]
     around = r.t[np.clip(steps[:, None] + np.arange(-1, 3), 0, len(r.t) - 1)]
@@ -46,8 +46,8 @@ def _drives(e: Evidence, steps: Array) -> Array:
 
 
 def _momenta(e: Evidence, steps: Array, t: Array) -> Array:
-    """Momenta over roots of masses that t brings about at times (K, S), with places and velocities as they are at the
-    first rows of steps, (K, S, k)."""
+    """Momenta over roots of masses that t brings about at times (K, S), with positions and velocities as they are at
+    the first rows of steps, (K, S, k)."""
     r, many = e.record, t.shape[1]
     q, v = (np.repeat(y[steps], many, axis=0) for y in (r.q, r.v))
     found = e.laws.values(t.ravel(), q, v, np.zeros((t.size, e.laws.C)))
@@ -63,7 +63,7 @@ def _pushes(e: Evidence, steps: Array) -> Array:
     At states on the straight line between those of the rows.
     """
     r, laws = e.record, e.laws
-    s = np.arange(PLACES + 2)[None, :] / (PLACES + 1)
+    s = np.arange(POINTS + 2)[None, :] / (POINTS + 1)
     s = s * np.ones((len(steps), 1))
 
     def between(y: Array) -> Array:
@@ -76,7 +76,7 @@ def _pushes(e: Evidence, steps: Array) -> Array:
     force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(s.size, -1)
     roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0)), np.sqrt(np.where(e.masses_x > 0, e.masses_x, 1.0))
     pushes = np.concatenate([force / roots[0], force_x / roots[1]], axis=1).reshape(
-        len(steps), PLACES + 2, -1
+        len(steps), POINTS + 2, -1
     )
     straight = pushes[:, :1] + s[:, :, None] * (pushes[:, -1:] - pushes[:, :1])
     return np.asarray(FORWARD * np.linalg.norm(pushes - straight, axis=2).max(axis=1))

@@ -31,14 +31,14 @@ class Edge:
 
 @dataclasses.dataclass(slots=True, eq=False)
 class GraphNode:
-    """A value (T, K) with what it was made from. A leaf has the kind and the places of its coordinates, (K,)."""
+    """A value (T, K) with what it was made from. A leaf has the kind and the indices of its coordinates, (K,)."""
 
     graph: AutodiffGraph
     number: int
     value: Array
     links: tuple[Edge, ...]
     kind: str = ""
-    places: Integers | None = None
+    indices: Integers | None = None
 
     @property
     def is_rate(self) -> bool:
@@ -70,12 +70,12 @@ class AutodiffGraph:
         self._leaves: dict[tuple[str, bytes], GraphNode] = {}
         self._rates: list[Array | None] = []
 
-    def leaf(self, kind: str, places: Integers) -> GraphNode:
-        """Coordinates of a kind at these places, (T, K)."""
-        key = (kind, places.tobytes())
+    def leaf(self, kind: str, indices: Integers) -> GraphNode:
+        """Coordinates of a kind at these indices, (T, K)."""
+        key = (kind, indices.tobytes())
         if key not in self._leaves:
-            node = self.node(self.data[kind][:, places], ())
-            node.kind, node.places = kind, places
+            node = self.node(self.data[kind][:, indices], ())
+            node.kind, node.indices = kind, indices
             self._leaves[key] = node
         return self._leaves[key]
 
@@ -120,7 +120,7 @@ class AutodiffGraph:
             g = adjoints[node.number]
             if g is None:
                 continue
-            if node.places is not None:
+            if node.indices is not None:
                 collected.add(node, node.kind, g)
             for link in node.links:
                 _pass(link, g, adjoints)
@@ -138,7 +138,7 @@ class AutodiffGraph:
         for node in reversed(self.nodes):
             low, up = lower[node.number], upper[node.number]
             if low is not None:
-                if node.places is not None:
+                if node.indices is not None:
                     collected.add(node, node.kind, low)
                 for link in node.links:
                     _pass(link, low, lower)
@@ -172,28 +172,28 @@ class Gradient:
 
     def add(self, node: GraphNode, kind: str, g: Array) -> None:
         """Add the adjoint of a leaf to its coordinates."""
-        assert node.places is not None
-        scatter(self[kind], node.places, np.broadcast_to(g, node.value.shape))
+        assert node.indices is not None
+        scatter(self[kind], node.indices, np.broadcast_to(g, node.value.shape))
 
 
-def scatter(target: Array, places: Integers, values: Array) -> None:
-    """target[:, places] += values, also where a place comes twice."""
-    if places.size == 1:
-        target[:, places[0]] += values[:, 0]
+def scatter(target: Array, indices: Integers, values: Array) -> None:
+    """target[:, indices] += values, also where an index comes twice."""
+    if indices.size == 1:
+        target[:, indices[0]] += values[:, 0]
         return
-    unique = np.unique(places)
-    if unique.size == places.size:
-        target[:, places] += values
+    unique = np.unique(indices)
+    if unique.size == indices.size:
+        target[:, indices] += values
         return
-    order = np.argsort(places, kind="stable")
-    starts = np.searchsorted(places[order], unique)
+    order = np.argsort(indices, kind="stable")
+    starts = np.searchsorted(indices[order], unique)
     target[:, unique] += np.add.reduceat(values[:, order], starts, axis=1)
 
 
 def _tangent(node: GraphNode, known: Sequence[Array | None], directions: Directions) -> Array | None:
-    if node.places is not None:
+    if node.indices is not None:
         along = directions.get(node.kind)
-        return None if along is None else along[:, node.places]
+        return None if along is None else along[:, node.indices]
     if node.is_rate:
         return None
     total: Array | None = None

@@ -87,12 +87,12 @@ class DifferenceGrid:
 
     @functools.cached_property
     def _stencils(self) -> list[tuple[Array, Array]]:
-        """Places (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
+        """Indices (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
         found = []
         for width in PARAMETERS.widths:
             if width <= len(self.t):
-                places = self._around(np.arange(len(self.t)) - width // 2, width)
-                found.append((places, _weights(self.t[places] - self.t[:, None])[1]))
+                indices = self._around(np.arange(len(self.t)) - width // 2, width)
+                found.append((indices, _weights(self.t[indices] - self.t[:, None])[1]))
         return found
 
     def derivative(self, y: Array, noise: Array) -> Estimate:
@@ -103,20 +103,20 @@ class DifferenceGrid:
         clock = CLOCK * np.abs(self.t).max() / self._nearest[:, None]
         best: Estimate | None = None
         narrower, before = None, np.zeros(y.shape)
-        for places, weights in self._stencils:
-            found = _combined(places, weights, y)
+        for indices, weights in self._stencils:
+            found = _combined(indices, weights, y)
             if narrower is not None:
                 now = np.abs(found - narrower)
                 wrong = PARAMETERS.caution * widest(
                     np.maximum(now, PARAMETERS.last * before), PARAMETERS.reach
                 )
                 before = now
-                wrong[places[:, 0] != np.arange(len(y)) - places.shape[1] // 2] *= PARAMETERS.one_sided
+                wrong[indices[:, 0] != np.arange(len(y)) - indices.shape[1] // 2] *= PARAMETERS.one_sided
                 sizes = np.abs(weights)
                 if noise.ndim == 1:
                     spread = sizes.sum(axis=1)[:, None] * noise
                 else:
-                    spread = _combined(places, sizes, noise, about=False)
+                    spread = _combined(indices, sizes, noise, about=False)
                 spread = spread + clock * np.abs(found) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
                 best = _better(best, Estimate(found, spread, wrong))
             narrower = found
@@ -128,8 +128,8 @@ class DifferenceGrid:
         if len(self._stencils) < 3:
             return np.zeros(y.shape, dtype=bool)
         slopes, spread = [], np.zeros(y.shape)
-        for places, weights in self._stencils[-3:]:
-            slopes.append(_combined(places, weights, y))
+        for indices, weights in self._stencils[-3:]:
+            slopes.append(_combined(indices, weights, y))
             spread = np.abs(weights).sum(axis=1)[:, None] * noise
         before, now = (widest(np.abs(b - a), PARAMETERS.reach) for a, b in itertools.pairwise(slopes))
         small = np.maximum(PARAMETERS.smooth * widest(np.abs(slopes[-1]), 2 * PARAMETERS.reach), spread)
@@ -142,7 +142,7 @@ class DifferenceGrid:
         """
         increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
         if len(self.t) > 1:
-            sums = [_combined(places, weights, y, about=False) for places, weights in self._quadrature]
+            sums = [_combined(indices, weights, y, about=False) for indices, weights in self._quadrature]
             increments = sums[0]
             wrong = np.maximum(np.abs(sums[0] - sums[1]), PARAMETERS.last * np.abs(sums[1] - sums[2]))
             wrong = PARAMETERS.caution * widest(wrong, PARAMETERS.reach)
@@ -211,18 +211,18 @@ class DifferenceGrid:
 
     @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:
-        """Places and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
+        """Indices and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
         nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
         found: list[tuple[Array, Array]] = []
         widest = min(2 * PARAMETERS.gauss, len(self.t))
         for width in (widest, max(1, widest - 2), max(1, widest - 4)):
-            places = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
+            indices = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
             at = self.t[:-1] + self._steps * (1 + nodes[:, None]) / 2
-            values = _weights((self.t[places] - at[:, :, None]).reshape(-1, width))[0]
-            weights = np.zeros(places.shape)
-            for share, value in zip(shares, values.reshape(PARAMETERS.gauss, *places.shape), strict=True):
+            values = _weights((self.t[indices] - at[:, :, None]).reshape(-1, width))[0]
+            weights = np.zeros(indices.shape)
+            for share, value in zip(shares, values.reshape(PARAMETERS.gauss, *indices.shape), strict=True):
                 weights += share / 2 * self._steps[:, None] * value
-            found.append((places, weights))
+            found.append((indices, weights))
         return found
 
     def _around(self, first: Array, width: int) -> Array:
@@ -230,15 +230,15 @@ class DifferenceGrid:
         return np.asarray(first[:, None] + np.arange(width))
 
 
-def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Array:
-    """sum_s weights[i, s] y[places[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0.
+def _combined(indices: Array, weights: Array, y: Array, about: bool = True) -> Array:
+    """sum_s weights[i, s] y[indices[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0.
 
-    The places of a row ascend.
+    The indices of a row ascend.
     """
-    found = np.empty((len(places), y.shape[1]))
-    for start in range(0, len(places), PARAMETERS.block):
+    found = np.empty((len(indices), y.shape[1]))
+    for start in range(0, len(indices), PARAMETERS.block):
         rows = slice(start, start + PARAMETERS.block)
-        taken = places[rows]
+        taken = indices[rows]
         low, high = int(taken[:, 0].min()), int(taken[:, -1].max()) + 1
         band = np.zeros((len(taken), high - low))
         band.reshape(-1)[taken + (np.arange(len(taken)) * (high - low) - low)[:, None]] = weights[rows]
@@ -247,9 +247,9 @@ def _combined(places: Array, weights: Array, y: Array, about: bool = True) -> Ar
     return found
 
 
-def combined(places: Array, weights: Array, y: Array) -> Array:
-    """sum_s weights[i, s] y[places[i, s]] of columns y (T, k) for places and weights (M, S): (M, k)."""
-    return _combined(places, weights, y, about=False)
+def combined(indices: Array, weights: Array, y: Array) -> Array:
+    """sum_s weights[i, s] y[indices[i, s]] of columns y (T, k) for indices and weights (M, S): (M, k)."""
+    return _combined(indices, weights, y, about=False)
 
 
 def scaled_differences(t: Array, y: Array, order: int) -> Array:

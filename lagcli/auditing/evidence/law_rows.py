@@ -25,7 +25,7 @@ SPOT = tree.Node(0, 0)
 MOST_TURNS = {1: 0, 2: 1000, 3: 20}
 
 RowValues = list[tuple[Scalar, Integers]]
-"""Values of rows with their places among all rows."""
+"""Values of rows with their indices among all rows."""
 
 
 def build(
@@ -106,7 +106,7 @@ def _rigid_rows(
     def minus(left: Triple, right: Triple) -> list[Scalar]:
         return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
 
-    def place(j: int) -> Triple:
+    def point(j: int) -> Triple:
         return scene.position(base[j : j + 1])
 
     if geometry.pairs:
@@ -121,16 +121,16 @@ def _rigid_rows(
     further = scene.position(numbers[list(geometry.further)])
     normal: list[Scalar] = [np.zeros((1, 1))] * 3
     if geometry.gamma.size:
-        (p, q, r), (x, y, z) = minus(place(1), place(0)), minus(place(2), place(0))
+        (p, q, r), (x, y, z) = minus(point(1), point(0)), minus(point(2), point(0))
         for axis, (c, d, e, f) in enumerate(((q, z, r, y), (r, x, p, z), (p, y, q, x))):
             minor = a.add(SPOT, a.multiply(SPOT, c, d), -1, a.multiply(SPOT, e, f))
             normal[axis] = a.multiply(SPOT, minor, geometry.gamma[None, :])
-    places = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
+    indices = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
     for axis in range(3):
         row = a.add(SPOT, further[axis], -1, normal[axis])
         for j in range(len(geometry.base)):
-            row = a.add(SPOT, row, -1, a.multiply(SPOT, place(j)[axis], geometry.alpha[None, :, j]))
-        yield row, places + axis
+            row = a.add(SPOT, row, -1, a.multiply(SPOT, point(j)[axis], geometry.alpha[None, :, j]))
+        yield row, indices + axis
 
 
 def reduced(f: Array, jumps: Mapping[int, tuple[float, ...]]) -> None:

@@ -147,8 +147,8 @@ class ModelLaws:
             n = q.shape[1]
             moving = np.tile(v[:1], (n, 1))
             np.fill_diagonal(moving, np.nan)
-            place = np.tile(q[:1], (n, 1))
-            _, free = self._scenes(np.full((n, 1), t[0]), place, moving)
+            position = np.tile(q[:1], (n, 1))
+            _, free = self._scenes(np.full((n, 1), t[0]), position, moving)
             _, w = self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
             self._pattern = np.isnan(w).T
         return self._pattern
@@ -203,12 +203,12 @@ class ModelLaws:
         found = np.zeros((scene.rows, 3 * len(self.index.particles)))
         for numbers, kind in ((self.index.cartesian, "q"), (self.index.dependent, "x")):
             if numbers.size:
-                places = (3 * numbers[:, None] + np.arange(3)).ravel()
-                found[:, places] = onto[kind][:, : places.size]
+                indices = (3 * numbers[:, None] + np.arange(3)).ravel()
+                found[:, indices] = onto[kind][:, : indices.size]
         return found
 
     def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
-        """The scene of rows t (T,), q and v (T, n), in which places of dependent particles are numbers."""
+        """The scene of rows t (T,), q and v (T, n), in which positions of dependent particles are numbers."""
         return self._scenes(t[:, None], q, v)[1]
 
     def chunks(self, rows: int) -> Iterator[slice]:
@@ -265,12 +265,12 @@ class ModelLaws:
     def _residuals(self, scene: ModelOnTable, surfaces: RowValues, laws: RowValues) -> tuple[Array, Array]:
         kind = scene.data["q"].dtype
         f, w = np.zeros((scene.rows, self.s), dtype=kind), np.zeros((scene.rows, self.C), dtype=kind)
-        for x, places in surfaces:
-            f[:, places] = scene.wide(x, places.size)
-            w[:, places] = np.broadcast_to(_moved(scene, x), (scene.rows, places.size))
+        for x, indices in surfaces:
+            f[:, indices] = scene.wide(x, indices.size)
+            w[:, indices] = np.broadcast_to(_moved(scene, x), (scene.rows, indices.size))
         law_rows.reduced(f, self._jumps)
-        for x, places in laws:
-            w[:, places] = scene.wide(x, places.size)
+        for x, indices in laws:
+            w[:, indices] = scene.wide(x, indices.size)
         return f, w
 
     def _pull(
@@ -294,8 +294,8 @@ class ModelLaws:
                 algebra = scene.algebra(force.members.variables)
                 yield evaluate.scalar(force.expression.tree, algebra), force.members.count
         for targets, F, algebra in self._on_particles(scene, constant=True):
-            for part, place in zip(F, scene.position(targets), strict=True):
-                yield algebra.negate(SPOT, algebra.multiply(SPOT, part, place)), targets.size
+            for part, position in zip(F, scene.position(targets), strict=True):
+                yield algebra.negate(SPOT, algebra.multiply(SPOT, part, position)), targets.size
 
     def _lagrangian(self, scene: ModelOnTable) -> list[Scalar]:
         """The `lagrangian`, if there is one."""
@@ -352,7 +352,7 @@ def _colours(pattern: Array) -> list[list[int]]:
 
 def _reactions(scene: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Gradient:
     """sum_i lambda_i B_i by the leaves of a scene."""
-    surfaces, laws = ([(x, lam[:, places]) for x, places in each] for each in rows)
+    surfaces, laws = ([(x, lam[:, indices]) for x, indices in each] for each in rows)
     return scene.graph.virtual(laws, surfaces)
 
 

@@ -25,7 +25,7 @@ from lagcli.model.resolve import ModelNames, Resolver, Results
 
 
 class ModelIndex:
-    """Who is who in a model: particles and coordinates by number, their places among the coordinates, masses."""
+    """Who is who in a model: particles and coordinates by number, their indices among the coordinates, masses."""
 
     def __init__(self, model: nouns.Model) -> None:
         self.model = model
@@ -34,7 +34,7 @@ class ModelIndex:
         counts = [p.members.count for p in model.particles]
         self.is_dependent = np.repeat(np.array([p.is_dependent for p in model.particles], dtype=bool), counts)
         self.cartesian, self.dependent = np.flatnonzero(~self.is_dependent), np.flatnonzero(self.is_dependent)
-        # The place of a particle among those of its kind.
+        # The index of a particle among those of its kind.
         self.rank = (
             np.where(self.is_dependent, np.cumsum(self.is_dependent), np.cumsum(~self.is_dependent)) - 1
         )
@@ -48,7 +48,7 @@ class ModelIndex:
 def start(model: nouns.Model) -> tuple[float, Array, Array]:
     """t, q (n,) and v (n,) of the declared start."""
     cartesian = [(p.start, p.start_velocity) for p in model.particles if p.start is not None]
-    q = [place.ravel() for place, _ in cartesian] + [c.value for c in model.coordinates]
+    q = [position.ravel() for position, _ in cartesian] + [c.value for c in model.coordinates]
     v = [moving.ravel() for _, moving in cartesian] + [c.rate for c in model.coordinates]
     nothing = np.zeros(0)
     return model.simulation.start, np.concatenate([nothing, *q]), np.concatenate([nothing, *v])
@@ -149,8 +149,8 @@ class ModelOnTable:
             particle = self.index.model.particles[step.entry]
             if self._free or not particle.is_dependent:
                 continue
-            numbers = step.places + self.index.particles.first(step.entry)
-            algebra = self.algebra(particle.members.taken(step.places))
+            numbers = step.member_numbers + self.index.particles.first(step.entry)
+            algebra = self.algebra(particle.members.taken(step.member_numbers))
             self._positions[number] = (self.vector(particle.position, algebra), numbers)
             self._batch[numbers], self._row[numbers] = number, np.arange(numbers.size)
 
@@ -167,13 +167,13 @@ class ModelOnTable:
             return self._evaluated(int(groups[0]), numbers, rates)
         parts: list[list[tuple[Scalar, Integers]]] = [[], [], []]
         for group in np.unique(groups):
-            places = np.flatnonzero(groups == group)
+            member_numbers = np.flatnonzero(groups == group)
             if group < 0:
-                found = self._vector(numbers[places], rates)
+                found = self._vector(numbers[member_numbers], rates)
             else:
-                found = self._evaluated(int(group), numbers[places], rates)
+                found = self._evaluated(int(group), numbers[member_numbers], rates)
             for axis in range(3):
-                parts[axis].append((found[axis], places))
+                parts[axis].append((found[axis], member_numbers))
         x, y, z = (self._joined(part, numbers.size) for part in parts)
         return x, y, z
 
@@ -199,8 +199,8 @@ class ModelOnTable:
 
     def _joined(self, parts: list[tuple[Scalar, Integers]], count: int) -> Scalar:
         """Scalars of several groups of members put together in the order asked for."""
-        pieces = [(x, self.wide(x, places.size)) for x, places in parts]
-        order = np.argsort(np.concatenate([places for _, places in parts]), kind="stable")
+        pieces = [(x, self.wide(x, member_numbers.size)) for x, member_numbers in parts]
+        order = np.argsort(np.concatenate([member_numbers for _, member_numbers in parts]), kind="stable")
         together = np.concatenate([piece for _, piece in pieces], axis=1)
         links, start = [], 0
         for x, piece in pieces:

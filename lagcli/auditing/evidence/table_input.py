@@ -123,17 +123,17 @@ def names(laws: ModelLaws) -> TableNames:
     dependent = [index.particles.names[k] for k in index.dependent]
     generalized = model.generalized_names
 
-    def places(of: Sequence[str], head: str = "", word: str = "") -> tuple[str, ...]:
+    def vector_names(of: Sequence[str], head: str = "", word: str = "") -> tuple[str, ...]:
         return tuple(f"{head}{name}.{word}{axis}" for name in of for axis in "xyz")
 
     return TableNames(
-        q=(*places(cartesian), *generalized),
-        v=(*places(cartesian, word="v"), *(f"rate({name})" for name in generalized)),
-        x=places(dependent),
-        u=places(dependent, word="v"),
+        q=(*vector_names(cartesian), *generalized),
+        v=(*vector_names(cartesian, word="v"), *(f"rate({name})" for name in generalized)),
+        x=vector_names(dependent),
+        u=vector_names(dependent, word="v"),
         lam=tuple(f"lambda.{row}" for row in laws.rows),
-        R_q=(*places(cartesian, "R."), *(f"R.{name}" for name in generalized)),
-        R_x=places(dependent, "R."),
+        R_q=(*vector_names(cartesian, "R."), *(f"R.{name}" for name in generalized)),
+        R_x=vector_names(dependent, "R."),
     )
 
 
@@ -166,7 +166,7 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
     parts = {
         field.name: [known[name] for name in getattr(own, field.name)] for field in dataclasses.fields(own)
     }
-    return Record(t=t, **{part: rows[:, places] for part, places in parts.items()})
+    return Record(t=t, **{part: rows[:, indices] for part, indices in parts.items()})
 
 
 def _missing(model: nouns.Model, columns: Sequence[str], needed: Sequence[str], missing: list[str]) -> str:

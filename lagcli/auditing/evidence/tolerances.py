@@ -218,7 +218,7 @@ class Evidence:
         return not (self.is_coarse[0].any() or self.is_coarse[1].any())
 
     def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:
-        """The places that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
+        """The entries that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
 
         An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
         """
@@ -346,8 +346,8 @@ def _usual(flat: Array) -> Array:
     if not flat.size:
         return np.zeros(flat.shape[1])
     known = np.where(np.isfinite(flat), flat, 0.0)
-    place = min(len(known) - 1, int(0.9 * len(known)))
-    return np.asarray(np.partition(known, place, axis=0)[place])
+    index = min(len(known) - 1, int(0.9 * len(known)))
+    return np.asarray(np.partition(known, index, axis=0)[index])
 
 
 def _coarse(v: Array, a: Array, step: float, size: float) -> Array:

@@ -14,7 +14,7 @@ from lagcli.api.runs import run_settings, start_row
 from lagcli.cli.requests import model_reading
 from lagcli.cli.terminal import exits
 from lagcli.output.animation import page
-from lagcli.output.animation.places import NothingToShow
+from lagcli.output.animation.point_tracks import NothingToShow
 from lagcli.output.animation.scene import Scene
 from lagcli.output.files import atomic_file, file_requests, formats, write_guard
 from lagcli.output.tables.table_format import MissingExtra, UnreadableTable

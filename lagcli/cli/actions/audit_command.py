@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit, Check
     from lagcli.model.model import Model
 
-LEAST_WHERE = 12  # columns of the terminal for the place of the worst entry
+LEAST_WHERE = 12  # columns of the terminal for the location of the worst entry
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

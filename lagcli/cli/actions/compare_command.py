@@ -100,7 +100,7 @@ def _of_one_principle(found: Comparison) -> Sequence[Mapping[str, Agreement]]:
 
 
 def _disagreement(found: Comparison) -> str:
-    """The place where the formulations differ most."""
+    """When and in which column the formulations differ most."""
     one, worst = max(
         (
             (one, agreement)

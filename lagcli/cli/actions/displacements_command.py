@@ -89,22 +89,22 @@ def _table(found: Displacements) -> None:
 
 def _components(parts: Components) -> None:
     """The independent components, and the others by them."""
-    for label, places in (("independent", parts.independent), ("dependent", parts.dependent)):
-        names = [_component(parts, i) for i in places[:MOST_LINES]]
-        more = f" and {len(places) - MOST_LINES} more" if len(places) > MOST_LINES else ""
+    for label, indices in (("independent", parts.independent), ("dependent", parts.dependent)):
+        names = [_component(parts, i) for i in indices[:MOST_LINES]]
+        more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
         console.paragraph(diagnostics.printable(f"{label}: {', '.join(names) or 'none'}{more}"), "    ")
-    for row, place in list(enumerate(parts.dependent))[:MOST_LINES]:
+    for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
         terms = [
             (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
         ]
-        line = f"    d{parts.names[place]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
+        line = f"    d{parts.names[index]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
         console.paragraph(diagnostics.printable(line), "        ")
 
 
-def _component(parts: Components, place: int) -> str:
+def _component(parts: Components, index: int) -> str:
     """`x_3 = a.z`, or the name of a generalized coordinate."""
-    number = parts.numbers[place]
-    return parts.names[place] if number is None else f"x_{number} = {parts.names[place]}"
+    number = parts.numbers[index]
+    return parts.names[index] if number is None else f"x_{number} = {parts.names[index]}"
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:

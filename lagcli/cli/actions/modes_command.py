@@ -78,7 +78,7 @@ def _animate(found: Modes, model: Model, path: str) -> None:
     # Other answers draw no scene.
     from lagcli.api import animate_modes
     from lagcli.output.animation import page
-    from lagcli.output.animation.places import NothingToShow
+    from lagcli.output.animation.point_tracks import NothingToShow
 
     try:
         scene = animate_modes.of_modes(model, found)
@@ -92,7 +92,7 @@ def _tell(found: Modes) -> None:
     """The modes as a table, then the verdict."""
     if not found.count:
         console.paragraph(f"{VERDICTS[found.stable]}: {found.reason}", "    ")
-        console.paragraph(diagnostics.printable(_place(found)), "    ")
+        console.paragraph(diagnostics.printable(_reference_text(found)), "    ")
         return
     unit = found.units.time if found.units else "s"
     headers, rows = _multipliers(found) if found.multipliers is not None else _modes(found, unit)
@@ -105,10 +105,10 @@ def _tell(found: Modes) -> None:
         console.paragraph(f"{hidden} more are given with --json", "    ")
     verdict = f"{VERDICTS[found.stable]}: {found.reason}"
     console.paragraph(diagnostics.printable(verdict), "    ")
-    console.paragraph(diagnostics.printable(_place(found)), "    ")
+    console.paragraph(diagnostics.printable(_reference_text(found)), "    ")
 
 
-def _place(found: Modes) -> str:
+def _reference_text(found: Modes) -> str:
     """The first columns of the state about which the equations are linear."""
     size = max((abs(value) for value in found.at.values()), default=0.0)
     kept = {name: value if abs(value) > STATE_ROUNDOFF * size else 0.0 for name, value in found.at.items()}

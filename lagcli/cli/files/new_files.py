@@ -36,10 +36,10 @@ def write(name: str, text: str, *, force: bool = False, may_replace: Callable[[s
             return False
         if old is not None and not force and not may_replace(old):
             raise exits.UsageError(f"{name} is there already, and another file; --force writes over it")
-        place = atomic_file.Aside(target)
-        with atomic_file.undone_by(place.discard):
-            place.path.write_bytes(text.encode())
-            place.commit()
+        pending = atomic_file.PendingFile(target)
+        with atomic_file.undone_by(pending.discard):
+            pending.path.write_bytes(text.encode())
+            pending.commit()
     return True
 
 

@@ -18,7 +18,7 @@ from lagcli.output.files import atomic_file, interrupts, write_guard
 # Exit codes, as the manual lists them.
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
 
-# Beginnings of the places of what stands on the command line and in no file.
+# Beginnings of the locations of what stands on the command line and in no file.
 OPTIONS = ("--set ", "--mu ", "--of", "--over ", "--reduce ", "--uncertain ")
 
 

@@ -290,14 +290,14 @@ def _latex(line: Line) -> str:
     # One mark of alignment in each row: before the sign of equality, or where a side goes on.
     rows: list[str] = []
     signs = ("", *map(render_latex.relation, line.relations))
-    for place, (sign, side) in enumerate(zip(signs, line.sides, strict=True)):
+    for index, (sign, side) in enumerate(zip(signs, line.sides, strict=True)):
         for part, chunk in enumerate(_chunks(side)):
             written = render_latex.latex(chunk)
             if part:
                 rows.append(_goes_on(chunk))
-            elif place == 0:
+            elif index == 0:
                 rows.append(written if len(_chunks(side)) == 1 else f"& {written}")
-            elif place == 1 and len(rows) == 1 and not rows[0].startswith("&"):
+            elif index == 1 and len(rows) == 1 and not rows[0].startswith("&"):
                 rows[0] += f" &{sign} {written}"
             else:
                 rows.append(f"&{sign} {written}")
@@ -380,10 +380,10 @@ def _equated(line: Line, first: int) -> list[str]:
     signs = ("=", *line.relations)
     rows: list[str] = []
     used = LONG
-    for place, side in enumerate(line.sides[first:], first):
+    for index, side in enumerate(line.sides[first:], first):
         for part, chunk in enumerate(_chunks(side)):
-            sign = signs[place] if part == 0 else "" if _leads_negative(chunk) else "+"
-            written = (f"<mo>{sign}</mo>" if sign and place else "") + render_mathml.mathml(chunk)
+            sign = signs[index] if part == 0 else "" if _leads_negative(chunk) else "+"
+            written = (f"<mo>{sign}</mo>" if sign and index else "") + render_mathml.mathml(chunk)
             own = render_text.width(render_text.text(chunk)) + 3
             if used + own > LONG or part:
                 rows.append("")

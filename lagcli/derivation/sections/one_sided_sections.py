@@ -31,7 +31,7 @@ class OneSided:
     def __init__(self, system: Symbolic, signs: Signs, parts: Sections) -> None:
         self._system, self._signs, self._parts = system, signs, parts
         self._every, self._contacts = system.all_closed, system.contacts
-        self._free = {system.place(number): number for number in system.newton}
+        self._free = {system.first_index(number): number for number in system.newton}
         self._impulses = tuple(sympy.Symbol(f"impulse.{row.name}", real=True) for row in self._every.rows)
         self._letters: dict[str, f.Sign] = {}
         if self._contacts.rows:

@@ -32,7 +32,7 @@ class Sections:
     def __init__(self, system: Symbolic, signs: Signs) -> None:
         self._system, self.signs, self._world = system, signs, system.world
         self._every = system.all_closed
-        self._free = {system.place(number): number for number in system.newton}
+        self._free = {system.first_index(number): number for number in system.newton}
         self._families = [_family(p.members.base, p.members.count) for p in self._entries()]
 
     def _entries(self) -> list[nouns.Particle]:
@@ -276,7 +276,7 @@ def points_of_rest(system: Symbolic, parts: Sections) -> Iterator[Line]:
     if any(str(symbol).startswith("product ") for value in h for symbol in value.free_symbols):
         return  # products of velocities that have letters of their own
     for number in system.newton:
-        first = system.place(number)
+        first = system.first_index(number)
         F = signs.vector(triple(h, first))
         terms = ([] if F == NIL else terms_of(F)) + parts.reaction(first, every.lam)
         if terms:

@@ -131,7 +131,7 @@ def _accelerations(
         for i, slope in row.B.items():
             h[i] += slope * lam
     for number in system.newton:
-        first, mass = system.place(number), system.world.mass(number)
+        first, mass = system.first_index(number), system.world.mass(number)
         x, y, z = (tidy(value / mass) for value in triple(system.h, first))
         # A long lambda stays a lambda.
         short = {lam for lam in system.lam if lam in put and put[lam].count_ops() <= SHORT}

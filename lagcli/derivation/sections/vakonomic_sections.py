@@ -68,7 +68,7 @@ class Vakonomic:
             note="Stationary action among the paths that satisfy the rows, d'Alembert's motion only where they can be"
             " integrated (`compare --vakonomic`). With L + Σ μᵢ (Aᵢ v + bᵢ) over the differential rows:"
         )
-        for first in map(self._system.place, self._system.newton):
+        for first in map(self._system.first_index, self._system.newton):
             touched = [row for row in self._rows if any(i in row.B for i in range(first, first + 3))]
             if touched or any(self._curls(i) != 0 for i in range(first, first + 3)):
                 for axis in range(3):

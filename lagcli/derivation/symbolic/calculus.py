@@ -119,10 +119,10 @@ def slope(value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         return sympy.Add(*(slope(term, x) for term in terms))
     if value.is_Mul:
         terms = []
-        for place, factor in enumerate(value.args):
+        for index, factor in enumerate(value.args):
             inner = slope(factor, x)
             if inner != 0:
-                terms.append(sympy.Mul(*value.args[:place], inner, *value.args[place + 1 :]))
+                terms.append(sympy.Mul(*value.args[:index], inner, *value.args[index + 1 :]))
         return sympy.Add(*terms)
     if value.is_Pow and x not in value.exp.free_symbols:
         return value.exp * value.base ** (value.exp - 1) * slope(value.base, x)

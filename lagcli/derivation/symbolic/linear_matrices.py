@@ -130,7 +130,7 @@ class _Substitution:
             if x in present:
                 self.enter(part, (i, j), calculus.partial(value, x))
 
-    def enter(self, part: Entries, place: tuple[int, int], value: sympy.Expr) -> None:
+    def enter(self, part: Entries, index: tuple[int, int], value: sympy.Expr) -> None:
         """Keep an entry that is not zero. Raises `NotLinearizedError` for what is too long or no number."""
         if value == 0:
             return
@@ -152,7 +152,7 @@ class _Substitution:
             raise NotLinearizedError(f"an entry has {operations} operations, and {LONGEST} are still read")
         if self._used > LONGEST_IN_ALL:
             raise NotLinearizedError(f"the entries have more than {LONGEST_IN_ALL} operations together")
-        part[place] = put
+        part[index] = put
 
     def _put(self, value: sympy.Expr) -> sympy.Expr:
         return tidy(tidy(self._plain(value)).xreplace(self._held).xreplace(self._zeros))

@@ -125,7 +125,7 @@ def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> E
     """The linear system for lambda (D.24)."""
     S: dict[tuple[int, int], sympy.Expr] = {}
     right = [row.gamma for row in system.rows]
-    free = {system.place(number): number for number in system.newton}
+    free = {system.first_index(number): number for number in system.newton}
     _newton(system, free, S, right)
     slopes: dict[int, list[tuple[int, sympy.Expr]]] = {}
     for r, row in enumerate(system.rows):
@@ -182,7 +182,7 @@ def solve(system: Symbolic, equation: Equation) -> ClosedForm:
     count = len(system.rows)
     on = surface(system)
     neighbours = {r: {r} for r in range(count)}
-    S = {place: tidy(put(system, value, on)) for place, value in equation.S.items()}
+    S = {entry: tidy(put(system, value, on)) for entry, value in equation.S.items()}
     for (r, other), value in S.items():
         if value != 0:
             neighbours[r].add(other)

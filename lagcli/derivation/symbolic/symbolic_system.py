@@ -91,7 +91,7 @@ class Symbolic:
         """The system with all contacts as rows."""
         return self.closed(range(len(self.contacts.rows)))
 
-    def place(self, number: int) -> int:
+    def first_index(self, number: int) -> int:
         """The number of the coordinate x of a Cartesian particle."""
         return self.names.index(f"{self.world.particles.names[number]}.x")
 
@@ -169,10 +169,10 @@ def _contacts(world: World, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
     rows: list[SymbolicRow] = []
     restitution: list[float] = []
     for law in world.model.inequality:
-        for place, name in enumerate(law.rows):
-            (g,) = world.difference(law.equation, view(law.members, place))
+        for member, name in enumerate(law.rows):
+            (g,) = world.difference(law.equation, view(law.members, member))
             rows.append(_holonomic(world, name, law.members.base, g, index))
-            restitution.append(float(law.restitution[place]))
+            restitution.append(float(law.restitution[member]))
     return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), tuple(restitution))
 
 
@@ -184,8 +184,8 @@ def _potentials(world: World) -> Iterator[sympy.Expr]:
     """The terms of V: declared potentials, and -F.r of constant forces."""
     for force in world.model.forces:
         if isinstance(force, nouns.Potential):
-            for place in range(force.members.count):
-                yield world.evaluated(force.expression, view(force.members, place))
+            for member in range(force.members.count):
+                yield world.evaluated(force.expression, view(force.members, member))
         elif isinstance(force, nouns.ParticleForce) and force.constant:
             for number, F in _on_particles(world, force):
                 r = world.position(number)
@@ -332,9 +332,9 @@ def _rows(
 
 def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator[tuple[str, sympy.Expr]]:
     each = 3 if law.is_vector else 1
-    for place in range(law.members.count):
-        parts = world.difference(law.equation, view(law.members, place))
-        yield from zip(law.rows[place * each : (place + 1) * each], parts, strict=True)
+    for member in range(law.members.count):
+        parts = world.difference(law.equation, view(law.members, member))
+        yield from zip(law.rows[member * each : (member + 1) * each], parts, strict=True)
 
 
 def _holonomic(
@@ -380,9 +380,9 @@ def _rigid(
     world: World, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[sympy.Symbol, float]
 ) -> Iterator[sympy.Expr]:
     """The rows of a rigid body: distances in its base, then x, y, z of each further particle."""
-    places = [world.position(number) for number in body.particles]
+    positions = [world.position(number) for number in body.particles]
     names = [world.particles.names[number] for number in body.particles]
-    base = [places[k] for k in geometry.base]
+    base = [positions[k] for k in geometry.base]
 
     def constant(name: str, value: float, positive: bool = False) -> sympy.Symbol:
         symbol = sympy.Symbol(name, real=True, positive=True if positive else None)
@@ -404,10 +404,10 @@ def _rigid(
             height = constant(f"height {body.name} {names[k]}", float(geometry.gamma[row]))
             normal = _normal(base)
         for axis in range(3):
-            place = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ZERO)
+            point = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ZERO)
             if height is not None:
-                place += height * normal[axis]
-            yield places[k][axis] - place
+                point += height * normal[axis]
+            yield positions[k][axis] - point
 
 
 def _normal(base: list[Triple]) -> Triple:

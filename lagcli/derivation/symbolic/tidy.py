@@ -131,7 +131,7 @@ def _added(a: sympy.Expr, b: sympy.Expr, found: dict[str, sympy.Expr]) -> sympy.
 def without_squares(
     value: sympy.Expr, squared: type[sympy.Function], other: type[sympy.Function]
 ) -> sympy.Expr:
-    """cos(u)^2 as 1 - sin(u)^2, or the other way round, in all places."""
+    """cos(u)^2 as 1 - sin(u)^2, or the other way round, everywhere."""
 
     def less(power: sympy.Expr) -> sympy.Expr:
         base, whole = power.base, int(power.exp)

@@ -87,10 +87,10 @@ class World:
         for number, name in enumerate(self.particles.names):
             entry = int(self.particles.entries(np.array([number]))[0])
             if not self.model.particles[entry].is_dependent:
-                place = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
+                position = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
                 moving = tuple(self.rates[f"{name}.{axis}"] for axis in "xyz")
-                self._positions[number], self._velocities[number] = place, moving
-                self.collapse.know(f"r {name}", place)
+                self._positions[number], self._velocities[number] = position, moving
+                self.collapse.know(f"r {name}", position)
                 self.collapse.know(f"v {name}", moving)
                 self.collapse.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
         for step in self.model.order:
@@ -99,8 +99,8 @@ class World:
                 with contextlib.suppress(diagnostics.ModelError):
                     self.definition(step)
                 continue
-            for place_ in step.places.tolist():
-                self.position(self.particles.first(step.entry) + place_)
+            for member in step.member_numbers.tolist():
+                self.position(self.particles.first(step.entry) + member)
 
     def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
         """A scalar. Raises `diagnostics.ModelError` for what is too large."""
@@ -238,9 +238,9 @@ class View:
     own: Mapping[str, Value[sympy.Expr]] = dataclasses.field(default_factory=dict)
 
 
-def view(members: Family, place: int, own: Mapping[str, Value[sympy.Expr]] | None = None) -> View:
+def view(members: Family, member: int, own: Mapping[str, Value[sympy.Expr]] | None = None) -> View:
     """The view of a member."""
-    return View({n: int(values[place]) for n, values in members.variables.items()}, own or {})
+    return View({n: int(values[member]) for n, values in members.variables.items()}, own or {})
 
 
 class _WorldAlgebra(notation.SympyAlgebra):

@@ -30,12 +30,12 @@ _NAMES = {
     sympy.Heaviside: "step",
 }
 # Decimal places, and digits of round numbers, that are written out.
-PLACES = 8
+DECIMALS = 8
 _SIMPLE = {(1, 2), (1, 3), (2, 3), (1, 4), (3, 4)}
 
 
 class Layout:
-    """Formulas with the signs of symbols: `shown` (symbol -> node) and `kinds` (symbol -> (kind, place))."""
+    """Formulas with the signs of symbols: `shown` (symbol -> node) and `kinds` (symbol -> (kind, index))."""
 
     def __init__(
         self, shown: Mapping[sympy.Symbol, f.FormulaNode], kinds: Mapping[sympy.Symbol, tuple[int, int]]
@@ -180,7 +180,7 @@ def scientific(digits: int, exponent: int) -> str:
 def _whole(number: int) -> str:
     """A whole number; one that ends in many zeros as 6e24."""
     text = str(number)
-    return scientific(number, 0) if len(text) > PLACES and text.endswith("000") else text
+    return scientific(number, 0) if len(text) > DECIMALS and text.endswith("000") else text
 
 
 def _decimal(p: int, q: int) -> str | None:
@@ -190,10 +190,10 @@ def _decimal(p: int, q: int) -> str | None:
         rest, twos = rest // 2, twos + 1
     while rest % 5 == 0:
         rest, fives = rest // 5, fives + 1
-    places = max(twos, fives)
+    decimals = max(twos, fives)
     if rest != 1:
         return None
-    if places > PLACES:
-        return scientific(p * 10**places // q, -places)
-    digits = str(p * 10**places // q).rjust(places + 1, "0")
-    return f"{digits[:-places]}.{digits[-places:]}" if places else digits
+    if decimals > DECIMALS:
+        return scientific(p * 10**decimals // q, -decimals)
+    digits = str(p * 10**decimals // q).rjust(decimals + 1, "0")
+    return f"{digits[:-decimals]}.{digits[-decimals:]}" if decimals else digits

@@ -70,10 +70,10 @@ def sign(node: f.Sign) -> str:
 
 def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
-    for place, (sign_, term) in enumerate(terms):
+    for index, (sign_, term) in enumerate(terms):
         written = _closed(latex(term)) if isinstance(term, f.FormulaSum) else latex(term)
-        plus = "" if place == 0 else " + "
-        minus = "-" if place == 0 else " - "
+        plus = "" if index == 0 else " + "
+        minus = "-" if index == 0 else " - "
         parts.append((minus if sign_ < 0 else plus) + written)
     return "".join(parts)
 

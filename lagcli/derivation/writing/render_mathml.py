@@ -55,8 +55,8 @@ def _listed(parts: tuple[f.FormulaNode, ...]) -> list[str]:
 
 def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
-    for place, (sign_, term) in enumerate(terms):
-        if place or sign_ < 0:
+    for index, (sign_, term) in enumerate(terms):
+        if index or sign_ < 0:
             parts.append(_operator("−" if sign_ < 0 else "+"))
         parts.append(_closed(mathml(term)) if isinstance(term, f.FormulaSum) else mathml(term))
     return _row(*parts)

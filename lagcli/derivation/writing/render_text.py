@@ -59,9 +59,9 @@ def _held(node: f.FormulaNode, least: int) -> str:
 
 def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
-    for place, (sign_, term) in enumerate(terms):
+    for index, (sign_, term) in enumerate(terms):
         written = _held(term, PRODUCT)
-        if place == 0:
+        if index == 0:
             parts.append(f"−{written}" if sign_ < 0 else written)
         else:
             parts.append(f" {'−' if sign_ < 0 else '+'} {written}")
@@ -70,13 +70,13 @@ def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
 
 def _product(factors: tuple[f.FormulaNode, ...]) -> str:
     parts = []
-    for place, factor in enumerate(factors):
-        last = place == len(factors) - 1
-        following = None if last else factors[place + 1]
+    for index, factor in enumerate(factors):
+        last = index == len(factors) - 1
+        following = None if last else factors[index + 1]
         if isinstance(factor, f.Apply) and not (last or isinstance(following, f.Apply) or _moves(following)):
             # "sin θ r" would be read as sin(θ r).
             parts.append(_apply(factor, closed=True)[0])
-        elif isinstance(factor, f.Fraction) and place == 0 and _small(factor):
+        elif isinstance(factor, f.Fraction) and index == 0 and _small(factor):
             parts.append(_write(factor)[0])
         else:
             parts.append(_held(factor, APPLIED))
@@ -154,27 +154,27 @@ def wrapped(line: str, columns: int, indent: int) -> list[str]:
     """
     rows: list[str] = []
     start = used = depth = bars = 0
-    places: dict[int, int] = {}  # depth -> the last place where a new line may begin
-    for place, letter in enumerate(line):
+    breaks: dict[int, int] = {}  # depth -> the last index at which a new line may begin
+    for index, letter in enumerate(line):
         depth += (letter == "(") - (letter == ")")
         bars ^= letter == "|"
-        is_sign = letter in "+−=≤≥⊥" and line[place - 1 : place + 2] == f" {letter} "
+        is_sign = letter in "+−=≤≥⊥" and line[index - 1 : index + 2] == f" {letter} "
         if is_sign and not bars and (letter != "=" or used > EARLY):
-            places[depth] = place
+            breaks[depth] = index
         used += width(letter)
         if used <= columns:
             continue
-        # The outermost place that does not leave most of the line empty.
+        # The outermost break that does not leave most of the line empty.
         good = [
             (deep, at)
-            for deep, at in sorted(places.items())
+            for deep, at in sorted(breaks.items())
             if at - start > (EARLY if deep == 0 else 2 * EARLY)
         ]
         if good:
             at = good[0][1]
             rows.append((" " * indent if rows else "") + line[start:at].rstrip())
-            used = indent + width(line[at : place + 1])
-            start, places = at, {deep: other for deep, other in places.items() if other > at}
+            used = indent + width(line[at : index + 1])
+            start, breaks = at, {deep: other for deep, other in breaks.items() if other > at}
     rows.append((" " * indent if rows else "") + line[start:])
     return rows
 

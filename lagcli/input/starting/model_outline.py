@@ -91,12 +91,12 @@ def read(data: bytes | str) -> Outline:
         section: tuple(dict.fromkeys(filter(None, (_pattern(name) for name, _ in node))))
         for section, node in entries.items()
     }
-    places = {*names.get("particles", ()), *_vectors(entries)}
+    vector_names = {*names.get("particles", ()), *_vectors(entries)}
     laws = frozenset(
         _pattern(name)
         for section in ("holonomic", "differential")
         for name, node in entries.get(section, ())
-        if _is_vector(_tree(node), places)
+        if _is_vector(_tree(node), vector_names)
     )
     return Outline(names, laws)
 

@@ -94,7 +94,7 @@ def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
 
 
 def _reaches(found: RowPictures) -> list[Floats]:
-    """The outermost places of round surfaces that hold a particle."""
+    """The outermost points of round surfaces that hold a particle."""
     tracks = []
     for _, ball in found.rounds:
         half = np.linalg.norm(ball.frames[:, :3], axis=1)

@@ -22,7 +22,7 @@ LEVEL_ROUNDOFF = 1e-6
 MOST_TRIED = 60
 # Shapes that move take room in a page for each instant.
 MOST_MOVING = 6
-# The directions of space, for shapes whose corners are places.
+# The directions of space, for shapes whose corners are points.
 STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
 
 
@@ -53,9 +53,9 @@ class CurvePictures:
         led = equal
         if (
             len(equal) + len(level) > 2
-        ):  # its place is given at every instant: it is led along what does not move
+        ):  # its position is given at every instant: it is led along what does not move
             led = [one for one in equal if not one.moves]
-            if all(one.simple for one in equal):  # and the place is all that there is to be seen of them
+            if all(one.simple for one in equal):  # and the position is all that there is to be seen of them
                 self.found.shown |= {one.name for one in equal}
         if len(led) == 2 and not level:
             if not self._is_circle(number) and self._line(led, track, []):
@@ -76,17 +76,17 @@ class CurvePictures:
         """True for an equation that only says in which plane the motion is."""
         if one.one_sided or not one.simple:
             return False
-        places = track[:, None] if one.moves else track[:1, None]
-        slope = nets.gradient(one.function, places, 2 * self.view.size)
+        points = track[:, None] if one.moves else track[:1, None]
+        slope = nets.gradient(one.function, points, 2 * self.view.size)
         across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
         return bool(np.all(across <= LEVEL_ROUNDOFF * np.linalg.norm(slope, axis=-1)))
 
     def _others(self, number: int, track: Floats) -> Iterator[LoneRow]:
         """The rows not of the second degree that name this particle alone."""
         for row in self.found.others[:MOST_TRIED]:
-            for t, places in ((None, track[:1, None]), (self.t, track[:, None])):
+            for t, points in ((None, track[:1, None]), (self.t, track[:, None])):
                 function = functools.partial(quadratic_algebra.value_at, self.model, row, t, number)
-                values = function(places)
+                values = function(points)
                 if values is not None:
                     if np.isfinite(values).all():
                         one_sided = row.kind == "inequality"
@@ -120,19 +120,19 @@ class CurvePictures:
         return sum(len(one.corners) > 1 for one in self.drawn)
 
     def _face(self) -> nets.Function:
-        return lambda places: np.asarray((places - self.view.centre) @ self.view.towards)
+        return lambda points: np.asarray((points - self.view.centre) @ self.view.towards)
 
 
 def _touched(function: nets.Function, track: Floats) -> Floats:
-    """The place (1, 3) of a track (T, 3) that is nearest to a wall."""
+    """The point (1, 3) of a track (T, 3) that is nearest to a wall."""
     with np.errstate(all="ignore"):
         gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
     return track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
 
 
 def _numbers(function: Callable[[Floats], Floats | None]) -> nets.Function:
-    def values(places: Floats) -> Floats:
-        found = function(places)
-        return np.full(places.shape[:-1], np.nan) if found is None else found
+    def values(points: Floats) -> Floats:
+        found = function(points)
+        return np.full(points.shape[:-1], np.nan) if found is None else found
 
     return values

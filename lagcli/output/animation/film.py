@@ -177,8 +177,8 @@ class _Drawing:
         """Move everything to an instant."""
         scene = self._scene
         for rim, one in zip(self._rims, scene.surfaces, strict=True):
-            places = nets.strings(one.places(frame)) if one.kind == "net" else still.outline(one, frame)
-            rim.set_data(*self._to(places).T)
+            corners = nets.strings(one.corners_at(frame)) if one.kind == "net" else still.outline(one, frame)
+            rim.set_data(*self._to(corners).T)
         first = int(np.searchsorted(scene.t, scene.t[frame] - LENGTH * (scene.t[-1] - scene.t[0])))
         for trail in self._trails:
             cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)

@@ -1,7 +1,7 @@
 """Lines between points: rods, strings and springs that a model says, bars that linear rows are, and ties.
 
 Bars are levers with a pivot, particles that stay beside another one or halfway between two. Ties are distances that a
-choice of coordinates keeps: found by places at coordinates drawn at random.
+choice of coordinates keeps: found by positions at coordinates drawn at random.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SAMPLES = 12  # instants at which a distance is compared
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Tie:
-    """A particle at a kept distance from another one, or from a fixed place (3,)."""
+    """A particle at a kept distance from another one, or from a fixed position (3,)."""
 
     particle: int
     other: int | Floats
@@ -54,7 +54,7 @@ class PointTable:
     lengths; unheld: the number of those that do not."""
 
     def __init__(self, particles: Floats, is_run: bool = True) -> None:
-        self._places, self.is_run, self.unenforced = particles, is_run, 0
+        self._positions, self.is_run, self.unenforced = particles, is_run, 0
         self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(particles.shape[1])]
         self._known: dict[tuple[tuple[tuple[int, float], ...], bytes], int] = {}
 
@@ -66,14 +66,14 @@ class PointTable:
         heavy = sum(positive.values())
         nothing = np.zeros(3)
         if not negative or not positive:
-            return self._mean(positive or negative, nothing), self.place(-found.shift / total)
+            return self._mean(positive or negative, nothing), self.point_at(-found.shift / total)
         if abs(total) > quadratic_form.SAME * heavy:
             return None
         return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
 
     def is_beside(self, end: int) -> bool:
         """True for a point that is no particle."""
-        return end >= int(self._places.shape[1])
+        return end >= int(self._positions.shape[1])
 
     def factor(self, found: SquareDistance) -> float:
         """By how much |u| is larger than the distance of the ends."""
@@ -82,7 +82,7 @@ class PointTable:
 
     def tie(self, tie: Tie) -> Link:
         """A kept distance as a thin line."""
-        other = tie.other if isinstance(tie.other, int) else self.place(tie.other)
+        other = tie.other if isinstance(tie.other, int) else self.point_at(tie.other)
         return Link("string", "", (tie.particle, other), tie.length)
 
     def distance(self, ends: tuple[int, int]) -> Floats:
@@ -90,8 +90,8 @@ class PointTable:
         one, two = (self.tracks[end] for end in ends)
         return np.asarray(np.linalg.norm(one - two, axis=-1))
 
-    def place(self, at: Floats) -> int:
-        """The point at a place (3,) or (T, 3)."""
+    def point_at(self, at: Floats) -> int:
+        """The point at a position (3,) or (T, 3)."""
         return self._mean({}, at)
 
     def _mean(self, weights: dict[int, float], shift: Floats) -> int:
@@ -99,12 +99,12 @@ class PointTable:
         if len(weights) == 1 and not np.any(shift):
             return next(iter(weights))
         total = sum(weights.values())
-        place = sum((w / total * self._places[:, k] for k, w in weights.items()), np.zeros(3))
+        position = sum((w / total * self._positions[:, k] for k, w in weights.items()), np.zeros(3))
         # What is the same by its making is one point, whatever the motion is.
         key = tuple(sorted(weights.items())), (np.atleast_2d(shift) + 0.0).tobytes()
         if key not in self._known:
             self._known[key] = len(self.tracks)
-            self.tracks.append(scene.steady(np.atleast_2d(place + shift)))
+            self.tracks.append(scene.steady(np.atleast_2d(position + shift)))
         return self._known[key]
 
 
@@ -155,18 +155,20 @@ def of_sum(name: str, distances: Iterable[SquareDistance], points: PointTable) -
 def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
     """The rods of rigid bodies; particles (T, N, 3)."""
     for body in model.rigid:
-        places = particles[0, list(body.particles)]
+        positions = particles[0, list(body.particles)]
         count = len(body.particles)
         if count <= MOST_JOINED:
             pairs = set(itertools.combinations(range(count), 2))
         else:
-            base = rigid.geometry(places)
+            base = rigid.geometry(positions)
             pairs = {(min(a, b), max(a, b)) for a, b in ((base.base[i], base.base[j]) for i, j in base.pairs)}
             for k in range(count):
-                near = np.argsort(np.linalg.norm(places - places[k], axis=1), kind="stable")[1 : NEAREST + 1]
+                near = np.argsort(np.linalg.norm(positions - positions[k], axis=1), kind="stable")[
+                    1 : NEAREST + 1
+                ]
                 pairs |= {(min(k, int(i)), max(k, int(i))) for i in near}
         for i, j in sorted(pairs):
-            length = float(np.linalg.norm(places[i] - places[j]))
+            length = float(np.linalg.norm(positions[i] - positions[j]))
             yield Link("rod", body.name, (body.particles[i], body.particles[j]), length)
 
 
@@ -213,7 +215,7 @@ def _bar_ends(weights: Weights, shift: Floats, points: PointTable) -> list[tuple
     if len(particles) == 2:
         if balanced:
             return [(particles[0], particles[1])]
-        pivot = points.place(-shift / total)
+        pivot = points.point_at(-shift / total)
         return [(k, pivot) for k in particles]
     if not balanced or np.any(shift):
         return []
@@ -265,14 +267,14 @@ def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
     return found
 
 
-def _pivot(places: Floats, size: float) -> tuple[Floats, float] | None:
-    """The fixed place nearest to these from which they all have one distance, and the distance."""
-    middle = places.mean(axis=0)
-    offsets = places - middle
+def _pivot(positions: Floats, size: float) -> tuple[Floats, float] | None:
+    """The fixed position nearest to these from which they all have one distance, and the distance."""
+    middle = positions.mean(axis=0)
+    offsets = positions - middle
     if np.abs(offsets).max() <= TIE_ROUNDOFF * size:
         return None
     square = (offsets**2).sum(axis=1)
-    # |p|^2 = 2 c . p + d; the mean is taken off, so that the solution of least norm lies in the plane of the places.
+    # |p|^2 = 2 c . p + d; the mean is taken off, so that the solution of least norm lies in the plane of the positions.
     matrix, right = offsets, (square - square.mean()) / 2
     centre, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-9)
     distances = np.linalg.norm(offsets - centre, axis=1)

@@ -1,4 +1,4 @@
-"""Curves and nets on which functions of one place are zero.
+"""Curves and nets on which functions of one point are zero.
 
 A curve, which two rows keep a particle on, or the line of a wall in a planar motion, is followed step by step, at all T
 instants at once where it moves. A surface that is nothing simpler is a net of heights around what moves on it.
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-# Of places (T, k, 3) to values (T, k); T = 1 for what does not move.
+# Of points (T, k, 3) to values (T, k); T = 1 for what does not move.
 Function = Callable[[Floats], Floats]
 
 STEPS = 1600  # of a curve, each way
@@ -50,27 +50,27 @@ class NetParameters:
 PARAMETERS = NetParameters()
 
 
-def gradient(function: Function, places: Floats, size: float) -> Floats:
-    """Central differences at places (T, k, 3), as (T, k, 3)."""
-    return _expanded([function], places, size)[1][:, :, 0]
+def gradient(function: Function, points: Floats, size: float) -> Floats:
+    """Central differences at points (T, k, 3), as (T, k, 3)."""
+    return _expanded([function], points, size)[1][:, :, 0]
 
 
-def _expanded(functions: Sequence[Function], places: Floats, size: float) -> tuple[Floats, Floats]:
-    """Values (T, k, m) of m functions at places (T, k, 3), and their gradients (T, k, m, 3)."""
-    count, width = places.shape[:2]
+def _expanded(functions: Sequence[Function], points: Floats, size: float) -> tuple[Floats, Floats]:
+    """Values (T, k, m) of m functions at points (T, k, 3), and their gradients (T, k, m, 3)."""
+    count, width = points.shape[:2]
     step = PARAMETERS.difference * size
     moves = step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-    around = (places[:, :, None] + moves).reshape(count, -1, 3)
+    around = (points[:, :, None] + moves).reshape(count, -1, 3)
     found = [np.broadcast_to(one(around), around.shape[:2]).reshape(count, width, 7) for one in functions]
     values = np.stack(found, axis=2)
     return values[..., 0], (values[..., 1:4] - values[..., 4:]) / (2 * step)
 
 
-def nearest(functions: Sequence[Function], places: Floats, size: float) -> tuple[Floats, Floats]:
-    """The places (T, k, 3) near these at which all functions are zero, by Newton's steps of least length, nan where
+def nearest(functions: Sequence[Function], points: Floats, size: float) -> tuple[Floats, Floats]:
+    """The points (T, k, 3) near these at which all functions are zero, by Newton's steps of least length, nan where
     there is none; and the gradients there (T, k, m, 3)."""
     for _ in range(PARAMETERS.corrections):
-        values, rows = _expanded(functions, places, size)
+        values, rows = _expanded(functions, points, size)
         lengths = np.linalg.norm(rows, axis=-1)
         known = (
             np.isfinite(values).all(axis=-1) & np.isfinite(lengths).all(axis=-1) & (lengths > 0).all(axis=-1)
@@ -82,8 +82,8 @@ def nearest(functions: Sequence[Function], places: Floats, size: float) -> tuple
         inverse = np.linalg.pinv(np.where(moving[..., None, None], rows, 0.0))
         move = -(inverse @ np.where(moving[..., None], values, 0.0)[..., None])[..., 0]
         move[np.linalg.norm(move, axis=-1) > size] = np.nan
-        places = np.where(known[..., None], places + move, np.nan)
-    return np.where(reached[..., None], places, np.nan), rows
+        points = np.where(known[..., None], points + move, np.nan)
+    return np.where(reached[..., None], points, np.nan), rows
 
 
 def followed(functions: Sequence[Function], starts: Floats, size: float, centre: Floats) -> Floats:
@@ -93,8 +93,8 @@ def followed(functions: Sequence[Function], starts: Floats, size: float, centre:
     count = len(starts)
     step = size / (FINE if count == 1 else COARSE)
     first, rows = nearest(functions, starts[:, None], size)
-    place, rows = np.repeat(first, 2, axis=1), np.repeat(rows, 2, axis=1)
-    going = np.isfinite(place).all(axis=-1)
+    point, rows = np.repeat(first, 2, axis=1), np.repeat(rows, 2, axis=1)
+    going = np.isfinite(point).all(axis=-1)
     last = np.cross(rows[:, :, 0], rows[:, :, 1]) * np.array([1.0, -1.0])[:, None]
     closed = np.zeros(count, dtype=bool)
     path = []
@@ -104,15 +104,15 @@ def followed(functions: Sequence[Function], starts: Floats, size: float, centre:
         going &= length > PARAMETERS.exact * np.linalg.norm(rows, axis=-1).prod(axis=-1)
         turned = np.where((direction * last).sum(axis=-1) < 0, -length, length)
         last = direction / np.where(going, turned, np.nan)[..., None]
-        there, rows = nearest(functions, place + step * last, size)
-        gap = np.linalg.norm(there - place, axis=-1)
+        there, rows = nearest(functions, point + step * last, size)
+        gap = np.linalg.norm(there - point, axis=-1)
         going &= (gap > 0.2 * step) & (gap < 3 * step)
         if number > 2:
             back = going[:, 0] & (np.linalg.norm(there[:, 0] - first[:, 0], axis=-1) < 0.8 * step)
             closed |= back
             going[back] = False
-        place = np.where(going[..., None], there, np.nan)
-        path.append(place)
+        point = np.where(going[..., None], there, np.nan)
+        path.append(point)
         going &= np.linalg.norm(there - centre, axis=-1) <= REACH * size
         if not going.any():
             break
@@ -124,7 +124,7 @@ def followed(functions: Sequence[Function], starts: Floats, size: float, centre:
 
 
 def _joined(first: Floats, ways: Floats, closed: bool) -> Floats:
-    """The points (k, 3) of a curve from one place both ways (K, 2, 3), which end in nan; none of fewer than three."""
+    """The points (k, 3) of a curve from one point both ways (K, 2, 3), which end in nan; none of fewer than three."""
     ahead, back = (way[np.isfinite(way).all(axis=-1)] for way in (ways[:, 0], ways[:, 1]))
     middle = first[None]
     found = np.concatenate([middle, ahead, middle] if closed else [back[::-1], middle, ahead])
@@ -177,10 +177,10 @@ def _sheets(function: Function, track: Floats, up: int, size: float, heights: Fl
     start = np.zeros((len(heights), nodes, nodes, 3))
     start[..., across[0]], start[..., across[1]] = np.meshgrid(*lines, indexing="ij")
     start[..., up] = heights[:, None, None]
-    places, there = _lifted(function, start.reshape(len(heights), -1, 3), up, size)
-    there &= (places[..., up] > low[up] - AROUND * size) & (places[..., up] < high[up] + AROUND * size)
-    places[~there, up] = np.nan
-    return places
+    points, there = _lifted(function, start.reshape(len(heights), -1, 3), up, size)
+    there &= (points[..., up] > low[up] - AROUND * size) & (points[..., up] < high[up] + AROUND * size)
+    points[~there, up] = np.nan
+    return points
 
 
 def _apart(sheets: Floats, up: int, size: float) -> Floats:
@@ -221,11 +221,11 @@ def strings(nodes: Floats) -> Floats:
     return np.concatenate(ways).reshape(-1, 3)
 
 
-def _straight(function: Function, places: Floats, slope: Floats, size: float) -> int | None:
+def _straight(function: Function, points: Floats, slope: Floats, size: float) -> int | None:
     """An axis along which the function is straight, so that there is one height everywhere; or None."""
     steps = size * np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
     for axis in (2, 1, 0):
-        line = np.repeat(places[:, None], len(steps), axis=1)
+        line = np.repeat(points[:, None], len(steps), axis=1)
         line[..., axis] += steps
         values = np.broadcast_to(function(line), line.shape[:2])
         bend = np.abs(np.diff(values, 2, axis=1)).max()
@@ -234,17 +234,17 @@ def _straight(function: Function, places: Floats, slope: Floats, size: float) ->
     return None
 
 
-def _lifted(function: Function, places: Floats, up: int, size: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Places (T, k, 3) moved along one axis onto the surface by Newton's steps, and which of them stand on it."""
+def _lifted(function: Function, points: Floats, up: int, size: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Points (T, k, 3) moved along one axis onto the surface by Newton's steps, and which of them stand on it."""
     step = np.zeros(3)
     step[up] = PARAMETERS.difference * size
-    places, there = places.copy(), np.zeros(places.shape[:2], dtype=bool)
+    points, there = points.copy(), np.zeros(points.shape[:2], dtype=bool)
     for _ in range(PARAMETERS.net_steps):
-        values = np.broadcast_to(function(places), there.shape)
-        slope = (function(places + step) - function(places - step)) / (2 * step[up])
+        values = np.broadcast_to(function(points), there.shape)
+        slope = (function(points + step) - function(points - step)) / (2 * step[up])
         move = np.where(slope != 0, -values / np.where(slope != 0, slope, 1.0), np.inf)
         there = np.abs(move) <= PARAMETERS.exact * size
         if there.all():
             break
-        places[..., up] += np.where(np.isfinite(move) & ~there, np.clip(move, -0.3 * size, 0.3 * size), 0.0)
-    return places, there
+        points[..., up] += np.where(np.isfinite(move) & ~there, np.clip(move, -0.3 * size, 0.3 * size), 0.0)
+    return points, there

@@ -1,6 +1,6 @@
 """The page of an animation: one HTML file that needs nothing else, with three.js and all numbers in it.
 
-The scene stands in it as JSON and one block of numbers: 32-bit floats in base64, each array named by its place and its
+The scene stands in it as JSON and one block of numbers: 32-bit floats in base64, each array named by its offset and its
 length.
 """
 
@@ -88,7 +88,7 @@ class _Block:
         self._size = 0
 
     def add(self, values: Floats) -> list[int]:
-        """The place of an array and its length."""
+        """The offset of an array and its length."""
         flat = np.ascontiguousarray(values, dtype="<f4").ravel()
         key = flat.tobytes()
         if key not in self._known:
@@ -146,11 +146,11 @@ def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> d
     frames = np.array(one.frames, dtype=np.float64)
     found: dict[str, object] = {"kind": one.kind, "oneSided": one.one_sided, "corners": []}
     if one.kind in ("line", "net"):
-        # Their corners are places; an axis along which none of them moves stands there once.
-        places = (one.corners - centre) / size
-        axes = [places[..., axis] for axis in range(3)]
+        # Their corners are points; an axis along which none of them moves stands there once.
+        corners = (one.corners - centre) / size
+        axes = [corners[..., axis] for axis in range(3)]
         found["places"] = [block.add(axis if np.ptp(axis, axis=0).any() else axis[:1]) for axis in axes]
-        found["count"] = places.shape[1]
+        found["count"] = corners.shape[1]
     else:
         frames[:, 3] -= centre
         frames /= size

@@ -89,13 +89,13 @@ class _QuadraticAlgebra(Operators[Quadratic]):
         return OTHER
 
 
-class _PlaceLeaves:
-    """The values of names: times are numbers, places of particles variables; see `resolve.Leaves`."""
+class _PositionLeaves:
+    """The values of names: times are numbers, positions of particles variables; see `resolve.Leaves`."""
 
     def __init__(
         self, model: nouns.Model, t: Floats | None, fixed: Mapping[int, Floats] | None = None
     ) -> None:
-        """t: None where no time is known; fixed: places (T, k, 3) of particles that are numbers and no variables."""
+        """t: None where no time is known; fixed: positions (T, k, 3) of particles that are numbers and no variables."""
         self._names, self._fixed = ModelNames(model), fixed or {}
         self._constants: dict[str, Value] = {
             "t": OTHER if t is None else quadratic_form.number(t),
@@ -128,7 +128,11 @@ class _PlaceLeaves:
             x, y, z = map(quadratic_form.number, np.moveaxis(self._fixed[number], -1, 0))
             return x, y, z
         first = 3 * number
-        return quadratic_form.place(first), quadratic_form.place(first + 1), quadratic_form.place(first + 2)
+        return (
+            quadratic_form.coordinate(first),
+            quadratic_form.coordinate(first + 1),
+            quadratic_form.coordinate(first + 2),
+        )
 
     def velocity(self, numbers: Integers) -> tuple[Quadratic, Quadratic, Quadratic]:
         return OTHER, OTHER, OTHER
@@ -150,7 +154,7 @@ class _PlaceLeaves:
 
 def rows(model: nouns.Model, t: Floats) -> Iterator[PicturedRow]:
     """The rows over the instants t (T,), in the order of the model, `MOST_ROWS` at most."""
-    leaves, left = _PlaceLeaves(model, t), MOST_ROWS
+    leaves, left = _PositionLeaves(model, t), MOST_ROWS
     laws: tuple[nouns.Holonomic | nouns.Inequality, ...] = (*model.holonomic, *model.inequality)
     with np.errstate(all="ignore"):
         for law in laws:
@@ -172,19 +176,19 @@ def rows(model: nouns.Model, t: Floats) -> Iterator[PicturedRow]:
 
 
 def value_at(
-    model: nouns.Model, row: PicturedRow, t: Floats | None, particle: int, places: Floats
+    model: nouns.Model, row: PicturedRow, t: Floats | None, particle: int, points: Floats
 ) -> Floats | None:
-    """The values (T, k) of a row at t (T,) with one particle at places (T, k, 3). None where the row depends on other
-    particles, on coordinates, or, where t is None, on time."""
+    """The values (T, k) of a row at t (T,) with one particle at positions (T, k, 3). None where the row depends on
+    other particles, on coordinates, or, where t is None, on time."""
     law = row.law
-    leaves = _PlaceLeaves(model, None if t is None else t[:, None], {particle: places})
+    leaves = _PositionLeaves(model, None if t is None else t[:, None], {particle: points})
     assert isinstance(law.equation.tree, tree.Relation)
     width = len(law.rows) // max(1, law.members.count)
     k = row.row // width
     variables = {name: values[k : k + 1] for name, values in law.members.variables.items()}
     with np.errstate(all="ignore"):
         form = evaluate.difference(law.equation.tree, leaves.algebra(variables))[row.row % width]
-    return np.broadcast_to(form.constant, places.shape[:-1]) if form.is_constant else None
+    return np.broadcast_to(form.constant, points.shape[:-1]) if form.is_constant else None
 
 
 def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistance]:
@@ -194,7 +198,7 @@ def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistan
     assert isinstance(relation, tree.Relation)
     if len(law.rows) != law.members.count:  # a row of a vector equation
         return []
-    algebra = _PlaceLeaves(model, t).algebra(
+    algebra = _PositionLeaves(model, t).algebra(
         {name: values[row.row : row.row + 1] for name, values in law.members.variables.items()}
     )
     found: list[SquareDistance] = []
@@ -225,7 +229,7 @@ def _addends(node: tree.Node, sign: int) -> Iterator[tuple[int, tree.Node]]:
 
 def springs(model: nouns.Model, t: Floats) -> Iterator[SpringLength]:
     """The distances between points whose squares stand in potentials, at the instants t (T,)."""
-    leaves, left = _PlaceLeaves(model, t), MOST_ROWS
+    leaves, left = _PositionLeaves(model, t), MOST_ROWS
     for force in model.forces:
         if not isinstance(force, nouns.Potential):
             continue
@@ -245,7 +249,7 @@ def springs(model: nouns.Model, t: Floats) -> Iterator[SpringLength]:
 
 def weight(model: nouns.Model) -> Floats | None:
     """The constant force (3,) that acts on the most particles, on the first of them; None where there is none."""
-    leaves = _PlaceLeaves(model, None)
+    leaves = _PositionLeaves(model, None)
     masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
     constant = [one for one in model.forces if isinstance(one, nouns.ParticleForce) and one.constant]
     constant = [one for one in constant if one.action.targets.size]

@@ -27,7 +27,7 @@ SAME = 1e-9
 class Quadratic:
     """constant + sum linear_i x_i + sum quadratic_ij x_i x_j (i <= j) + factor sqrt(under).
 
-    x_3k, x_3k+1, x_3k+2 are the components of the place of particle k. known: False for every other function.
+    x_3k, x_3k+1, x_3k+2 are the components of the position of particle k. known: False for every other function.
     """
 
     constant: Coefficient = ZERO
@@ -113,15 +113,15 @@ class Quadratic:
             self.under is None or self.under.is_at_rest
         )
 
-    def values(self, places: Floats) -> Floats:
-        """The values (T, k) with the only particle in it at places (T, k, 3); T = 1 for one that is at rest."""
-        found = np.zeros(places.shape[:-1]) + _over_places(self.constant)
+    def values(self, points: Floats) -> Floats:
+        """The values (T, k) with the only particle in it at points (T, k, 3); T = 1 for one that is at rest."""
+        found = np.zeros(points.shape[:-1]) + _over_points(self.constant)
         for i, a in self.linear.items():
-            found = found + _over_places(a) * places[..., i % 3]
+            found = found + _over_points(a) * points[..., i % 3]
         for (i, j), a in self.quadratic.items():
-            found = found + _over_places(a) * places[..., i % 3] * places[..., j % 3]
+            found = found + _over_points(a) * points[..., i % 3] * points[..., j % 3]
         if self.under is not None:
-            found = found + _over_places(self.factor) * np.sqrt(self.under.values(places))
+            found = found + _over_points(self.factor) * np.sqrt(self.under.values(points))
         return np.asarray(found)
 
     @property
@@ -137,12 +137,12 @@ def number(value: float | Coefficient) -> Quadratic:
     return Quadratic(value if isinstance(value, np.ndarray) else np.float64(value))
 
 
-def place(component: int) -> Quadratic:
+def coordinate(component: int) -> Quadratic:
     """The component x_i."""
     return Quadratic(linear={component: np.float64(1.0)})
 
 
-def _over_places(value: Coefficient) -> Coefficient:
+def _over_points(value: Coefficient) -> Coefficient:
     """A coefficient as it multiplies values (T, k): a number where it is the same at all instants."""
     numbers = np.asarray(value)
     if not numbers.ndim or not np.ptp(numbers):
@@ -229,8 +229,8 @@ def _weights(square: dict[tuple[int, int], float]) -> tuple[float, dict[int, flo
     for k in particles[1:]:
         weights[k] = square.get((3 * first + axes[0], 3 * k + axes[0]), 0.0) / (2.0 * factor)
     for axis in axes:
-        for place, k in enumerate(particles):
-            for other in particles[place:]:
+        for index, k in enumerate(particles):
+            for other in particles[index:]:
                 wanted = factor * weights[k] * weights[other] * (1.0 if k == other else 2.0)
                 if abs(square.get((3 * k + axis, 3 * other + axis), 0.0) - wanted) > SAME * largest:
                     return None

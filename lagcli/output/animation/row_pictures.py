@@ -25,7 +25,7 @@ STILL = 1e-6
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class LoneRow:
-    """A row that names one particle: its values (T, k) at places (T, k, 3). simple: a plane or something round."""
+    """A row that names one particle: its values (T, k) at points (T, k, 3). simple: a plane or something round."""
 
     name: str
     one_sided: bool

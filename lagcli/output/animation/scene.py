@@ -57,8 +57,8 @@ class DrawnSurface:
     frames: Floats
     corners: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 3)))
 
-    def places(self, frame: int) -> Floats:
-        """The places (k, 3) of the corners of a line or a net at an instant."""
+    def corners_at(self, frame: int) -> Floats:
+        """The positions (k, 3) of the corners of a line or a net at an instant."""
         return np.asarray(self.corners[min(frame, len(self.corners) - 1)])
 
 
@@ -84,7 +84,7 @@ class TimeCurve:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """A way to move: a name, what is known of it, if it swings, and the places of the points over one period,
+    """A way to move: a name, what is known of it, if it swings, and the positions of the points over one period,
     (T, P, 3)."""
 
     name: str
@@ -95,9 +95,9 @@ class Mode:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """points: places of P points, (1 or T, 3) each, the N particles first, then what rods hang on. radii (N,); R and F
-    (N entries, 1 or T, 3) in units of force, or empty. scale: the length of an arrow of the unit of force. notes: what
-    was left out or decimated. modes: where ways to swing are shown in place of a run."""
+    """points: positions of P points, (1 or T, 3) each, the N particles first, then what rods hang on. radii (N,); R and
+    F (N entries, 1 or T, 3) in units of force, or empty. scale: the length of an arrow of the unit of force. notes:
+    what was left out or decimated. modes: where ways to swing are shown in place of a run."""
 
     title: str
     t: Floats
@@ -129,7 +129,7 @@ class Scene:
         return span / SHOWN if not self.modes else span / SHORT
 
     def at(self, point: int, frame: int) -> Floats:
-        """The place of a point at an instant."""
+        """The position of a point at an instant."""
         track = self.points[point]
         return np.asarray(track[min(frame, len(track) - 1)])
 

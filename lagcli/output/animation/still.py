@@ -21,7 +21,7 @@ MOST_DRAWN = 2000
 
 
 class Projection:
-    """Places to coordinates of a picture of this width and height, x to the right and y down."""
+    """Corners to coordinates of a picture of this width and height, x to the right and y down."""
 
     def __init__(self, scene: Scene, width: float, height: float) -> None:
         view = scene.view
@@ -44,21 +44,21 @@ class Projection:
         self.scale = float((room / (extent + 2 * pad)).min())
         self._middle, self._centre = (low + high) / 2, np.array([width, height]) / 2
 
-    def __call__(self, places: Floats) -> Floats:
+    def __call__(self, corners: Floats) -> Floats:
         """(k, 3) to (k, 2)."""
         return np.asarray(
-            self._centre + (self._plane(places) - self._middle) * self.scale * np.array([1.0, -1.0])
+            self._centre + (self._plane(corners) - self._middle) * self.scale * np.array([1.0, -1.0])
         )
 
-    def _plane(self, places: Floats) -> Floats:
-        return np.stack([places @ self._right, places @ self._above], axis=-1)
+    def _plane(self, corners: Floats) -> Floats:
+        return np.stack([corners @ self._right, corners @ self._above], axis=-1)
 
 
 def outline(one: DrawnSurface, frame: int) -> Floats:
-    """Places (k, 3) of the outline of a surface at an instant."""
+    """Corners (k, 3) of the outline of a surface at an instant."""
     if one.kind in ("line", "net"):
-        places = one.places(frame)
-        return nets.triangles(places) if one.kind == "net" else places[np.isfinite(places).all(axis=-1)]
+        corners = one.corners_at(frame)
+        return nets.triangles(corners) if one.kind == "net" else corners[np.isfinite(corners).all(axis=-1)]
     u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
     if one.kind == "plane":
         closed = np.concatenate([one.corners, one.corners[:1]])

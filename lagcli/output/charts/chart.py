@@ -19,7 +19,7 @@ MOST_KEYS = 12
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ChartCurve:
-    """A curve: x and y (k,), decimated, broken where one is nan; colour and dash by their places in a sequence."""
+    """A curve: x and y (k,), decimated, broken where one is nan; colour and dash by their indices in a sequence."""
 
     label: str
     x: Floats
@@ -39,7 +39,7 @@ class LegendKey:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class IncidentDots:
-    """The places of incidents of one kind, by its number, in a plane: x and y (k,)."""
+    """The points of incidents of one kind, by its number, in a plane: x and y (k,)."""
 
     number: int
     x: Floats

@@ -48,11 +48,11 @@ def compose(chart: ChartData) -> sheet.NotebookFigure:
             named = [mark.label for mark in marks]
             blocks.append(sheet.legend(ruler, named, [sheet.mark_look(mark) for mark in marks]))
         frames = [_frame(ruler, panel, len(chart.panels)) for panel in chart.panels]
-        # Axes above each other begin and end at one place, so that an instant is below itself.
+        # Axes above each other begin and end at one abscissa, so that an instant is below itself.
         left, beside = (max(getattr(frame, name) for frame in frames) for name in ("left", "beside"))
-        for place, frame in enumerate(frames):
+        for index, frame in enumerate(frames):
             panel = frame.panel
-            after = chart.panels[place + 1] if place + 1 < len(frames) else None
+            after = chart.panels[index + 1] if index + 1 < len(frames) else None
             is_last = after is None or (after.x_label, after.limits) != (panel.x_label, panel.limits)
             is_named = is_last or panel.limits is None
             blocks += _panel(ruler, dataclasses.replace(frame, left=left, beside=beside), marks, is_named)
@@ -77,7 +77,7 @@ def _texts(found: Sequence[ChartPanel]) -> list[str]:
 class _Frame:
     """The measures of the axes of a panel in inches, and what stands beside them.
 
-    left, beside: room for the values on the left and for names on the right; named: places of curves that are named at
+    left, beside: room for the values on the left and for names on the right; named: indices of curves that are named at
     the bar of their colours.
     """
 
@@ -105,8 +105,8 @@ def _frame(ruler: sheet.Ruler, panel: ChartPanel, count: int) -> _Frame:
         + sheet.text_height(label, 8)
         + max(0.36, 0.08 + max((ruler.width(text, SMALL) for text in texts), default=0.0))
     )
-    named = sheet.named_places(names, high, SMALL) if panel.is_family else []
-    widths = [ruler.width(line, SMALL) for place in named for line in names[place].split("\n")]
+    named = sheet.named_indices(names, high, SMALL) if panel.is_family else []
+    widths = [ruler.width(line, SMALL) for index in named for line in names[index].split("\n")]
     beside = BAR + 0.1 + max(widths) if widths else 0.0
     return _Frame(panel, scale, label, names, named, high, left, beside)
 
@@ -132,7 +132,7 @@ def _key_look(colour: int | None, dash: int) -> sheet.LineStyle:
 
 
 def _look(colour: int, dash: int) -> sheet.LineStyle:
-    """The line of a curve; the sequence of colours and dashes of other figures where both places are one."""
+    """The line of a curve; the sequence of colours and dashes of other figures where both indices are one."""
     if colour == dash:
         return sheet.look(colour)
     dashed = sheet.DASHES[dash % len(sheet.DASHES)]
@@ -176,9 +176,9 @@ def _put_curves(plot: axes.Axes, panel: ChartPanel) -> None:
         shade = sheet.shades()(np.linspace(0, 1, len(panel.curves)))
         paths = [np.column_stack([curve.x, curve.y]) for curve in panel.curves]
         plot.add_collection(collections.LineCollection(paths, colors=shade, linewidths=0.7), autolim=False)
-        singles = [place for place, curve in enumerate(panel.curves) if len(curve.x) == 1]
+        singles = [index for index, curve in enumerate(panel.curves) if len(curve.x) == 1]
         if singles:
-            points = np.concatenate([paths[place] for place in singles])
+            points = np.concatenate([paths[index] for index in singles])
             plot.scatter(points[:, 0], points[:, 1], s=9, c=shade[singles])
         return
     for curve in panel.curves:

@@ -68,11 +68,11 @@ def of_rows(
     incidents: Sequence[tuple[float, str]] = (),
 ) -> ChartTable:
     """A table in memory, rows (T, columns)."""
-    places = {column: place for place, column in enumerate(columns)}
+    indices = {column: index for index, column in enumerate(columns)}
     return ChartTable(
         name,
         tuple(columns),
-        lambda names: rows[:, [places[one] for one in names]],
+        lambda names: rows[:, [indices[one] for one in names]],
         len(rows),
         facts,
         incidents,
@@ -197,8 +197,8 @@ def _table(
         finite = x[np.isfinite(x)]
         rises = axis in ("t", None) or bool((x[1:] >= x[:-1]).all())
         found.span = (float(finite.min()), float(finite.max())) if finite.size else None
-        for place, name in enumerate(block_names):
-            found.curves[name] = _series(x, block[:, place], is_log, most if rises else None)
+        for index, name in enumerate(block_names):
+            found.curves[name] = _series(x, block[:, index], is_log, most if rises else None)
     return found, rises
 
 

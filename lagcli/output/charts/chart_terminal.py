@@ -76,14 +76,14 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
     if len(panel.curves) < 2 and not panel.keys:
         return
     line, used = "", 0
-    for place, curve in enumerate(panel.curves):
+    for index, curve in enumerate(panel.curves):
         name = _name(panel, curve)
-        sample = "──" if look.has_colours else LETTERS[place % len(LETTERS)]
+        sample = "──" if look.has_colours else LETTERS[index % len(LETTERS)]
         width = diagnostics.columns(sample) + 1 + diagnostics.columns(name) + 3
         if line and used + width > look.columns:
             yield line.rstrip()
             line, used = "", 0
-        line += f"{_coloured(sample, _colour(panel, place), look)} {name}   "
+        line += f"{_coloured(sample, _colour(panel, index), look)} {name}   "
         used += width
     yield line.rstrip()
 
@@ -99,10 +99,10 @@ def _short(name: str) -> str:
     return _cut(name, MOST_LABEL)
 
 
-def _colour(panel: ChartPanel, place: int) -> int:
+def _colour(panel: ChartPanel, index: int) -> int:
     if panel.is_family:
-        return SEQUENCE[place * len(SEQUENCE) // len(panel.curves)]
-    return COLOURS[place % len(COLOURS)]
+        return SEQUENCE[index * len(SEQUENCE) // len(panel.curves)]
+    return COLOURS[index % len(COLOURS)]
 
 
 def _coloured(text: str, colour: int, look: TerminalLook) -> str:
@@ -158,11 +158,11 @@ class _Area:
         import plotille
 
         canvas = plotille.Canvas(self.width, self.rows, 0.0, 0.0, 1.0, 1.0, mode="byte")
-        for place, curve in enumerate(self._panel.curves):
-            self._put(canvas, place, curve)
+        for index, curve in enumerate(self._panel.curves):
+            self._put(canvas, index, curve)
         if not self._look.has_colours and 1 < len(self._panel.curves) <= len(LETTERS):
-            for place, curve in enumerate(self._panel.curves):
-                self._put_letters(canvas, place, curve)
+            for index, curve in enumerate(self._panel.curves):
+                self._put_letters(canvas, index, curve)
         for mark in marks:
             for t in mark.times:
                 self._mark(canvas, float(t))
@@ -172,8 +172,8 @@ class _Area:
             yield f"{text:>{self.left}}{'┤' if text else '│'}{line}".rstrip()
         yield from self._below()
 
-    def _put(self, canvas: _Canvas, place: int, curve: ChartCurve) -> None:
-        colour = _colour(self._panel, place) if self._look.has_colours else None
+    def _put(self, canvas: _Canvas, index: int, curve: ChartCurve) -> None:
+        colour = _colour(self._panel, index) if self._look.has_colours else None
         x, y = self._thin(curve)
         points = np.column_stack([x, y]).tolist()
         alone = [k for k, point in enumerate(points) if np.isfinite(point).all()]
@@ -192,20 +192,22 @@ class _Area:
             x, y = decimate.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
         return _part(x, self.x), _part(y, self._y)
 
-    def _put_letters(self, canvas: _Canvas, place: int, curve: ChartCurve) -> None:
+    def _put_letters(self, canvas: _Canvas, index: int, curve: ChartCurve) -> None:
         """A letter on a curve, at some of its points that no other curve has."""
         x, y = self._thin(curve)
         known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
         for spot in range(SPOTS if known.size else 0):
-            part = (spot + (place + 1) / (len(self._panel.curves) + 1)) / SPOTS
+            part = (spot + (index + 1) / (len(self._panel.curves) + 1)) / SPOTS
             k = known[min(int(part * known.size), known.size - 1)]
-            canvas.point(float(x[k]), float(y[k]), marker=LETTERS[place])
+            canvas.point(float(x[k]), float(y[k]), marker=LETTERS[index])
 
     def _mark(self, canvas: _Canvas, t: float) -> None:
         colour = MARK_COLOUR if self._look.has_colours else None
-        (place,) = _part(np.array([t]), self.x)
-        for row in (0, self.rows - 1) if np.isfinite(place) else ():  # at the edges: it would hide the curve
-            canvas.point(float(place), (row + 0.5) / self.rows, color=colour, marker=MARK)
+        (fraction,) = _part(np.array([t]), self.x)
+        for row in (
+            (0, self.rows - 1) if np.isfinite(fraction) else ()
+        ):  # at the edges: it would hide the curve
+            canvas.point(float(fraction), (row + 0.5) / self.rows, color=colour, marker=MARK)
 
     def _below(self) -> Iterator[str]:
         axis, names = ["─"] * self.width, [" "] * (self.width + 1)
@@ -237,7 +239,7 @@ def _limits(panel: ChartPanel) -> tuple[Span, Span]:
 
 
 def _part(values: Floats, limits: Span) -> Floats:
-    """The places of values on an axis, 0 at its beginning and just below 1 at its end; nan outside."""
+    """The positions of values on an axis, 0 at its beginning and just below 1 at its end; nan outside."""
     half = limits[1] / 2 - limits[0] / 2  # twice the largest double is none
     if not half:  # of the smallest numbers there are no halves
         return np.where(values == limits[0], 0.0, 1 - 1e-9)

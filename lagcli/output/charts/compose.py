@@ -116,10 +116,10 @@ class _Plan:
 
     def _selected(self, patterns: str) -> list[str]:
         try:
-            places = column_choice.select(self._columns, patterns)
+            indices = column_choice.select(self._columns, patterns)
         except column_choice.UnknownColumn as error:
             raise UndrawableColumns(f"--y: {error}") from None
-        return [self._columns[place] for place in places]
+        return [self._columns[index] for index in indices]
 
     def _groups(self) -> list[list[str]]:
         """The columns of the panels over the axis, in their order."""
@@ -174,9 +174,9 @@ class _Plan:
         words = next(w for w, t in zip(self._words, self._tables, strict=True) if names[0] in t.columns)
         zeros = set() if self._choice.is_log else self._idle(names, words.kind(names[0]), series)
         found = [
-            (run, place, one if (run, name) not in zeros else one.as_zero())
+            (run, index, one if (run, name) not in zeros else one.as_zero())
             for run in range(len(self._tables))
-            for place, name in enumerate(names)
+            for index, name in enumerate(names)
             if (one := series.find(run, name)) is not None
         ]
         label = words.axis(names)
@@ -201,16 +201,16 @@ class _Plan:
         """The curves of a panel and its legend: colours tell columns apart, dashes runs where there are several."""
         runs, is_family = len(self._tables), self._is_family(names, len(found))
         curves = []
-        for run, place, one in found:
+        for run, index, one in found:
             one_of_each = runs == 1 or len(names) == 1
-            look = (place if runs == 1 else run,) * 2 if one_of_each else (place, run)
-            label = names[place] if runs == 1 else self._names[run]
+            look = (index if runs == 1 else run,) * 2 if one_of_each else (index, run)
+            label = names[index] if runs == 1 else self._names[run]
             curves.append(ChartCurve(label, one.x, one.y, *look))
         if is_family or (len(found) <= 1 and runs == 1):
             return tuple(curves), ()
         if runs == 1 or len(names) == 1:
             return tuple(curves), tuple(LegendKey(c.label, c.colour, c.dash) for c in curves)
-        keys = [LegendKey(name, place, 0) for place, name in enumerate(names)]
+        keys = [LegendKey(name, index, 0) for index, name in enumerate(names)]
         return tuple(curves), (*keys, *(LegendKey(name, None, run) for run, name in enumerate(self._names)))
 
     def _idle(self, names: Sequence[str], kind: str, series: chart_table.SeriesSet) -> set[tuple[int, str]]:
@@ -282,12 +282,12 @@ class _Plan:
     def _plane(self, pairs: Sequence[tuple[str, str]]) -> ChartPanel:
         curves: list[ChartCurve] = []
         for run, table in enumerate(self._tables):
-            for place, pair in enumerate(pairs):
+            for index, pair in enumerate(pairs):
                 if set(pair) <= set(table.columns):
                     x, y = chart_table.path(table, pair)
                     label = ", ".join(part for part in (_pair_name(pair), self._names[run]) if part)
                     label = self._names[run] if len(pairs) == 1 and self._names[run] else label
-                    number = run * len(pairs) + place
+                    number = run * len(pairs) + index
                     curves.append(ChartCurve(label, x, y, number, number))
         words = self._words[0]
         keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if len(curves) > 1 else ()
@@ -296,7 +296,7 @@ class _Plan:
         return ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots)
 
     def _dots(self, pair: tuple[str, str]) -> tuple[IncidentDots, ...]:
-        """The places of incidents on a path."""
+        """The points of incidents on a path."""
         (table, *others) = self._tables
         if others or not table.incidents or not {"t", *pair} <= set(table.columns):
             return ()

@@ -1,7 +1,7 @@
 """Decimation: of rows, curves and paths as many points as a figure can show.
 
 Rows are all there while they are few, and every second, fourth, ... of them where they are more; a curve over time
-keeps the extrema of its stretches; of a path in a plane what goes over the same places again is drawn once.
+keeps the extrema of its stretches; of a path in a plane what goes over the same points again is drawn once.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 # A figure is some 1 500 pixels wide; this many points on one curve show more than that.
 FEWEST_ROWS = 4096
 NUMBERS = 1 << 22
-# Of a path: points of an orbit that never closes, drawn with a pen of a thousandth of the page, and places that a page
+# Of a path: points of an orbit that never closes, drawn with a pen of a thousandth of the page, and cells that a page
 # tells apart in one direction; coarser than the fewest, it looks like steps.
 PATH_POINTS, CELLS, FEWEST_CELLS = 20_000, 4000, 250
 
@@ -48,7 +48,7 @@ class DecimatedRows:
             self._keep(kept)
 
     def mark(self, incidents: NDArray[np.float64]) -> None:
-        """Take in incidents (k, columns): their times, and their kinds by their places in `KINDS`, come first."""
+        """Take in incidents (k, columns): their times, and their kinds by their indices in `KINDS`, come first."""
         self.marks.extend((float(t), KINDS[int(kind)]) for t, kind in incidents[:, :2])
 
     def rows(self) -> NDArray[np.float64]:
@@ -89,7 +89,7 @@ def extrema(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
 
 
 def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> tuple[Floats, Floats]:
-    """About `most` points of the curve through x and y (T,), which looks the same to `cells` places across.
+    """About `most` points of the curve through x and y (T,), which looks the same to `cells` cells across.
 
     Pieces that are left are parted by nan, where a curve is broken.
     """
@@ -103,7 +103,7 @@ def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> t
         if len(pieces) <= most or cells <= FEWEST_CELLS:
             break
         cells //= 2
-    # Noise goes to new places for ever: every so many pieces of it look like all of them.
+    # Noise goes to new cells for ever: every so many pieces of it look like all of them.
     return _joined(x[kept], y[kept], pieces[:: -(-len(pieces) // most)])
 
 
@@ -116,8 +116,8 @@ def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[
         lost |= ~finite
         low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 0.0)
         span = high / 2 - low / 2 or 1.0  # halves: twice the largest double is none
-        place = np.where(finite, (values / 2 - low / 2) / span * (cells - 1), 0.0)
-        keys = keys * cells + place.astype(np.int64)
+        cell = np.where(finite, (values / 2 - low / 2) / span * (cells - 1), 0.0)
+        keys = keys * cells + cell.astype(np.int64)
     keys[lost] = -1
     changes = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
     kept = np.union1d(changes, [len(x) - 1])
@@ -125,7 +125,7 @@ def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[
 
 
 def _new_pieces(keys: NDArray[np.int64]) -> NDArray[np.intp]:
-    """The places of points from which a piece leads to the next that no piece before has led over, either way."""
+    """The indices of points from which a piece leads to the next that no piece before has led over, either way."""
     low, high = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
     pairs = low * (CELLS * CELLS) + high
     _, first = np.unique(pairs, return_index=True)

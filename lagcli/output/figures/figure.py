@@ -73,7 +73,7 @@ def _band(
         else:
             if len(labels) > 1:
                 blocks.append(
-                    sheet.legend(ruler, labels, [sheet.look(place) for place in range(len(labels))])
+                    sheet.legend(ruler, labels, [sheet.look(index) for index in range(len(labels))])
                 )
             blocks.append(_grid(ruler, band, marks))
         blocks.append(sheet.axis_name(ruler, time))
@@ -112,13 +112,13 @@ def _grid(
     def draw(page: sheet.FigurePage, start: float) -> None:
         middle = start + heads[0] + (tops[-1] - heads[0]) / 2
         page.upright(sheet.MARGIN, middle, label, 8)
-        for place, panel in enumerate(band.panels):
-            row, column = divmod(place, across)
+        for index, panel in enumerate(band.panels):
+            row, column = divmod(index, across)
             left, top = strip + column * cell + room, start + tops[row]
-            bottom = place + across >= count
-            page.text(left, top, titles[place], size)
+            bottom = index + across >= count
+            page.text(left, top, titles[index], size)
             plot = page.axes(left, top + heads[row], width, high)
-            axis_scale.ticks(plot, times, scales[place], size - 1, times_named=bottom)
+            axis_scale.ticks(plot, times, scales[index], size - 1, times_named=bottom)
             sheet.put_marks(plot, marks)
             for number, curve in enumerate(panel.curves):
                 marker = "o" if len(curve.t) == 1 else None
@@ -135,8 +135,8 @@ def _family(
     count, size = len(panel.curves), 7.0
     names = [ruler.wrap(curve.label, 1.6, size) for curve in panel.curves]
     high = max(2.3, 2 * max(sheet.text_height(name, size) for name in names))
-    named = sheet.named_places(names, high, size)
-    beside = 0.1 + max(ruler.width(line, size) for place in named for line in names[place].split("\n"))
+    named = sheet.named_indices(names, high, size)
+    beside = 0.1 + max(ruler.width(line, size) for index in named for line in names[index].split("\n"))
     scale = _value_scale(panel, 0.0, most=5)
     times = axis_scale.scale_of(*_time_limits(band), most=6)
     label = ruler.wrap(band.label, high, 8)

@@ -52,11 +52,11 @@ def _names(names: tuple[str, ...]) -> str:
 
 
 def _widest(found: witness.Witness) -> list[int]:
-    """Places of the coordinates that come back, those a person moves first, then by how far they go."""
+    """Indices of the coordinates that come back, those a person moves first, then by how far they go."""
     points = np.concatenate([path.points for path in found.paths])
     reach = np.ptp(points, axis=0)
-    places = [found.along(name) for name in found.back]
-    return sorted(places, key=lambda i: (found.names[i] not in found.free or reach[i] < 1e-9, -reach[i]))
+    indices = [found.along(name) for name in found.back]
+    return sorted(indices, key=lambda i: (found.names[i] not in found.free or reach[i] < 1e-9, -reach[i]))
 
 
 def _loop(plot: axes.Axes, found: witness.Witness) -> None:
@@ -105,16 +105,16 @@ def _moved(plot: axes.Axes, found: witness.Witness) -> None:
     plot.set_ylabel(labels.shortened(found.coordinate, labels.NAME), fontsize=9)
 
 
-def _times(plot: axes.Axes, found: witness.Witness, place: int) -> None:
+def _times(plot: axes.Axes, found: witness.Witness, index: int) -> None:
     """One coordinate over time on both paths."""
     ends: list[NDArray[np.float64]] = []
     for path, colour, style in zip(found.paths, (_RED, _BLUE), ("-", (0, (5, 2))), strict=True):
-        plot.plot(path.points[:, -1], path.points[:, place], color=colour, linestyle=style, linewidth=1.4)
+        plot.plot(path.points[:, -1], path.points[:, index], color=colour, linestyle=style, linewidth=1.4)
         ends.append(path.points[-1])
-    if found.names[place] == found.coordinate:
-        _gap(plot, ends[0][-1], ends[1][place], ends[0][place], found.amount)
+    if found.names[index] == found.coordinate:
+        _gap(plot, ends[0][-1], ends[1][index], ends[0][index], found.amount)
     plot.set_xlabel("t", fontsize=9)
-    plot.set_ylabel(labels.shortened(found.names[place], labels.NAME), fontsize=9)
+    plot.set_ylabel(labels.shortened(found.names[index], labels.NAME), fontsize=9)
 
 
 def _gap(plot: axes.Axes, x: float, low: float, high: float, amount: float) -> None:

@@ -86,11 +86,11 @@ class Band:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    places: dict[str, int]
+    indices: dict[str, int]
     rows: NDArray[np.float64]
 
     def column(self, name: str) -> NDArray[np.float64]:
-        return self.rows[:, self.places[name]]
+        return self.rows[:, self.indices[name]]
 
     def curve(self, label: str, values: NDArray[np.float64], of: int) -> Curve:
         """The curve, decimated for a figure that shows ``of`` of them."""
@@ -115,7 +115,7 @@ def bands(
     zeros = facts.zeros
     if zeros:
         rows = np.where(np.isin(columns, list(zeros)), 0.0, rows)
-    table = _Table({name: place for place, name in enumerate(columns)}, rows)
+    table = _Table({name: index for index, name in enumerate(columns)}, rows)
     forces = [name.removeprefix("R.") for name in columns if name.startswith("R.")]
     particles = [name.removesuffix(".x") for name in forces if name.endswith(".x")]
     # Names hold no dot, so "R.theta" is a coordinate and "R.a.x" belongs to a particle.
@@ -133,9 +133,9 @@ def bands(
         told = f"{'zero to rounding' if rounded else 'zero throughout'}: {_listed(idle)}"
         found[0] = dataclasses.replace(found[0], note="; ".join(filter(None, (found[0].note, told))))
     if zeros:
-        for place, band in enumerate(found):
+        for index, band in enumerate(found):
             note = band.note.replace("zero throughout", "zero to rounding")
-            found[place] = dataclasses.replace(band, note=note)
+            found[index] = dataclasses.replace(band, note=note)
     return found
 
 
@@ -180,8 +180,8 @@ def _particle_forces(table: _Table, particles: list[str], units: UnitLabels) -> 
         Panel(
             name,
             tuple(
-                table.curve(f"{axis} component", forces[name][:, place], of=3 * len(shown))
-                for place, axis in enumerate("xyz")
+                table.curve(f"{axis} component", forces[name][:, index], of=3 * len(shown))
+                for index, axis in enumerate("xyz")
             ),
         )
         for name in shown

@@ -91,9 +91,9 @@ def compose(
 
 
 def _multipliers(panel: axes.Axes, motion: MotionTable, mu: Sequence[str]) -> None:
-    for place, name in enumerate(mu):
+    for index, name in enumerate(mu):
         label = labels.shortened(name.removeprefix("mu."), labels.NAME)
-        colour = _COLOURS[place % len(_COLOURS)]
+        colour = _COLOURS[index % len(_COLOURS)]
         panel.plot(motion.rows[:, 0], motion.of(name), color=colour, linewidth=1.0, label=label)
     many = len(mu) > len(_COLOURS)
     _finish(panel, "μ of the rows" if len(mu) > 1 else f"μ of {labels.shortened(mu[0][3:], labels.NAME)}")

@@ -292,31 +292,31 @@ def axis_name(ruler: Ruler, text: str) -> FigureBlock:
 def legend(ruler: Ruler, labels: Sequence[str], looks: Sequence[LineStyle]) -> FigureBlock:
     """Samples of the lines with their names, from left to right in as many lines as it takes."""
     size, sample, space = 8, 0.32, 0.2
-    places: list[tuple[float, float, str]] = []
+    entries: list[tuple[float, float, str]] = []
     left, top, below = MARGIN, 0.04, 0.04
     for label in labels:
         wrapped = ruler.wrap(label, WIDTH - 2 * MARGIN - sample, size)
         width = sample + max(ruler.width(line, size) for line in wrapped.split("\n"))
         if left > MARGIN and left + width > WIDTH - MARGIN:
             left, top = MARGIN, below
-        places.append((left, top, wrapped))
+        entries.append((left, top, wrapped))
         left += width + space
         below = max(below, top + text_height(wrapped, size))
 
     def draw(page: FigurePage, start: float) -> None:
-        for place, (x, y, text) in enumerate(places):
+        for index, (x, y, text) in enumerate(entries):
             middle = start + y + 0.55 * text_height("", size)
-            page.line(x, x + sample - 0.07, middle, **looks[place])
+            page.line(x, x + sample - 0.07, middle, **looks[index])
             page.text(x + sample, start + y, text, size)
 
     return FigureBlock(below + 0.04, draw)
 
 
-def look(place: int) -> LineStyle:
-    """The line of a curve by its place; 36 lines differ in colour or dashes."""
+def look(index: int) -> LineStyle:
+    """The line of a curve by its index; 36 lines differ in colour or dashes."""
     return {
-        "color": COLOURS[place % len(COLOURS)],
-        "linestyle": DASHES[(place + place // len(COLOURS)) % len(DASHES)],
+        "color": COLOURS[index % len(COLOURS)],
+        "linestyle": DASHES[(index + index // len(COLOURS)) % len(DASHES)],
         "linewidth": 1.2,
     }
 
@@ -351,11 +351,11 @@ def shades() -> colors.ListedColormap:
     return colors.ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.93, 256)))
 
 
-def named_places(names: Sequence[str], height: float, size: float) -> list[int]:
-    """The places of the names that fit beside a bar of that height, both ends among them."""
+def named_indices(names: Sequence[str], height: float, size: float) -> list[int]:
+    """The indices of the names that fit beside a bar of that height, both ends among them."""
     tallest = max(text_height(name, size) for name in names)
     most = min(9, max(2, int(height / (1.6 * tallest))))
-    return [int(place) for place in np.unique(np.linspace(0, len(names) - 1, most).round())]
+    return [int(index) for index in np.unique(np.linspace(0, len(names) - 1, most).round())]
 
 
 def colour_bar(bar: axes.Axes, names: Sequence[str], named: Sequence[int], size: float) -> None:
@@ -364,7 +364,7 @@ def colour_bar(bar: axes.Axes, names: Sequence[str], named: Sequence[int], size:
     bar.imshow(np.linspace(0, 1, 256)[:, None], cmap=shades(), aspect="auto", extent=extent)
     bar.set_xticks([])
     bar.yaxis.tick_right()
-    bar.set_yticks(named, [names[place] for place in named], fontsize=size)
+    bar.set_yticks(named, [names[index] for index in named], fontsize=size)
     # The outer names keep within the height of the bar, however many lines they have.
     bar.get_yticklabels()[0].set_verticalalignment("top")
     bar.get_yticklabels()[-1].set_verticalalignment("bottom")

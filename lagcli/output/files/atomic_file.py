@@ -15,7 +15,7 @@ PERMISSIONS = 0o777  # what is kept of a mode: a set-user-ID bit was given to th
 _begun: set[Path] = set()  # files aside that have been neither moved nor removed
 
 
-class Aside:
+class PendingFile:
     """An empty file of its own beside ``target``; write to ``path``, then commit, keep_partial or discard.
 
     A link is followed, so that the file it names is replaced and the link stays. A target that is no regular
@@ -81,7 +81,7 @@ class Aside:
 
 def write(target: Path, content: bytes, durably: bool = False) -> None:
     """Write a file as a whole: aside, and moved into place. Raises OSError; the target is as it was then."""
-    file = Aside(target)
+    file = PendingFile(target)
     with undone_by(file.discard):
         file.path.write_bytes(content)
         file.commit(durably)

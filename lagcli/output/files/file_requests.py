@@ -142,7 +142,7 @@ def _require_place(name: str) -> None:
         target = atomic_file.destination(pathlib.Path(name))
         # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
         is_replaced = atomic_file.is_replaced(target)
-        place, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
-        os.stat(place)
-        if not os.access(place, rights):
+        path, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
+        os.stat(path)
+        if not os.access(path, rights):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

@@ -110,14 +110,14 @@ def _table(
     if not found:
         return
     kept = [i for i in range(len(headers)) if any(row[i] for row in found)]
-    places = {old: new for new, old in enumerate(kept)}
+    renumbered = {old: new for new, old in enumerate(kept)}
     shown = [tuple(row[i] for i in kept) for row in found[:MOST_ROWS]]
     if len(found) > MOST_ROWS:
         caption += f" (the first {MOST_ROWS} of {len(found)})"
     yield PageTable(
         tuple(headers[i] for i in kept),
         tuple(shown),
-        frozenset(places[i] for i in code if i in places),
+        frozenset(renumbered[i] for i in code if i in renumbered),
         caption,
     )
 
@@ -154,8 +154,8 @@ def _label(members: Family) -> str:
     return f"{members.names[0]} … {members.names[-1]} ({members.count})"
 
 
-def _named(names: Sequence[str], places: Iterable[int]) -> str:
-    found = [names[int(i)] for i in places]
+def _named(names: Sequence[str], indices: Iterable[int]) -> str:
+    found = [names[int(i)] for i in indices]
     if len(found) == len(names) > 1:
         return "all"
     more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
@@ -237,13 +237,13 @@ def _marks(text: str, name: str) -> list[tuple[int, int, str]]:
 
 
 def _lines(shown: str, marks: list[tuple[int, int, str]]) -> Iterator[tuple[tuple[str, str], ...]]:
-    at, place = 0, 0
+    at, mark_index = 0, 0
     for line in shown.split("\n"):
         end = at + len(line)
         pieces: list[tuple[str, str]] = []
-        while place < len(marks) and marks[place][1] <= at:
-            place += 1
-        here, number = at, place
+        while mark_index < len(marks) and marks[mark_index][1] <= at:
+            mark_index += 1
+        here, number = at, mark_index
         while number < len(marks) and marks[number][0] < end:
             start, stop, look = max(here, marks[number][0]), min(end, marks[number][1]), marks[number][2]
             pieces += [("", shown[here:start]), (look, shown[start:stop])]

@@ -27,7 +27,7 @@ BROWSERS = (
     "microsoft-edge", "microsoft-edge-stable", "brave-browser",
 )  # fmt: skip
 # Browsers that stand in no folder of the path.
-PLACES = (
+LOCATIONS = (
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
     "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
@@ -74,7 +74,7 @@ def made(contents: ReportContents, maker: str | None = None) -> bytes:
 def browser() -> str | None:
     """The browser that prints, if one is installed."""
     on_path = (shutil.which(name) for name in BROWSERS)
-    elsewhere = (place for place in map(os.path.expandvars, PLACES) if os.path.isfile(place))
+    elsewhere = (path for path in map(os.path.expandvars, LOCATIONS) if os.path.isfile(path))
     return next(filter(None, on_path), None) or next(elsewhere, None)
 
 

@@ -213,7 +213,7 @@ def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
     yield PageTable(head, tuple(rows), alarms=failing)
     for check in found.checks:
         if check.verdict == "fail":
-            faults = [audit_lines.fault(place) for place in check.failing[:MOST_FAULTS]]
+            faults = [audit_lines.fault(location) for location in check.failing[:MOST_FAULTS]]
             more = check.failures - len(faults)
             yield PageSentences(
                 (audit_lines.failure(check), *faults, *((f"and {more} others",) if more > 0 else ()))

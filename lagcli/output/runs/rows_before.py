@@ -72,7 +72,7 @@ def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> N
 
 
 def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", "events"]) -> str:
-    """The place of the rows before a resumed run if their table was never completed, as a sentence, or nothing."""
+    """The location of the rows before a resumed run if their table was never completed, as a sentence, or nothing."""
     point = ready.resumed
     record = None if point is None else getattr(point, field)
     if point is None or record is None or resume is None:

@@ -56,13 +56,13 @@ class TablePlan:
         return pathlib.Path(os.path.realpath(self.file))
 
     def numbers(self, rows: Floats, texts: cell_text.Texts) -> Floats:
-        """Rows as numbers alone, a text as its place among the words, (k, names)."""
+        """Rows as numbers alone, a text as its index among the words, (k, names)."""
         if not self.words:
             return rows
         known = ({word: float(i) for i, word in enumerate(words)} for words in self.words.values())
         coded = {
-            name: [places[text] for text in cells]
-            for name, cells, places in zip(self.texts, texts, known, strict=True)
+            name: [codes[text] for text in cells]
+            for name, cells, codes in zip(self.texts, texts, known, strict=True)
         }
         numbers = iter(rows.T)
         columns = [coded[name] if name in coded else next(numbers) for name in self.names]

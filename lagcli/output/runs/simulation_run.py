@@ -215,7 +215,7 @@ class SimulationRun:
         if found is None or self._run.reference is None:
             return None
         floors = self._floors
-        kinds = zip(KINDS, self._run.reference.places, strict=True)
+        kinds = zip(KINDS, self._run.reference.columns_of_kinds, strict=True)
         return dataclasses.replace(found, zero=frozenset(k for k, at in kinds if floors.are_zero(at)))
 
     @property

@@ -253,7 +253,7 @@ class WrittenRun:
 
 
 def _write_json(path: str, value: dict[str, object]) -> None:
-    file = atomic_file.Aside(pathlib.Path(path))
+    file = atomic_file.PendingFile(pathlib.Path(path))
     with atomic_file.undone_by(file.discard):
         text = json.dumps(value, indent=2, allow_nan=False)
         file.path.write_text(text + "\n", encoding="utf-8")

@@ -50,7 +50,7 @@ class SweepJournal:
             self._file.seek(end)
         else:
             _require_no_rows(path)
-            aside = atomic_file.Aside(path)
+            aside = atomic_file.PendingFile(path)
             with atomic_file.undone_by(aside.discard):
                 aside.path.write_bytes(_line({"kind": KIND, **identity}))
                 aside.commit()
@@ -116,7 +116,7 @@ class SweepJournal:
         self._file.close()
         with self.path.open("rb") as file:
             header = file.readline()
-        aside = atomic_file.Aside(self.path)
+        aside = atomic_file.PendingFile(self.path)
         with atomic_file.undone_by(aside.discard):
             aside.path.write_bytes(header + _line({ENDED: digest(table)}))
             aside.commit()

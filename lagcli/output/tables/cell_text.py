@@ -59,9 +59,9 @@ def parsed_json(text: bytes) -> Any:
     return orjson.loads(text)
 
 
-def places(columns: Sequence[str], texts: Sequence[str]) -> tuple[int, ...]:
+def text_indices(columns: Sequence[str], texts: Sequence[str]) -> tuple[int, ...]:
     """The numbers of the columns of text, in the order of the table."""
-    return tuple(place for place, name in enumerate(columns) if name in texts)
+    return tuple(index for index, name in enumerate(columns) if name in texts)
 
 
 def parts(rows: NDArray[np.float64], texts: Texts) -> Iterator[tuple[NDArray[np.float64], Texts]]:
@@ -99,7 +99,7 @@ def spliced(
     found = []
     for line, *texts in zip(lines, *cells, strict=True):
         words = line.split(separator, before)
-        for place, text in zip(at, texts, strict=True):
-            words.insert(place, text)
+        for index, text in zip(at, texts, strict=True):
+            words.insert(index, text)
         found.append(separator.join(words))
     return found

@@ -26,7 +26,7 @@ from lagcli.output.tables.table_format import (
     ReadTable,
     as_text,
     bad,
-    places,
+    column_indices,
 )
 
 MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
@@ -47,8 +47,8 @@ class CsvText:
 
     def __init__(self, columns: Sequence[str], texts: Sequence[str] = (), delimiter: str = ",") -> None:
         self._columns, self._delimiter = tuple(columns), delimiter
-        self._at = cell_text.places(columns, texts)
-        self._numbers = [name for place, name in enumerate(columns) if place not in self._at]
+        self._at = cell_text.text_indices(columns, texts)
+        self._numbers = [name for index, name in enumerate(columns) if index not in self._at]
 
     def header(self) -> bytes:
         """The header line; names with a delimiter, a quote or a line break are quoted."""
@@ -127,7 +127,7 @@ class CsvTable:
         """See `table_format.ReadTable`."""
         from lagcli.output.tables import plain_csv
 
-        at = places(self.columns, names)
+        at = column_indices(self.columns, names)
         plain = self.length
         if plain is not None:
             self._check_size(self._path, plain, len(names))
@@ -148,8 +148,8 @@ class CsvTable:
 
     def words(self, name: str) -> list[str]:
         """See `table_format.ReadTable`."""
-        place = self.columns.index(name)
-        return [as_text(self._path, row[place], count, name) for count, row in self._complete_rows(1)]
+        index = self.columns.index(name)
+        return [as_text(self._path, row[index], count, name) for count, row in self._complete_rows(1)]
 
     def _complete_rows(self, wanted: int) -> Iterator[tuple[int, list[str]]]:
         """The rows, counted from 1, each with all its cells, of which so many are wanted."""

@@ -61,10 +61,10 @@ class IncidentColumns:
 def columns(model: Model, columns: Sequence[str]) -> IncidentColumns:
     """The columns of the incidents of a model from those of its table, `System.columns`."""
     particles, generalized = model.particle_names, model.generalized_names
-    places = {*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized}
+    position_names = {*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized}
     rates = {*(f"{name}.v{axis}" for name in particles for axis in "xyz")}
     rates |= {f"rate({name})" for name in generalized}
-    positions = [i for i, name in enumerate(columns) if name in places]
+    positions = [i for i, name in enumerate(columns) if name in position_names]
     velocities = [i for i, name in enumerate(columns) if name in rates]
     multipliers = [name.removeprefix("lambda.") for name in columns if name.startswith("lambda.")]
     names = [
@@ -177,17 +177,17 @@ class IncidentTable(Sequence[IncidentRow]):
         return frame
 
     @functools.cached_property
-    def _places(self) -> dict[str, int]:
+    def _indices(self) -> dict[str, int]:
         numbers = (name for name in self.columns if name not in TEXTS)
-        return {name: place for place, name in enumerate(numbers)}
+        return {name: index for index, name in enumerate(numbers)}
 
     @functools.cached_property
     def _prefixes(self) -> list[str]:
-        """Of each column of numbers the prefix by its place: a particle may be called `before`.
+        """Of each column of numbers the prefix by its index: a particle may be called `before`.
 
         As many velocities as positions stand after them, twice; of what another program has added there is none.
         """
-        names = list(self._places)
+        names = list(self._indices)
         end = max((i for i, name in enumerate(names, start=1) if name.startswith(AFTER)), default=0)
         n = sum(1 for _ in itertools.takewhile(lambda name: name.startswith(AFTER), reversed(names[:end])))
         before, at = end - 2 * n, end - 3 * n
@@ -207,17 +207,17 @@ class IncidentTable(Sequence[IncidentRow]):
     def _column(self, name: str) -> Column:
         if name in TEXTS:
             return np.array(self.kinds if name == "kind" else self.names, dtype=np.str_)
-        if name not in self._places:
+        if name not in self._indices:
             hint = diagnostics.nearest(name, self.columns)
             raise KeyError(f"there is no column `{name}`" + (f"; {hint}" if hint else ""))
-        return self.numbers[:, self._places[name]]
+        return self.numbers[:, self._indices[name]]
 
     def _row(self, number: int) -> IncidentRow:
         values = self.numbers[number]
         parts: dict[str, dict[str, float]] = {IMPULSE: {}, BEFORE: {}, AFTER: {}, "": {}}
-        for (name, place), prefix in zip(self._places.items(), self._prefixes, strict=True):
-            if place:
-                parts[prefix][name.removeprefix(prefix)] = float(values[place])
+        for (name, index), prefix in zip(self._indices.items(), self._prefixes, strict=True):
+            if index:
+                parts[prefix][name.removeprefix(prefix)] = float(values[index])
         named = parts[IMPULSE], parts[""], parts[BEFORE], parts[AFTER]
         return IncidentRow(float(values[0]), self.kinds[number], self.names[number], *named)
 

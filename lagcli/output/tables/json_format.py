@@ -23,7 +23,7 @@ from lagcli.output.tables.table_format import (
     UnreadableTable,
     as_text,
     bad,
-    places,
+    column_indices,
 )
 
 MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
@@ -53,8 +53,8 @@ class JsonWriter:
         if provenance is not None:
             text = json.dumps(provenance, ensure_ascii=False, allow_nan=False)
             self._end = f'\n], "provenance": {text}}}\n'.encode()
-        self._at = cell_text.places(columns, texts)
-        self._numbers = [name for place, name in enumerate(columns) if place not in self._at]
+        self._at = cell_text.text_indices(columns, texts)
+        self._numbers = [name for index, name in enumerate(columns) if index not in self._at]
         self._separator = b"\n"
         names = json.dumps(list(columns), ensure_ascii=False)
         self._file = blocks.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
@@ -112,7 +112,7 @@ class JsonTable:
 
     def take(self, names: Sequence[str]) -> Floats:
         """See `table_format.ReadTable`."""
-        at = places(self.columns, names)
+        at = column_indices(self.columns, names)
         found = np.empty((len(self._rows), len(names)))
         for number, row in self._complete_rows(len(names)):
             found[number - 1] = [self._number(row[k], number, self.columns[k]) for k in at]
@@ -120,8 +120,8 @@ class JsonTable:
 
     def words(self, name: str) -> list[str]:
         """See `table_format.ReadTable`."""
-        place = self.columns.index(name)
-        return [as_text(self._path, row[place], number, name) for number, row in self._complete_rows(1)]
+        index = self.columns.index(name)
+        return [as_text(self._path, row[index], number, name) for number, row in self._complete_rows(1)]
 
     def _complete_rows(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
         """The rows, counted from 1, of which so many columns are wanted."""

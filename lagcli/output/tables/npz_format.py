@@ -93,7 +93,7 @@ class NpzWriter:
                     shape = (sum(self._lengths),)
                     header = {"descr": "<f8", "fortran_order": False, "shape": shape}
                     np.lib.format.write_array_header_1_0(file, header)
-                    for start, length in self._places(index):
+                    for start, length in self._byte_ranges(index):
                         self._spool.seek(start)
                         file.write(self._spool.read(length))
                 index += 1
@@ -108,14 +108,14 @@ class NpzWriter:
         self._spool.write(np.ascontiguousarray(block, "<f8").data)
         self._lengths.append(block.shape[1])
 
-    def _places(self, index: int) -> list[tuple[int, int]]:
-        """The place of column ``index`` in the spool: (first byte, bytes) of each block."""
-        places = []
+    def _byte_ranges(self, index: int) -> list[tuple[int, int]]:
+        """The position of column ``index`` in the spool: (first byte, bytes) of each block."""
+        ranges = []
         start = 0
         for length in self._lengths:
-            places.append((start + 8 * length * index, 8 * length))
+            ranges.append((start + 8 * length * index, 8 * length))
             start += 8 * length * self._width
-        return places
+        return ranges
 
 
 def _comment(provenance: Mapping[str, object]) -> bytes:
@@ -176,7 +176,7 @@ class NpzTable:
         try:
             return zipfile.ZipFile(file)
         except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
-            # The file is open: an OSError is a place that the archive names and that is not there.
+            # The file is open: an OSError is a position that the archive names and that is not there.
             raise bad(self._path, error) from None
 
     def _header(

@@ -77,7 +77,7 @@ class ParquetTableWriter:
         fields = [pyarrow.field(name, kind, nullable=False) for name, kind in kinds.items()]
         metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
-        self._texts: dict[int, list[str]] = {place: [] for place in cell_text.places(columns, texts)}
+        self._texts: dict[int, list[str]] = {index: [] for index in cell_text.text_indices(columns, texts)}
         self._buffer = blocks.BufferedRows(len(columns) - len(texts), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
         words = list(texts) or False
@@ -106,8 +106,8 @@ class ParquetTableWriter:
         import pyarrow
 
         arrays = [pyarrow.array(column) for column in block]
-        for place, cells in self._texts.items():
-            arrays.insert(place, pyarrow.array(cells[: block.shape[1]], pyarrow.string()))
+        for index, cells in self._texts.items():
+            arrays.insert(index, pyarrow.array(cells[: block.shape[1]], pyarrow.string()))
             del cells[: block.shape[1]]
         self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))
 

@@ -46,18 +46,18 @@ def rows(path: Path, separator: str, width: int) -> int | None:
 
 
 def numbers(
-    path: Path, separator: str, width: int, places: Sequence[int], count: int
+    path: Path, separator: str, width: int, columns: Sequence[int], count: int
 ) -> NDArray[np.float64] | None:
-    """The columns at some places (T, len(places)) of a file with `width` columns and so many rows; an empty cell is
-    nan. None where it is not plain. Raises OSError."""
-    if not count or not places:
+    """The columns with these indices (T, len(columns)) of a file with `width` columns and so many rows; an empty cell
+    is nan. None where it is not plain. Raises OSError."""
+    if not count or not columns:
         return None
-    found, row = np.empty((count, len(places))), 0
+    found, row = np.empty((count, len(columns))), 0
     with path.open("rb") as file:
         file.readline(_FIRST_LINE)
         for lines in _lines(file):
             ends = _ends(lines, separator, width)
-            part = _part(lines, separator, ends, places) if ends is not None else None
+            part = _part(lines, separator, ends, columns) if ends is not None else None
             if part is None or row + len(part) > count:
                 return None
             found[row : row + len(part)] = part
@@ -66,7 +66,7 @@ def numbers(
 
 
 def _ends(lines: bytes, separator: str, width: int) -> NDArray[np.intp] | None:
-    """The places at which the cells of lines end (rows, width); None where a line has more or fewer."""
+    """The positions at which the cells of lines end (rows, width); None where a line has more or fewer."""
     letters = np.frombuffer(lines + b"\n", dtype=np.uint8)
     at = np.flatnonzero((letters == ord(separator)) | (letters == _END))
     if len(at) % width:
@@ -77,19 +77,19 @@ def _ends(lines: bytes, separator: str, width: int) -> NDArray[np.intp] | None:
 
 
 def _part(
-    lines: bytes, separator: str, ends: NDArray[np.intp], places: Sequence[int]
+    lines: bytes, separator: str, ends: NDArray[np.intp], columns: Sequence[int]
 ) -> NDArray[np.float64] | None:
-    """The columns at some places of lines whose cells end there (rows, width); None where a cell is no number."""
+    """The columns with these indices of lines whose cells end there (rows, width); None where a cell is no number."""
     count, width = ends.shape
     # To cut a cell out costs three times as much as to parse one.
-    if 4 * len(places) > width:
+    if 4 * len(columns) > width:
         whole = _parsed(lines.replace(b"\n", b",").replace(separator.encode(), b","), ends.size)
         if whole is not None:
-            return whole.reshape(count, width)[:, places]
+            return whole.reshape(count, width)[:, columns]
     begins = np.concatenate([[0], ends.ravel()[:-1] + 1]).reshape(count, width)
-    found = np.empty((count, len(places)))
-    for k, place in enumerate(places):
-        bounds = zip(begins[:, place].tolist(), ends[:, place].tolist(), strict=True)
+    found = np.empty((count, len(columns)))
+    for k, column in enumerate(columns):
+        bounds = zip(begins[:, column].tolist(), ends[:, column].tolist(), strict=True)
         cells = [lines[begin:end] for begin, end in bounds]
         values = _parsed(b",".join(cells), count)
         if values is None:

@@ -51,11 +51,11 @@ class RowFile:
     """Rows appended to a file; `sync` makes them safe. Raises OSError."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        place = atomic_file.Aside(path)
+        pending = atomic_file.PendingFile(path)
         header = _header(columns, 0)
-        with atomic_file.undone_by(place.discard):
-            place.path.write_bytes(header)
-            place.commit()
+        with atomic_file.undone_by(pending.discard):
+            pending.path.write_bytes(header)
+            pending.commit()
         self._open(path, columns, SafeRows(0, _begin(columns)))
 
     def _open(self, path: Path, columns: Sequence[str], rows: SafeRows) -> None:
@@ -103,8 +103,8 @@ class RowFile:
         self._file.close()
         self.path.unlink(missing_ok=True)
 
-    def _put(self, place: int, data: bytes) -> None:
-        self._file.seek(place)
+    def _put(self, offset: int, data: bytes) -> None:
+        self._file.seek(offset)
         rest = memoryview(data)
         while rest:
             rest = rest[self._file.write(rest) :]

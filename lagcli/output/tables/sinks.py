@@ -121,7 +121,7 @@ class _Base(abc.ABC):
 class _FileSink(_Base):
     def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str], make: Make) -> None:
         super().__init__(columns, texts)
-        self._temporary = atomic_file.Aside(path)
+        self._temporary = atomic_file.PendingFile(path)
         with atomic_file.undone_by(self._temporary.discard):
             self._writer = make(self._temporary.path, columns, texts)
 

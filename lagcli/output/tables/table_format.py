@@ -106,7 +106,7 @@ def parsed_provenance(text: bytes | None) -> dict[str, object] | None:
     return found if isinstance(found, dict) else None
 
 
-def places(columns: Sequence[str], names: Sequence[str]) -> list[int]:
-    """The places of the columns of these names."""
+def column_indices(columns: Sequence[str], names: Sequence[str]) -> list[int]:
+    """The indices of the columns of these names."""
     at = {name: k for k, name in enumerate(columns)}
     return [at[name] for name in names]

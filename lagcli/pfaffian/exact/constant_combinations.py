@@ -52,10 +52,10 @@ def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[
     return [tuple(_spread(vector, kept, size)) for vector in vectors]
 
 
-def _spread(vector: Sequence[sympy.Expr], places: Sequence[int], size: int) -> list[sympy.Expr]:
+def _spread(vector: Sequence[sympy.Expr], indices: Sequence[int], size: int) -> list[sympy.Expr]:
     spread = [sympy.Integer(0)] * size
-    for place, entry in zip(places, vector, strict=True):
-        spread[place] = entry
+    for index, entry in zip(indices, vector, strict=True):
+        spread[index] = entry
     return spread
 
 
@@ -165,7 +165,7 @@ class _ModularImage:
     def __init__(
         self, basis: normal_form.NormalForm, fixed: tuple[sympy.Symbol, ...], generator: random.Random
     ) -> None:
-        self._places = {g: n for n, g in enumerate(basis.letters)}
+        self._indices = {g: n for n, g in enumerate(basis.letters)}
         relations = {g: _relation(basis, g) for g in reversed(fixed)}
         for trial in range(_IMAGES):
             self.prime = _PRIMES[trial % len(_PRIMES)]
@@ -174,7 +174,7 @@ class _ModularImage:
                 value = self._root(relation) if relation is not None else None
                 if value is None and relation is not None and trial < _IMAGES - 1:
                     break
-                self.values[self._places[g]] = generator.randrange(2, self.prime) if value is None else value
+                self.values[self._indices[g]] = generator.randrange(2, self.prime) if value is None else value
             else:
                 return
 

@@ -233,7 +233,7 @@ def _random(symbols: Sequence[sympy.Symbol], generator: random.Random) -> Point:
 
 @lru_cache(maxsize=32)
 def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
-    """Points by Newton's method with the smallest steps, from random places."""
+    """Points by Newton's method with the smallest steps, from random points."""
     symbols = _symbols(surface)
     gradients = [[forms.partial(f, x) for x in symbols] for f in surface]
     generator = random.Random(_SURFACE_SEED)

@@ -1,7 +1,7 @@
 """SymPy's algorithms, with whatever they fail with as one exception: `SympyFailure`.
 
 They give up on input they cannot treat with exceptions of their own, and break down on some with a bare TypeError,
-AttributeError or the like from deep inside. Such a failure is told from a slip of ours by the place where it was
+AttributeError or the like from deep inside. Such a failure is told from a slip of ours by the line where it was
 raised: in a file of SymPy or mpmath. A wrong call, or a slip in a function of ours that SymPy calls back, passes
 as it is.
 """

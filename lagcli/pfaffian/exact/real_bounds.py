@@ -12,7 +12,7 @@ Range = tuple[float, float]
 
 _EVERYTHING: Range = (-math.inf, math.inf)
 # A sum of doubles of size 1 is off by less than this.
-# `tests/unit/test_special_places.py::test_what_keeps_off_zero_by_more_than_round_off_never_vanishes` fails at 1e-10 and
+# `tests/unit/test_special_points.py::test_what_keeps_off_zero_by_more_than_round_off_never_vanishes` fails at 1e-10 and
 # at 1e-8.
 MARGIN = 1e-9
 _RANGES: dict[type[sympy.Basic], Callable[[Range], Range]] = {

@@ -92,10 +92,10 @@ class RandomSample(Sample):
     def project(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
         """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
         gradients = [[forms.partial(f, x) for x in variables] for f in surface]
-        place = np.array([self.of(x) for x in variables]).T
+        points = np.array([self.of(x) for x in variables]).T
         for _ in range(_STEPS):
             self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
-            self._known |= dict(zip(variables, place.T, strict=True))
+            self._known |= dict(zip(variables, points.T, strict=True))
             f = np.array([self.of(e) for e in surface]).T
             if np.all(np.abs(f) < _ON_SURFACE):
                 return
@@ -103,10 +103,10 @@ class RandomSample(Sample):
             bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
             f[bad], B[bad] = 0.0, 0.0
             step = np.linalg.pinv(B) @ f[:, :, None]
-            place = place - step[:, :, 0]
-        place[np.any(np.abs(f) > _ON_SURFACE, axis=1) | bad] = np.nan
+            points = points - step[:, :, 0]
+        points[np.any(np.abs(f) > _ON_SURFACE, axis=1) | bad] = np.nan
         self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
-        self._known |= dict(zip(variables, place.T, strict=True))
+        self._known |= dict(zip(variables, points.T, strict=True))
 
 
 def draw(

@@ -77,7 +77,7 @@ def _solved(
 ) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
     """The coordinates solved for, one after the other, and the f that are left."""
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
-    places = {x: n for n, x in enumerate(block.variables)}
+    indices = {x: n for n, x in enumerate(block.variables)}
     holding: dict[sympy.Symbol, set[int]] = {}
     for n, f in pending.items():
         for x in f.free_symbols:
@@ -87,7 +87,7 @@ def _solved(
     while waiting:
         changed: set[int] = set()
         for n in waiting:
-            found = _solution(pending[n], places, parameters) if n in pending else None
+            found = _solution(pending[n], indices, parameters) if n in pending else None
             if found is None:
                 continue
             del pending[n]
@@ -103,20 +103,20 @@ def _solved(
 
 
 def _solution(
-    f: sympy.Expr, places: Mapping[sympy.Symbol, int], parameters: Mapping[sympy.Symbol, sympy.Expr]
+    f: sympy.Expr, indices: Mapping[sympy.Symbol, int], parameters: Mapping[sympy.Symbol, sympy.Expr]
 ) -> tuple[sympy.Symbol, sympy.Expr] | None:
     """(x, value) with f = 0 exactly where x = value, or None: the choice with the shortest value.
 
-    `places`: the coordinates with their numbers.
+    `indices`: the coordinates with their numbers.
     """
-    slopes, entangled = _slopes(f, places)
+    slopes, entangled = _slopes(f, indices)
     candidates = []
     for x, slope in slopes.items():
         if x in entangled or x.name == TIME or not _is_not_zero(slope, parameters):
             continue
         value = _expanded((slope * x - f) / slope)
         # A slope that is a number vanishes for no value of the parameters.
-        candidates.append((not slope.is_Rational, value.count_ops(), -places[x], x, value))
+        candidates.append((not slope.is_Rational, value.count_ops(), -indices[x], x, value))
     if not candidates:
         return None
     *_, x, value = min(candidates, key=lambda c: c[:3])
@@ -124,13 +124,13 @@ def _solution(
 
 
 def _slopes(
-    f: sympy.Expr, places: Mapping[sympy.Symbol, int]
+    f: sympy.Expr, indices: Mapping[sympy.Symbol, int]
 ) -> tuple[dict[sympy.Symbol, sympy.Expr], set[sympy.Symbol]]:
     """The constant coefficients of the coordinates in the linear terms of f, and the coordinates in the others."""
     slopes: dict[sympy.Symbol, sympy.Expr] = {}
     entangled: set[sympy.Symbol] = set()
     for term in sympy.Add.make_args(_expanded(f)):
-        held = {x for x in term.free_symbols if x in places}
+        held = {x for x in term.free_symbols if x in indices}
         plain = [x for x in sympy.Mul.make_args(term) if x in held]
         rest = term / plain[0] if len(plain) == 1 and len(held) == 1 else term
         if rest.free_symbols & held:

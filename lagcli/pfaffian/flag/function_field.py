@@ -148,10 +148,10 @@ class FunctionField:
         pivots: list[int] = []
         while left:
             time_limit.check(self._deadline)
-            places = [(i, k) for i, row in enumerate(left) for k in range(len(row)) if row[k]]
-            if not places:
+            indices = [(i, k) for i, row in enumerate(left) for k in range(len(row)) if row[k]]
+            if not indices:
                 break
-            i, k = min(places, key=lambda place: (place[1] == last, *_weight(left, *place)))
+            i, k = min(indices, key=lambda index: (index[1] == last, *_weight(left, *index)))
             if k == last:
                 self.remainders = tuple(self.checked(row[k]) for row in left if row[k])
             self.require_regular(self.checked(left[i][k]))
@@ -184,14 +184,14 @@ class FunctionField:
         return found
 
     def _constant_letters(self) -> dict[int, float]:
-        """The letters that hold parameters alone, by their place, with their values or nan."""
+        """The letters that hold parameters alone, by their index, with their values or nan."""
         found = {}
         parameters = set(self._block.parameters)
-        for place, letter in enumerate(self.basis.letters):
+        for index, letter in enumerate(self.basis.letters):
             meaning = self.basis.means(letter)
             if meaning.free_symbols <= parameters:
                 number = guarded.subs(meaning, self._values).evalf() if self._values else sympy.nan
-                found[place] = float(number) if number.is_real else math.nan
+                found[index] = float(number) if number.is_real else math.nan
         return found
 
     def require_regular(self, a: FracElement) -> None:

@@ -234,9 +234,9 @@ def _nonholonomic(
         f"The component ({i}, {j}, {k}) of omega ^ d omega{value} is not zero: no integrating factor exists"
     )
     if proof == "numeric" and numeric is not None:
-        place = ", ".join(f"{name} = {number}" for name, number in numeric.point)
+        point = ", ".join(f"{name} = {number}" for name, number in numeric.point)
         error = max(numeric.error, 1e-300)
-        text += f" (value {numeric.value:.6g}, error below {error:.1g}, at {place})"
+        text += f" (value {numeric.value:.6g}, error below {error:.1g}, at {point})"
     if exceptional:
         text += "; it may for " + " or ".join(f"{notation.written(e)} = 0" for e in exceptional)
     if special:

@@ -69,16 +69,16 @@ def _roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[
         yield from _way(written * q * new ** (q - 1) / slope, new, bases[0] ** sympy.Rational(1, q))
     elif degrees == [1, 1] and all(p.exp.q == 2 for p in roots):
         (a, b), (c, d) = (p.all_coeffs() for p in polynomials)
-        place = (d * new**2 - b) / (a - c * new**2)  # (a x + b)/(c x + d) = s**2
+        image = (d * new**2 - b) / (a - c * new**2)  # (a x + b)/(c x + d) = s**2
         names = {p: (new * r if p.base == bases[0] else r) ** (2 * p.exp) for p in roots}
-        written = guarded.cancel(e.xreplace(names).xreplace({x: place}))
-        even = _without_odd(written, r, (c * place + d))
+        written = guarded.cancel(e.xreplace(names).xreplace({x: image}))
+        even = _without_odd(written, r, (c * image + d))
         if even is not None:
-            yield from _way(even * sympy.diff(place, new), new, sympy.sqrt(bases[0]) / sympy.sqrt(bases[1]))
+            yield from _way(even * sympy.diff(image, new), new, sympy.sqrt(bases[0]) / sympy.sqrt(bases[1]))
     elif degrees == [2] and all(p.exp.q == 2 for p in roots):
-        for place, root, back in _euler(polynomials[0], x, new):
-            written = e.xreplace({p: r ** (2 * p.exp) for p in roots}).xreplace({x: place, r: root})
-            yield from _way(written * sympy.diff(place, new), new, back)
+        for image, root, back in _euler(polynomials[0], x, new):
+            written = e.xreplace({p: r ** (2 * p.exp) for p in roots}).xreplace({x: image, r: root})
+            yield from _way(written * sympy.diff(image, new), new, back)
 
 
 def _euler(
@@ -88,14 +88,14 @@ def _euler(
     a, b, c = square.all_coeffs()
     root = sympy.sqrt(square.as_expr())
     if c == 0:
-        place = b / (t**2 - a)
-        yield place, place * t, root / x
+        image = b / (t**2 - a)
+        yield image, image * t, root / x
     if c.is_positive:
-        place = (2 * sympy.sqrt(c) * t - b) / (a - t**2)
-        yield place, place * t + sympy.sqrt(c), (root - sympy.sqrt(c)) / x
+        image = (2 * sympy.sqrt(c) * t - b) / (a - t**2)
+        yield image, image * t + sympy.sqrt(c), (root - sympy.sqrt(c)) / x
     if a.is_positive:
-        place = (t**2 - c) / (b - 2 * sympy.sqrt(a) * t)
-        yield place, t + sympy.sqrt(a) * place, root - sympy.sqrt(a) * x
+        image = (t**2 - c) / (b - 2 * sympy.sqrt(a) * t)
+        yield image, t + sympy.sqrt(a) * image, root - sympy.sqrt(a) * x
 
 
 def _without_odd(written: sympy.Expr, r: sympy.Symbol, square: sympy.Expr) -> sympy.Expr | None:

@@ -39,7 +39,7 @@ class GradientParameters:
     stays: float = 0.1
     """And it stays: close by it is this part of what it is farther off, or more."""
     pairs: int = 3
-    """Pairs of places on both sides that are compared."""
+    """Pairs of points on both sides that are compared."""
     near: float = 1e-6
     """How far before and behind a state the edge is looked for that it could not pass."""
     far: float = 1e-4
@@ -117,7 +117,7 @@ def _vanishes(here: ContactInstant, contact: int) -> bool:
 
 
 def _jumps(here: ContactInstant, contact: int) -> bool:
-    """True if a gradient has another value on another side of the place, however near."""
+    """True if a gradient has another value on another side of the point, however near."""
     slope, own = here.direction(contact)[1], here.entries(contact)
     if not slope > 0:
         return False

@@ -55,7 +55,7 @@ class ContactRowValues:
         self._arguments = [np.zeros(size) for size in (1, n, n, p, contact_values.CHOSEN)]
         self._bound = BoundFunction(numeric.contact_values, self._arguments)
         pattern = numeric.contacts.sparsity_out(1)
-        self._place = np.argsort(contact_values.order(pattern))
+        self._order = np.argsort(contact_values.order(pattern))
         rows, columns = pattern.get_triplet()
         self.row, self.column = np.asarray(rows, dtype=np.intp), np.asarray(columns, dtype=np.intp)
         self.count = int(numeric.contacts.size1_out(0))
@@ -69,10 +69,10 @@ class ContactRowValues:
         t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
         numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed
         self._bound.trigger()
-        return np.asarray(self._bound.results[0][self._place])
+        return np.asarray(self._bound.results[0][self._order])
 
-    def places(self, contact: int) -> Numbers:
-        """The places among the entries of G of those of one contact."""
+    def entry_indices(self, contact: int) -> Numbers:
+        """The indices among the entries of G of those of one contact."""
         return self._of[contact]
 
     @cached_property
@@ -135,7 +135,7 @@ class ContactInstant:
         return self._chosen.span
 
     def moved(self, v: Floats) -> ContactInstant:
-        """This place at another velocity (n,)."""
+        """This instant at another velocity (n,)."""
         chosen = dataclasses.replace(self._chosen, speed=self._speed)
         other = ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
         other._few = self._few
@@ -188,14 +188,14 @@ class ContactInstant:
 
     def entries(self, contact: int) -> Floats:
         """The entries of the gradient of one contact."""
-        return self._entries[self._values.places(contact)]
+        return self._entries[self._values.entry_indices(contact)]
 
     def direction(self, contact: int) -> tuple[Floats, float]:
         """The displacement (n,) along the gradient of a contact that counts as 1 in units, and dg/ds along it."""
         values = self._values
-        places = values.places(contact)
-        columns = values.column[places]
-        steepness, way = self._entries[places] * self.units[columns], np.zeros(self.state.q.size)
+        entry_indices = values.entry_indices(contact)
+        columns = values.column[entry_indices]
+        steepness, way = self._entries[entry_indices] * self.units[columns], np.zeros(self.state.q.size)
         slope = float(np.linalg.norm(steepness))
         if slope > 0:
             way[columns] = steepness / slope * self.units[columns]
@@ -235,9 +235,9 @@ class ContactInstant:
     def gradients(self, contacts: Numbers) -> Sparse:
         """The rows of G of some contacts, (k, n)."""
         values = self._values
-        places = [values.places(j) for j in contacts.tolist()]
-        taken = np.concatenate(places) if places else np.zeros(0, dtype=np.intp)
-        rows = np.repeat(np.arange(contacts.size), [each.size for each in places])
+        entry_indices = [values.entry_indices(j) for j in contacts.tolist()]
+        taken = np.concatenate(entry_indices) if entry_indices else np.zeros(0, dtype=np.intp)
+        rows = np.repeat(np.arange(contacts.size), [each.size for each in entry_indices])
         return sparse(rows, values.column[taken], self._entries[taken], (contacts.size, self.state.q.size))
 
     @property
@@ -248,8 +248,8 @@ class ContactInstant:
     def response(self, contact: int) -> Response:
         """The effect of an impulse of one contact, with all equality rows."""
         values = self._values
-        places = values.places(contact)
-        columns, entries = values.column[places], self._entries[places]
+        entry_indices = values.entry_indices(contact)
+        columns, entries = values.column[entry_indices], self._entries[entry_indices]
         x, of_equalities, (square, free, left) = values.response(self.state, columns, entries)
         terms = float(np.abs(entries) @ np.abs(self.state.v[columns])) + abs(float(self.g_t[contact]))
         reported = float(square), float(free), float(left)
@@ -266,7 +266,7 @@ class ContactInstant:
             D = np.array(
                 [
                     [self._entries[p] @ r.x[self._values.column[p]] for r in responses]
-                    for p in map(self._values.places, key)
+                    for p in map(self._values.entry_indices, key)
                 ]
             )
             found = FewContacts(responses, D)

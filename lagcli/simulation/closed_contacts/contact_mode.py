@@ -55,10 +55,10 @@ def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> Gaps
 def _held(here: ContactInstant, state: State, contacts: list[int]) -> State | None:
     """The state moved onto the equality rows of whole coordinates and these contacts; None where there is none."""
     for _ in range(STEPS):
-        place = here.at(state)
-        f, B = place.whole
-        off = np.concatenate([f, place.g[contacts]])
-        A = np.array(here.metric.whitened(stacked(B, place.gradients(np.array(contacts, dtype=np.intp)))))
+        instant = here.at(state)
+        f, B = instant.whole
+        off = np.concatenate([f, instant.g[contacts]])
+        A = np.array(here.metric.whitened(stacked(B, instant.gradients(np.array(contacts, dtype=np.intp)))))
         if not (np.isfinite(off).all() and np.isfinite(A).all()):
             return None
         back = np.linalg.lstsq(A, -off, rcond=NO_DIRECTION)[0]
@@ -130,9 +130,9 @@ class _ModeChoice:
         if found.are_independent:
             independent = list(range(len(numbers)))
         else:
-            for place in range(len(open_.independent), len(numbers)):
-                if found.take([*independent, place]).are_independent:
-                    independent.append(place)
+            for row in range(len(open_.independent), len(numbers)):
+                if found.take([*independent, row]).are_independent:
+                    independent.append(row)
         dependencies = independent_rows.over(found, tuple(independent)).selection.dependencies
         shared = tuple(tuple(numbers[k] for k in dependency) for dependency in dependencies)
         inactive = tuple(i for i in contacts if i not in set(numbers))

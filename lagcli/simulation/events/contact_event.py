@@ -29,7 +29,7 @@ from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
-Places = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 
 # Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
 # step has the scale of these times.
@@ -164,20 +164,20 @@ class ContactEvent(Event):
         # Multipliers may have a pole at the instant: contacts that are released are looked for beside it.
         are_watched = kinds.is_event.copy()
         are_watched[: len(watch.functions.open_)] = True
-        places = np.flatnonzero(are_watched)
+        indices = np.flatnonzero(are_watched)
         rounding = self._changes.noise(watch.functions, kinds.numbers.size)
-        lift, noise = passage_watch.first_lift(curve, watch.functions, rounding), rounding[places]
+        lift, noise = passage_watch.first_lift(curve, watch.functions, rounding), rounding[indices]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
-        rounding = np.maximum(NOISE * sizes, watch.rounding())[places]
-        noise[kinds.is_event[places]] = rounding[kinds.is_event[places]]
-        x, armed = 0.0, ~np.isin(kinds.numbers[places], run.contacts.unarmed)
+        rounding = np.maximum(NOISE * sizes, watch.rounding())[indices]
+        noise[kinds.is_event[indices]] = rounding[kinds.is_event[indices]]
+        x, armed = 0.0, ~np.isin(kinds.numbers[indices], run.contacts.unarmed)
         limit = 1.0 if lift is None else lift.x
-        while x < limit and places.size:
-            crossing = self._crossing(curve, places, (x, limit), (noise, kinds.direction[places], armed))
+        while x < limit and indices.size:
+            crossing = self._crossing(curve, indices, (x, limit), (noise, kinds.direction[indices], armed))
             if crossing.x is None:
                 break
             x += crossing.x * (limit - x)
-            rows = places[list(crossing.rows)]
+            rows = indices[list(crossing.rows)]
             if not kinds.records[rows].all():
                 self._hits, self._ahead = tuple(kinds.numbers[rows].tolist()), None
                 if not curve.end_at(x):
@@ -185,13 +185,13 @@ class ContactEvent(Event):
                         "a contact closes where a singular configuration is passed", run_stop.CONTACT
                     )
                 return
-            armed = np.ones(places.size, dtype=bool)
+            armed = np.ones(indices.size, dtype=bool)
             armed[list(crossing.rows)] = False
-            for place in rows.tolist():
-                found.within.append(curve.event(x, kinds.names[place], self._changes.log))
+            for index in rows.tolist():
+                found.within.append(curve.event(x, kinds.names[index], self._changes.log))
         if lift is not None:
             self._hits, self._ahead = (
-                tuple(kinds.numbers[lift.places].tolist()),
+                tuple(kinds.numbers[lift.indices].tolist()),
                 passage_watch.end_at_lift(curve, lift),
             )
 
@@ -214,29 +214,29 @@ class ContactEvent(Event):
     def _search(self, watch: StepWatch, limit: float) -> None:
         """Find the first incident that ends the step, and the events before it that are recorded."""
         run, found, kinds = self._stepper, self._stepper.found, self._kinds(watch)
-        places = watch.doubtful()
+        indices = watch.doubtful()
         is_last = found.reached == run.grid.end
         if is_last and kinds.has_events:
-            places = np.union1d(places, np.flatnonzero(kinds.is_event))
-        noise = self._changes.noise(watch.functions, kinds.numbers.size)[places]
-        numbers = kinds.numbers[places]
+            indices = np.union1d(indices, np.flatnonzero(kinds.is_event))
+        noise = self._changes.noise(watch.functions, kinds.numbers.size)[indices]
+        numbers = kinds.numbers[indices]
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
-        if not places.size:
+        if not indices.size:
             return
-        if kinds.is_event[places].any():
+        if kinds.is_event[indices].any():
             begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
-            sizes, is_event = np.maximum(begin, end), kinds.is_event[places]
+            sizes, is_event = np.maximum(begin, end), kinds.is_event[indices]
             # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
             rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
-            noise[is_event] = rounding[places][is_event]
+            noise[is_event] = rounding[indices][is_event]
             reported = self._changes.events
             reported.sizes, reported.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
-        turned = kinds.direction[places] if kinds.has_events else zero_search.DOWN
+        turned = kinds.direction[indices] if kinds.has_events else zero_search.DOWN
         unarmed = run.contacts.unarmed
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
         x = 0.0
         while x < limit:
-            crossing = self._crossing(watch, places, (x, limit), (noise, turned, armed))
+            crossing = self._crossing(watch, indices, (x, limit), (noise, turned, armed))
             if crossing.unresolved:
                 self._shorten(x + crossing.clear * (limit - x))
                 return
@@ -246,23 +246,23 @@ class ContactEvent(Event):
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
-            self._crossed |= declared_events.crossed(watch, run, x, (places[rows], noise[rows]), kinds)
-            if not kinds.records[places[rows]].all():
-                self._end_at(watch, x, places[rows], kinds)
+            self._crossed |= declared_events.crossed(watch, run, x, (indices[rows], noise[rows]), kinds)
+            if not kinds.records[indices[rows]].all():
+                self._end_at(watch, x, indices[rows], kinds)
                 return
             if run.t + x * found.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
                 # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
                 return
-            armed = np.ones(places.size, dtype=bool)
+            armed = np.ones(indices.size, dtype=bool)
             armed[rows] = False
             found.within += [
-                self._event(watch, x, place, kinds.names[place]) for place in places[rows].tolist()
+                self._event(watch, x, index, kinds.names[index]) for index in indices[rows].tolist()
             ]
 
     def _crossing(
         self,
         watch: StepWatch | PassageWatch,
-        places: Places,
+        indices: Indices,
         span: tuple[float, float],
         asked: tuple[Floats, npt.ArrayLike, npt.ArrayLike],
     ) -> FirstCrossing:
@@ -271,7 +271,7 @@ class ContactEvent(Event):
 
         def values(u: float) -> tuple[Floats, Floats]:
             w, slope = watch.inside(begin + u * width)
-            return w[places], slope[places] * width
+            return w[indices], slope[indices] * width
 
         return zero_search.first_crossing(values, *asked)
 
@@ -283,8 +283,8 @@ class ContactEvent(Event):
         step_watch.take_again(run, run.t + x * found.taken)
         found.barrier, found.proposed = None, min(found.proposed, found.taken)
 
-    def _event(self, watch: StepWatch, x: float, place: int, name: str) -> Incident:
-        t, state = declared_events.within(watch, self._stepper, x, place)
+    def _event(self, watch: StepWatch, x: float, index: int, name: str) -> Incident:
+        t, state = declared_events.within(watch, self._stepper, x, index)
         line = self._changes.log.line_of(t, state)
         return self._changes.log.incident(t, "event", name, InstantLines(line, line))
 
@@ -296,7 +296,7 @@ class ContactEvent(Event):
         run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
         self.act()
 
-    def _end_at(self, watch: StepWatch, x: float, rows: Places, kinds: WatchKinds) -> None:
+    def _end_at(self, watch: StepWatch, x: float, rows: Indices, kinds: WatchKinds) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
         taken = found.taken
@@ -305,7 +305,7 @@ class ContactEvent(Event):
         self._hits = tuple(kinds.numbers[rows].tolist())
         found.barrier = None
         steepest = int(np.argmax(np.abs(slopes)))
-        place, slope = int(rows[steepest]), float(slopes[steepest])
+        index, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * taken, math.inf
         for _ in range(declared_events.REFINED):
             reached = run.t + tau
@@ -313,7 +313,7 @@ class ContactEvent(Event):
                 self._act_here()
                 return
             step_watch.take_again(run, reached)
-            left = float(watch.end(reached)[place])
+            left = float(watch.end(reached)[index])
             if not abs(left) < best / 2 or slope == 0:
                 break
             best = abs(left)

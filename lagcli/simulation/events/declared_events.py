@@ -19,7 +19,7 @@ from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
-Places = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 
 # A function jumps over zero where it is this part of its size away from it on both sides.
 JUMPED = 1e-12
@@ -116,19 +116,19 @@ def arriving(watch: StepWatch, run: Stepper, kinds: WatchKinds, events: Sequence
     return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in reported]
 
 
-def within(watch: StepWatch, run: Stepper, x: float, place: int) -> tuple[float, Floats]:
-    """The time of a zero of a watched function within a step, by its place among them, and the state there: from the
+def within(watch: StepWatch, run: Stepper, x: float, index: int) -> tuple[float, Floats]:
+    """The time of a zero of a watched function within a step, by its index among them, and the state there: from the
     part x of the step on, by a step of its own up to there."""
     found, bound = run.found, run.bound
     step = bound.enforced.functions.scheme(run.method).step
     _, _, y, k, tolerance, p = bound.step.arguments
-    slope = float(watch.inside(x)[1][place]) / found.taken
+    slope = float(watch.inside(x)[1][index]) / found.taken
     tau, best = x * found.taken, math.inf
     for _ in range(REFINED):
         state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
         run.statistics.evaluations += run.method.evaluations
         values = watch.functions.watched(run.origin + run.t + tau, state, p)
-        left = float(np.array(values).ravel()[place])
+        left = float(np.array(values).ravel()[index])
         if not abs(left) < best / 2 or slope == 0:
             break
         best = abs(left)
@@ -140,17 +140,17 @@ def within(watch: StepWatch, run: Stepper, x: float, place: int) -> tuple[float,
 
 
 def crossed(
-    watch: StepWatch, run: Stepper, x: float, crossing: tuple[Places, Floats], kinds: WatchKinds
+    watch: StepWatch, run: Stepper, x: float, crossing: tuple[Indices, Floats], kinds: WatchKinds
 ) -> dict[int, float]:
     """The declared events, by their numbers, among functions that cross zero at the part x of a step, with what their
-    values there may be: their noise, and what the rounding of the time makes. crossing: places and noise (k,)."""
-    places, noise = crossing
-    chosen = kinds.is_event[places]
+    values there may be: their noise, and what the rounding of the time makes. crossing: indices and noise (k,)."""
+    indices, noise = crossing
+    chosen = kinds.is_event[indices]
     if not chosen.any():
         return {}
-    slopes = np.abs(watch.inside(x)[1][places]) / run.found.taken
+    slopes = np.abs(watch.inside(x)[1][indices]) / run.found.taken
     known = noise + IN_TIME * math.ulp(run.t + run.found.taken) * slopes
-    return dict(zip(kinds.numbers[places[chosen]].tolist(), known[chosen].tolist(), strict=True))
+    return dict(zip(kinds.numbers[indices[chosen]].tolist(), known[chosen].tolist(), strict=True))
 
 
 def still(watch: StepWatch, kinds: WatchKinds, known: dict[int, float]) -> list[int]:

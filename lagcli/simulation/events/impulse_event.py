@@ -63,10 +63,10 @@ class CurveFunctions:
         t, h, x = (ca.SX.sym(each) for each in ("t", "h", "x"))
         y, p = ca.SX.sym("y", self._size), ca.SX.sym("p", self._parameters)
         coefficients = ca.SX.sym("coefficients", self._size, self._method.dense_rows)
-        place = self._place(t, h, x, self._method.interpolated(y, coefficients, x), p)
-        return ca.Function(name, [t, h, x, y, coefficients, p], [function(*place)])
+        inputs = self._inputs_at(t, h, x, self._method.interpolated(y, coefficients, x), p)
+        return ca.Function(name, [t, h, x, y, coefficients, p], [function(*inputs)])
 
-    def _place(self, t: ca.SX, h: ca.SX, x: ca.SX, state: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
+    def _inputs_at(self, t: ca.SX, h: ca.SX, x: ca.SX, state: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
         n = self._n
         return t + x * h, state[:n], state[n : 2 * n], p
 
@@ -78,15 +78,15 @@ class CurveFunctions:
         bends = h * ((1 - x) * k - x * k_new) + (2 * x - 1) * ahead
         state = y + x * ahead + x * (1 - x) * bends
         inputs = [t, h, y, new, k, k_new, p]
-        switches = self._crossings.switches(*self._place(t, h, x, state, p))
-        place = ca.Function("place", [x, *inputs], [switches])
+        switches = self._crossings.switches(*self._inputs_at(t, h, x, state, p))
+        switches_at = ca.Function("switches_at", [x, *inputs], [switches])
         given = [ca.MX.sym(part.name(), part.numel()) for part in (t, h)]
         given += [ca.MX.sym(each, self._size) for each in ("y", "new", "k", "k_new")]
         given.append(ca.MX.sym("p", self._parameters))
         found = [ca.SX.sym("u", switches.numel()) for _ in parts]
         whole = ca.Function(name, found, [combined(found)])
-        function = ca.Function(name, given, [whole(*(place(part, *given) for part in parts))])
-        is_small = place.n_instructions() * len(parts) <= EXPANDED
+        function = ca.Function(name, given, [whole(*(switches_at(part, *given) for part in parts))])
+        is_small = switches_at.n_instructions() * len(parts) <= EXPANDED
         return function.expand() if is_small else function
 
 
@@ -168,13 +168,13 @@ class PassageCurve:
 
     def switches(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
-        return np.array(self._crossings.switches(*self._place(part))).ravel().tolist()
+        return np.array(self._crossings.switches(*self._inputs_at(part))).ravel().tolist()
 
     def values(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
-        return np.array(self._crossings.values(*self._place(part))).ravel().tolist()
+        return np.array(self._crossings.values(*self._inputs_at(part))).ravel().tolist()
 
-    def _place(self, x: float) -> tuple[float, Floats, Floats, Floats]:
+    def _inputs_at(self, x: float) -> tuple[float, Floats, Floats, Floats]:
         run = self._run
         passage = run.found.passage
         assert passage is not None, "there is a step across"

@@ -20,7 +20,7 @@ from lagcli.simulation.stepping import interpolate_rows
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
-Places = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 
 # Parts of the step before the instant, and of that behind it, at which multipliers are looked at: at the instant they
 # have no values.
@@ -80,11 +80,11 @@ class PassageWatch:
 
 
 class Lift(NamedTuple):
-    """x: the fraction of the step; places: of the functions of contacts that open there; beyond: a fraction behind it
+    """x: the fraction of the step; indices: of the functions of contacts that open there; beyond: a fraction behind it
     at which they pull."""
 
     x: float
-    places: Places
+    indices: Indices
     beyond: float
 
 
@@ -93,17 +93,17 @@ def first_lift(curve: PassageWatch, functions: WatchFunctions, rounding: Floats)
     instant, opened = curve.instant, len(functions.open_)
     if not (functions.enforced and instant > 0):
         return None
-    places = np.arange(opened, opened + len(functions.enforced))
-    noise = rounding[places]
+    indices = np.arange(opened, opened + len(functions.enforced))
+    noise = rounding[indices]
     before = [0.0, *(part * instant for part in PARTS[:-1])]
     behind = [instant + part * (1.0 - instant) for part in PARTS]
     last = before[0]
     for x in (*before[1:], *behind):
-        pulls = curve.inside(x)[0][places] < -noise
+        pulls = curve.inside(x)[0][indices] < -noise
         if pulls.any():
             if x == behind[0]:
-                return Lift(instant, places[pulls], x)
-            return _between(curve, places, noise, (last, x)) or Lift(x, places[pulls], x)
+                return Lift(instant, indices[pulls], x)
+            return _between(curve, indices, noise, (last, x)) or Lift(x, indices[pulls], x)
         last = x
     return None
 
@@ -118,14 +118,14 @@ def end_at_lift(curve: PassageWatch, lift: Lift) -> FixedAhead:
     return curve.ahead(lift.beyond, before)
 
 
-def _between(curve: PassageWatch, places: Places, noise: Floats, span: tuple[float, float]) -> Lift | None:
+def _between(curve: PassageWatch, indices: Indices, noise: Floats, span: tuple[float, float]) -> Lift | None:
     begin, width = span[0], span[1] - span[0]
 
     def values(u: float) -> tuple[Floats, Floats]:
         w, slope = curve.inside(begin + u * width)
-        return w[places], slope[places] * width
+        return w[indices], slope[indices] * width
 
     crossing = zero_search.first_crossing(values, noise)
     if crossing.x is None:
         return None
-    return Lift(begin + crossing.x * width, places[list(crossing.rows)], span[1])
+    return Lift(begin + crossing.x * width, indices[list(crossing.rows)], span[1])

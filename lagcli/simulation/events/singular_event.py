@@ -83,16 +83,16 @@ class SingularEvent(Event):
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
-        run, bound, place = self._stepper, self._stepper.bound, self._stepper.predicted.place
+        run, bound, component = self._stepper, self._stepper.bound, self._stepper.predicted.component
 
         def square(h: float) -> float:
             bound.h[0] = h
             bound.step.trigger()
             run.statistics.evaluations += run.method.evaluations
             _, _, _, residual, *there, _, _ = bound.status
-            return there[place - 1] if residual <= MOST_RESIDUAL else math.nan
+            return there[component - 1] if residual <= MOST_RESIDUAL else math.nan
 
-        return singularity_monitor.is_dip(square, run.watch.state[place], run.predicted.instant - run.t)
+        return singularity_monitor.is_dip(square, run.watch.state[component], run.predicted.instant - run.t)
 
     def _pass_without_integrals(self) -> bool:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.

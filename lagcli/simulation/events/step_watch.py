@@ -29,7 +29,7 @@ class StepWatch:
     def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
         self.functions, self._run, self._bound = functions, run, run.bound
         t, x = np.zeros(1), np.zeros(1)
-        self._at, self._place = t, x
+        self._at, self._state = t, x
         self._t, self._x = cells(t), cells(x)
         self._hull = None if functions.hull is None else BoundFunction(functions.hull, self._arguments)
         self._floor = None if self._hull is None else cells(self._hull.results[0])
@@ -52,7 +52,7 @@ class StepWatch:
     def _inside(self) -> BoundFunction:
         t, h, y, _, _, _, p = self._arguments
         coefficients = self._run.rows.dense.results[0].T
-        return BoundFunction(self.functions.inside, [t, h, self._place, y, coefficients, p])
+        return BoundFunction(self.functions.inside, [t, h, self._state, y, coefficients, p])
 
     @cached_property
     def _begin(self) -> BoundFunction:
@@ -132,11 +132,11 @@ class StepWatch:
 
     def rounding(self) -> Floats:
         """Rounding of w (W,) by that of the state, in the step that was found: the middle one of what it is at its
-        ends and between them, for it may be nothing at one place and grow beyond all bounds at another."""
+        ends and between them, for it may be nothing at one point and grow beyond all bounds at another."""
         run, bound = self._run, self._bound
         begin, end = (run.t, bound.y), (run.found.reached, bound.new)
         middle = (run.t + run.found.reached) / 2, (bound.y + bound.new) / 2
-        return np.median([self._rounding_at(*place) for place in (begin, middle, end)], axis=0)
+        return np.median([self._rounding_at(*state) for state in (begin, middle, end)], axis=0)
 
     def _rounding_at(self, when: float, y: Floats) -> Floats:
         run, n = self._run, (y.size - 1) // 2
@@ -150,12 +150,12 @@ class StepWatch:
         room = EPS * OF_EACH * np.abs(y)
         room[:n] += EPS * OF_ALL * units * max(q, h * speed)
         room[n : 2 * n] += EPS * OF_ALL * units * speed
-        at, place, _ = self._scratch.arguments
-        place[:], at[0] = y, t
+        at, state, _ = self._scratch.arguments
+        state[:], at[0] = y, t
         self._scratch.trigger()
         here, found = self._scratch.results[0].copy(), np.zeros(self._scratch.results[0].size)
         for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, y.size + 1)):
-            at[0], place[:] = t * (1.0 + EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
+            at[0], state[:] = t * (1.0 + EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
             self._scratch.trigger()
             found = np.fmax(found, np.abs(self._scratch.results[0] - here))
         return TIMES * found

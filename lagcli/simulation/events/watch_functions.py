@@ -21,7 +21,7 @@ LARGEST = float(np.finfo(float).max)
 WIDER = 1 / 16
 # Instructions of gaps up to which the functions made of them are written out in one graph.
 WRITTEN_OUT = 20_000
-# Places in a step at which the watched functions are looked at before its dense output is made; those within are no
+# Points in a step at which the watched functions are looked at before its dense output is made; those within are no
 # fractions of a period.
 NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
 DIRECTIONS = {"up": zero_search.UP, "down": zero_search.DOWN, "both": zero_search.BOTH}
@@ -68,7 +68,7 @@ class WatchFunctions:
     def inside(self) -> Compiled:
         """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t.
 
-        A gap may have no slope at a place, as a distance that is 0 there: what it does beside it counts, and it is 0.
+        A gap may have no slope at a point, as a distance that is 0 there: what it does beside it counts, and it is 0.
         """
         size, parameters = step_end.sizes_of(self._numeric)
         t, h, x, y = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("x"), ca.MX.sym("y", size)
@@ -110,7 +110,7 @@ class WatchFunctions:
         Each is looked at on the quintic curve q through q, v, a at both ends, at the `NODES`. Between two of them it is
         taken for the cubic of its values and slopes, whose control points bound it, less twice of what such cubics over
         two intervals are off at the node between, and no less than a part of how much they bend: a distance that turns
-        round between two places may leave no more trace.
+        round between two points may leave no more trace.
         """
         size, parameters = step_end.sizes_of(self._numeric)
         t, h, p = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("p", parameters)
@@ -188,7 +188,7 @@ class WatchKinds:
     """Of the functions w (W,) of `WatchFunctions`, of the contacts that are open, and of those that are held.
 
     numbers (W,): of their rows, and of events after all rows, from `first_event` on; direction (W,): as `zero_search`
-    takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their place in w.
+    takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their index in w.
     """
 
     def __init__(self, system: System, open_: Sequence[int], enforced: Sequence[int]) -> None:
@@ -203,7 +203,7 @@ class WatchKinds:
         self.direction = np.full(self.numbers.size, zero_search.DOWN)
         self.records = np.zeros(self.numbers.size, dtype=bool)
         self.names: dict[int, str] = {}
-        for place, event in enumerate(events[:count], start=len(contacts)):
-            self.direction[place] = DIRECTIONS[event.direction]
-            self.records[place] = event.action == "record"
-            self.names[place] = event.name
+        for index, event in enumerate(events[:count], start=len(contacts)):
+            self.direction[index] = DIRECTIONS[event.direction]
+            self.records[index] = event.action == "record"
+            self.names[index] = event.name

@@ -43,7 +43,8 @@ def window(count: int) -> int:
 
 
 class Parting:
-    """The last place where the distance of two tables grows too fast, if that is much of what they hold in the end.
+    """The last interval in which the distance of two tables grows too fast, if that is much of what they hold in the
+    end.
 
     window: rows it has for that, 0 for never; rtol, atol: of the runs.
     """
@@ -52,14 +53,14 @@ class Parting:
         self._window, self._rtol, self._atol = window, rtol, atol
         self._t, self._gaps = np.zeros(0), np.zeros((0, len(STATES)))
         self._sizes = np.zeros(len(STATES))
-        self._place: tuple[float, float] | None = None
+        self._interval: tuple[float, float] | None = None
         self._grown = np.zeros(len(STATES))
 
     @property
     def found(self) -> tuple[float, float] | None:
         """The times of the rows between which it grew."""
         least = np.maximum(LEAST * self._sizes, TOLERANCES * (self._atol + self._rtol * self._sizes))
-        return self._place if (self._grown > least).any() else None
+        return self._interval if (self._grown > least).any() else None
 
     def take(self, t: Floats, gaps: Floats, sizes: Floats) -> None:
         """The times of rows (k,), the largest distances so far and the scales of each kind (k, kinds)."""
@@ -71,9 +72,9 @@ class Parting:
         jumps = (now > LEAST * size) & (now > FACTOR * np.maximum(before, NOISE * size))
         for i in np.flatnonzero(jumps.any(axis=1)).tolist():
             begin, end = float(times[i]), float(times[i + self._window])
-            # Rows of one rise are one place; what grows again by so much leaves the place before far behind.
-            if self._place is None or begin >= self._place[1]:
-                self._place = begin, end
+            # Rows of one rise are one interval; what grows again by so much leaves the interval before far behind.
+            if self._interval is None or begin >= self._interval[1]:
+                self._interval = begin, end
             self._grown = np.maximum(self._grown, np.where(jumps[i], now[i], 0.0))
         self._sizes = sizes[-1, STATES]
         self._t, self._gaps = times[-self._window :], gaps[-self._window :]
@@ -142,8 +143,8 @@ def safety(settings: Simulation) -> float:
     return next(factor for least, factor in PARAMETERS.safety if rtol >= least)
 
 
-def places(system: System) -> tuple[list[int], ...]:
-    """The places of the columns of each kind in a row of the table of a system, the first of which is t."""
+def columns_of_kinds(system: System) -> tuple[list[int], ...]:
+    """The indices of the columns of each kind in a row of the table of a system, the first of which is t."""
     at = {name: i for i, name in enumerate(system.columns, 1)}
     particles, generalized = system.model.particle_names, system.model.generalized_names
     named = (
@@ -158,7 +159,7 @@ def places(system: System) -> tuple[list[int], ...]:
 class Errors:
     """Running maxima of the distance of two tables and of the values themselves, each kind for itself.
 
-    kinds: the places of the columns of each kind; parted: what looks for a place where the tables go apart.
+    kinds: the indices of the columns of each kind; parted: what looks for an interval in which the tables go apart.
     """
 
     def __init__(self, kinds: tuple[list[int], ...], factor: float, parted: Parting | None = None) -> None:

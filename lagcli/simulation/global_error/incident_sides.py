@@ -106,8 +106,8 @@ class ImpactGrowth:
                 times.append(one.t)
         if not times or not len(t):
             return
-        places = np.minimum(np.searchsorted(t, times, "left"), len(t) - 1)
-        self._gaps += gaps[places].tolist()
+        rows = np.minimum(np.searchsorted(t, times, "left"), len(t) - 1)
+        self._gaps += gaps[rows].tolist()
         self._count += len(times)
 
     def factor(self, floor: float) -> float | None:
@@ -125,7 +125,7 @@ class ImpactGrowth:
 class IncidentErrors:
     """Incidents of the repeated run that wait for those of the run, in their order by kind and name.
 
-    kinds: the places of the columns of each kind in a row of the table; factor: on the distance of the two runs.
+    kinds: the indices of the columns of each kind in a row of the table; factor: on the distance of the two runs.
     """
 
     def __init__(self, kinds: tuple[list[int], ...], factor: float) -> None:
@@ -148,8 +148,8 @@ class IncidentErrors:
         for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
             reported = list(group)
             others = [self._other(one, LATE * (t - start)) for one in reported]
-            place = int(np.searchsorted(rows[:, 0], t, "left")) - 1
-            least = rows[place, 1:] if place >= 0 else np.zeros(len(self._kinds))
+            row = int(np.searchsorted(rows[:, 0], t, "left")) - 1
+            least = rows[row, 1:] if row >= 0 else np.zeros(len(self._kinds))
             partners = sorted((one for one in others if one is not None), key=lambda incident: incident.t)
             before = after = np.full(len(self._kinds), np.nan)
             if len(partners) == len(reported):

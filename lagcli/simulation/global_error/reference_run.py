@@ -32,7 +32,7 @@ SAME_TIME = 1e-12
 class RunWithReference:
     """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block.
 
-    places: the columns of each kind, of whose errors the columns `COLUMNS` tell.
+    columns_of_kinds: the columns of each kind, of whose errors the columns `COLUMNS` tell.
     """
 
     COLUMNS = error_estimate.COLUMNS
@@ -57,9 +57,12 @@ class RunWithReference:
         window = error_estimate.window(run.grid.count) if enforced.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = error_estimate.Parting(window, relative, settings.atol or 0.0)
-        self.places, factor = error_estimate.places(system), error_estimate.safety(settings)
-        self._errors = error_estimate.Errors(self.places, factor, parted)
-        self._at_incidents = IncidentErrors(self.places, factor)
+        self.columns_of_kinds, factor = (
+            error_estimate.columns_of_kinds(system),
+            error_estimate.safety(settings),
+        )
+        self._errors = error_estimate.Errors(self.columns_of_kinds, factor, parted)
+        self._at_incidents = IncidentErrors(self.columns_of_kinds, factor)
         self._last: Floats | None = None  # t and errors of the row before the block
         # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
         # has stopped there.

@@ -194,15 +194,15 @@ class RowGaps:
 
     def __init__(self, system: System, numeric: NumericSystem, p: Floats) -> None:
         self._count, self._gaps, self._p = system.contacts.count, numeric.gaps, np.asarray(p)
-        places = {name: i for i, name in enumerate(system.columns, start=1)}
-        self._places = [places[name] for name in system.model.coordinate_names] if self._count else []
+        columns = {name: i for i, name in enumerate(system.columns, start=1)}
+        self._columns = [columns[name] for name in system.model.coordinate_names] if self._count else []
 
     def deepest(self, rows: Floats) -> float:
         """The largest -g_j over rows (k, columns), t first; 0 where none is below zero."""
         if not self._count or not len(rows):
             return 0.0
         y = np.zeros((self._gaps.size1_in(1), len(rows)))
-        y[: len(self._places)] = rows[:, self._places].T
+        y[: len(self._columns)] = rows[:, self._columns].T
         p = self._p[: self._gaps.size1_in(2)]
         g = np.array(self._gaps(rows[:, :1].T, y, np.repeat(p[:, None], len(rows), axis=1)))
         return max(0.0, float(np.nan_to_num(-g).max()))

@@ -11,7 +11,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Turns:
-    """The place of each angle, counted through all turns: entries of p that a run sets after each step."""
+    """The value of each angle, counted through all turns: entries of p that a run sets after each step."""
 
     def __init__(self, system: System) -> None:
         self._system, self._cuts = system, system.cuts

@@ -44,35 +44,35 @@ def read(kind: type[T], tree: object) -> T:
     return found
 
 
-def _read(kind: object, tree: object, place: str) -> object:
+def _read(kind: object, tree: object, path: str) -> object:
     origin, parts = get_origin(kind), get_args(kind)
     if isinstance(kind, types.UnionType):
-        return _of_one(parts, tree, place)
+        return _of_one(parts, tree, path)
     if origin is tuple:
-        return _of_parts(parts, tree, place)
+        return _of_parts(parts, tree, path)
     if origin is dict:
-        named = _typed(dict, tree, place).items()
-        return {name: _read(parts[1], part, f"{place}.{name}") for name, part in named}
+        named = _typed(dict, tree, path).items()
+        return {name: _read(parts[1], part, f"{path}.{name}") for name, part in named}
     if origin is np.ndarray:
-        return np.array(_of_parts((float, ...), tree, place), dtype=float)
+        return np.array(_of_parts((float, ...), tree, path), dtype=float)
     if kind is float or kind is int:
-        return _number(tree, place) if kind is float else _count(tree, place)
+        return _number(tree, path) if kind is float else _count(tree, path)
     if kind is str or kind is bool:
-        return _typed(kind, tree, place)
+        return _typed(kind, tree, path)
     assert isinstance(kind, type), kind
-    return _of_fields(kind, tree, place)
+    return _of_fields(kind, tree, path)
 
 
-def _of_fields(kind: type, tree: object, place: str) -> object:
+def _of_fields(kind: type, tree: object, path: str) -> object:
     """A dataclass from an object with all of its fields, or a named tuple from a list."""
     make: Callable[..., object] = kind
     fields = _fields(kind)
     if issubclass(kind, tuple):
-        return make(*_of_parts(tuple(fields.values()), tree, place))
-    found = _typed(dict, tree, place)
+        return make(*_of_parts(tuple(fields.values()), tree, path))
+    found = _typed(dict, tree, path)
     if found.keys() != fields.keys():
-        raise FormError(f"{place}: other fields than {', '.join(fields)}")
-    return make(**{name: _read(of, found[name], f"{place}.{name}") for name, of in fields.items()})
+        raise FormError(f"{path}: other fields than {', '.join(fields)}")
+    return make(**{name: _read(of, found[name], f"{path}.{name}") for name, of in fields.items()})
 
 
 @functools.cache
@@ -80,45 +80,45 @@ def _fields(kind: type) -> dict[str, object]:
     return get_type_hints(kind)
 
 
-def _of_one(kinds: tuple[object, ...], tree: object, place: str) -> object:
+def _of_one(kinds: tuple[object, ...], tree: object, path: str) -> object:
     """None, or a value of the first of some types that it has."""
     if tree is None and type(None) in kinds:
         return None
     *others, last = (kind for kind in kinds if kind is not type(None))
     for kind in others:
         with contextlib.suppress(FormError):
-            return _read(kind, tree, place)
-    return _read(last, tree, place)
+            return _read(kind, tree, path)
+    return _read(last, tree, path)
 
 
-def _of_parts(kinds: tuple[object, ...], tree: object, place: str) -> tuple[object, ...]:
-    found = _typed(list, tree, place)
+def _of_parts(kinds: tuple[object, ...], tree: object, path: str) -> tuple[object, ...]:
+    found = _typed(list, tree, path)
     if kinds[1:] == (...,):
         kinds = kinds[:1] * len(found)
     if len(found) != len(kinds):
-        raise FormError(f"{place}: {len(found)} in place of {len(kinds)} values")
+        raise FormError(f"{path}: {len(found)} in place of {len(kinds)} values")
     return tuple(
-        _read(kind, part, f"{place}[{i}]") for i, (kind, part) in enumerate(zip(kinds, found, strict=True))
+        _read(kind, part, f"{path}[{i}]") for i, (kind, part) in enumerate(zip(kinds, found, strict=True))
     )
 
 
-def _typed(kind: type[T], tree: object, place: str) -> T:
+def _typed(kind: type[T], tree: object, path: str) -> T:
     if not isinstance(tree, kind):
-        raise FormError(f"{place}: no {kind.__name__}")
+        raise FormError(f"{path}: no {kind.__name__}")
     return tree
 
 
-def _number(tree: object, place: str) -> float:
+def _number(tree: object, path: str) -> float:
     # A bool is an int to Python, and a text may read as a number.
     try:
         if (type(tree) is float or type(tree) is int) and math.isfinite(tree):
             return float(tree)
     except OverflowError:  # an integer beyond all doubles
         pass
-    raise FormError(f"{place}: no finite number")
+    raise FormError(f"{path}: no finite number")
 
 
-def _count(tree: object, place: str) -> int:
+def _count(tree: object, path: str) -> int:
     if type(tree) is not int or not 0 <= tree <= MOST_COUNT:
-        raise FormError(f"{place}: no count")
+        raise FormError(f"{path}: no count")
     return tree

@@ -14,7 +14,7 @@ from lagcli.simulation.scheme.method import Method
 
 Floats = npt.NDArray[np.float64]
 
-BLURRED = 5  # place in `step_tolerance.of_steps`
+BLURRED = 5  # index in `step_tolerance.of_steps`
 
 
 class BoundStep:

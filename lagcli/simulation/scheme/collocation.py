@@ -145,13 +145,13 @@ def projected(project: BoundFunction, t: float, y: Floats) -> Floats | None:
     return project.results[1]
 
 
-def closest(count: int, place: float) -> float:
-    """The distance from a place in a step to the nearest node, both as parts of the step."""
-    return float(np.abs(_gauss(count)[0] - place).min())
+def closest(count: int, fraction: float) -> float:
+    """The distance from a point in a step to the nearest node, both as fractions of the step."""
+    return float(np.abs(_gauss(count)[0] - fraction).min())
 
 
 def first(count: int) -> float:
-    """The place of the first node, as a part of the step."""
+    """The position of the first node, as a fraction of the step."""
     return float(_gauss(count)[0][0])
 
 

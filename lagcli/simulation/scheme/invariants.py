@@ -221,9 +221,9 @@ class _Forms:
             return [i for i, flag in zip(numbers, independent_rows.redundant(rows)[s:], strict=True) if flag]
         dependent: list[int] = []
         good = list(range(s))
-        for place, i in enumerate(numbers, start=s):
-            if rows.take([*good, place]).are_independent:
-                good.append(place)
+        for row, i in enumerate(numbers, start=s):
+            if rows.take([*good, row]).are_independent:
+                good.append(row)
             else:
                 dependent.append(i)
         return dependent

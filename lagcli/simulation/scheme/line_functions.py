@@ -17,7 +17,7 @@ FIGURES = 5
 BEYOND = FIGURES + 1
 # A function that calls another for each of thousands of rows copies its arguments: `always_inline`, not `never_inline`.
 INLINED = True, False
-# The place of the Jacobi energy in a line.
+# The index of the Jacobi energy in a line.
 JACOBI = -4
 
 

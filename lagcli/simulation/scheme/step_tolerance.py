@@ -21,7 +21,7 @@ from lagcli.model.model import Simulation
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
-# Places are moved by this part of their size, and h is balanced where it is this part of what it is beside.
+# Positions are moved by this part of their size, and h is balanced where it is this part of what it is beside.
 BESIDE, BALANCED = 1e-3, 1e-9
 # Forces that are less than this part of the terms that they are the sum of are stairs of rounding.
 STAIRS = 1e-2
@@ -107,11 +107,11 @@ def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
         return RestingForces(0.0, 0.0)
     reach = BESIDE * (np.abs(q) + np.abs(q).max() + (not np.any(q)))
     aside = q + reach * generic_direction.signs(q.size)
-    place = q.copy()
-    sizes = BoundFunction(numeric.sizes, [np.array([t]), place, v.copy(), p.copy()])
+    moved = q.copy()
+    sizes = BoundFunction(numeric.sizes, [np.array([t]), moved, v.copy(), p.copy()])
     sizes.trigger()
     length, here = sizes.results[0][[q.size, -1]].tolist()
-    place[:] = aside
+    moved[:] = aside
     sizes.trigger()
     beside = float(sizes.results[0][-1])
     units = float(numeric.force_roundings(t, q, v, p)[-1]) if numeric.has_time else 0.0

@@ -79,9 +79,9 @@ def within(
     t, h, rtol = span
     n = y.size // 2
 
-    def projected(times: Floats, places: Floats) -> tuple[Floats, float] | None:
+    def projected(times: Floats, configurations: Floats) -> tuple[Floats, float] | None:
         found, energy = np.empty(times.size), 0.0
-        for i, (at, state) in enumerate(zip(times.tolist(), places, strict=True)):
+        for i, (at, state) in enumerate(zip(times.tolist(), configurations, strict=True)):
             rate = collocation.projected(project, at, state)
             if rate is None:
                 return None

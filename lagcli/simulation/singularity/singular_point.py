@@ -101,8 +101,8 @@ def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, .
         / rows.divisors
         / (np.abs(state.v).max(initial=0.0) or 1.0)
     )
-    places = np.abs(f) / rows.divisors[: f.size] / (np.abs(state.q).max(initial=0.0) or 1.0)
-    off[: f.size] = np.maximum(off[: f.size], places)
+    residuals = np.abs(f) / rows.divisors[: f.size] / (np.abs(state.q).max(initial=0.0) or 1.0)
+    off[: f.size] = np.maximum(off[: f.size], residuals)
     for row, *others in numeric.selection.dependencies:
         if off[row] > limit:
             return (*others, row)

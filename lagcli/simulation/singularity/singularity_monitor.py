@@ -43,7 +43,7 @@ class MonitorParameters:
     back: float = 0.1
     """And that is this part of the first step earlier."""
     looks: int = 4
-    """Places at which a minimum of the angle is looked for after the first three."""
+    """Points at which a minimum of the angle is looked for after the first three."""
     farthest: float = 2.0
     """How far it may lie, as a part of the time to the instant foreseen."""
     shallow: float = 0.01
@@ -57,7 +57,7 @@ class MonitorParameters:
 
 PARAMETERS = MonitorParameters()
 WIDE = math.sin(PARAMETERS.narrow) ** 2
-# Places in the outcome of `project`.
+# Indices in the outcome of `project`.
 SMALLEST_ANGLE, SMALLEST_DIAGONAL = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
 
@@ -67,7 +67,7 @@ class Prediction(NamedTuple):
     part of that) that is left, and the length of the last step."""
 
     instant: float
-    place: int
+    component: int
     most: float = 1.0
     angle: float = math.pi
     step: float = math.inf
@@ -85,7 +85,7 @@ class Prediction(NamedTuple):
     @property
     def is_here(self) -> bool:
         """True if the run begins at the instant."""
-        return self.place == STANDING
+        return self.component == STANDING
 
     def is_near(self, t: float, h: float, rtol: float) -> bool:
         """True if a step across from t is worth a try, where ordinary steps have the length h.
@@ -109,13 +109,13 @@ class SingularityMonitor:
 
     def __init__(self, state: tuple[float, ...] = ()) -> None:
         # Of the last step: t, smallest angle and least, and the largest of the latter so far; then what was foreseen:
-        # instant, place, most, angle, step.
+        # instant, component, most, angle, step.
         self.state = state
 
     def again(self) -> Prediction:
         """The singularity foreseen last."""
-        instant, place, *rest = self.state[4:] or NEVER
-        return Prediction(instant, int(place), *rest)
+        instant, component, *rest = self.state[4:] or NEVER
+        return Prediction(instant, int(component), *rest)
 
     def stand(self, t: float) -> Prediction:
         """A start at which rows are dependent."""
@@ -153,13 +153,13 @@ class SingularityMonitor:
         return found
 
 
-def _instant(before: tuple[float, ...], t: float, square: float, place: int, most: float) -> Prediction:
+def _instant(before: tuple[float, ...], t: float, square: float, component: int, most: float) -> Prediction:
     """When a number goes to zero, the square of a sine: the angle between rows goes to zero in a line from afar."""
-    now, last = math.asin(math.sqrt(square / most)), math.asin(min(1.0, math.sqrt(before[place] / most)))
+    now, last = math.asin(math.sqrt(square / most)), math.asin(min(1.0, math.sqrt(before[component] / most)))
     step = t - before[0]
     if last <= now:
         return NEVER
-    return Prediction(t + now * step / (last - now), place, math.sqrt(most), now, step)
+    return Prediction(t + now * step / (last - now), component, math.sqrt(most), now, step)
 
 
 def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:

@@ -54,11 +54,11 @@ class SingularStepParameters:
     """The instant is found again until it is off by this part of the time up to it."""
     most_centerings: int = 6
     """Looks for the instant before an ordinary step goes on."""
-    places: tuple[float, ...] = (0.5, 0.13, 0.35, 0.04, 0.22)
+    parts: tuple[float, ...] = (0.5, 0.13, 0.35, 0.04, 0.22)
     """Parts of a step at which the instant may lie: in its middle, or between the first nodes.
     With the middle alone `test_a_crossing_soon_after_the_start` fails."""
     too_close: float = 0.03
-    """The angle (rad) below which a step begins so close that all places are tried."""
+    """The angle (rad) below which a step begins so close that all parts are tried."""
     far: tuple[float, float] = (0.15, 0.3)
     """Points beside the instant, as parts of twice the time up to it, where the smallest angle is read first."""
     close: tuple[float, float] = (0.02, 0.04)
@@ -183,7 +183,7 @@ def _passage(project: BoundFunction, here: Point, predicted: Prediction) -> Sing
 
     A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
     """
-    for part in PARAMETERS.places if predicted.angle < PARAMETERS.too_close else PARAMETERS.places[:1]:
+    for part in PARAMETERS.parts if predicted.angle < PARAMETERS.too_close else PARAMETERS.parts[:1]:
         found = _placed(project, here, predicted, part)
         if found is not None:
             return found
@@ -207,7 +207,7 @@ def _placed(project: BoundFunction, here: Point, predicted: Prediction, part: fl
         if found is None:
             return None
         if abs(found[0] - instant) <= PARAMETERS.centered * part * h:
-            if not _is_only_one(project, step, predicted.place, found[0]):
+            if not _is_only_one(project, step, predicted.component, found[0]):
                 return None
             fewer = collocation.improved(project, step, h, PARAMETERS.fewer_nodes, rtol)
             delta = found[1] * h * collocation.closest(PARAMETERS.nodes, part) / predicted.most
@@ -257,26 +257,26 @@ def _instant(
     None where it does not vanish in a line."""
     instant = guess.instant
     for offsets in (PARAMETERS.far, PARAMETERS.close):
-        looked = _beside(project, step, guess.place, instant, np.array(offsets) * width)
+        looked = _beside(project, step, guess.component, instant, np.array(offsets) * width)
         if looked is None:
             return None
         taus, roots, zero, slope = looked
         instant += zero
     if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
         return None
-    looked = _beside(project, step, guess.place, instant, np.array(PARAMETERS.closest) * width)
+    looked = _beside(project, step, guess.component, instant, np.array(PARAMETERS.closest) * width)
     if looked is not None:
         instant += looked[2]
     return instant, abs(slope)
 
 
 def _beside(
-    project: BoundFunction, step: collocation.Step, place: int, instant: float, offsets: Floats
+    project: BoundFunction, step: collocation.Step, component: int, instant: float, offsets: Floats
 ) -> tuple[Floats, Floats, float, float] | None:
     """Times beside an instant (4,), roots of the smallest angle there, and the zero between them with its slope;
     None where there is none."""
     taus = np.concatenate([-offsets[::-1], offsets])
-    roots = np.array([_root(project, step, place, instant + tau) for tau in taus])
+    roots = np.array([_root(project, step, component, instant + tau) for tau in taus])
     signed = roots * np.sign(-taus)
     if not (np.isfinite(roots).all() and signed[1] > 0 > signed[2]):
         return None
@@ -308,17 +308,17 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
     return zero, slope
 
 
-def _is_only_one(project: BoundFunction, step: collocation.Step, place: int, instant: float) -> bool:
+def _is_only_one(project: BoundFunction, step: collocation.Step, component: int, instant: float) -> bool:
     """True if the smallest angle falls to the instant all the way and rises all the way after it: there is no other."""
     for begin, end in ((step.t, instant), (step.t + step.h, instant)):
-        roots = [_root(project, step, place, begin + x * (end - begin)) for x in PARAMETERS.along_step]
+        roots = [_root(project, step, component, begin + x * (end - begin)) for x in PARAMETERS.along_step]
         if not all(after < before for before, after in itertools.pairwise(roots)):
             return False
     return True
 
 
-def _root(project: BoundFunction, step: collocation.Step, place: int, at: float) -> float:
+def _root(project: BoundFunction, step: collocation.Step, component: int, at: float) -> float:
     """The root of the smallest angle on the surface at a time in a step."""
     if collocation.projected(project, at, step.state((at - step.t) / step.h)) is None:
         return math.nan
-    return math.sqrt(max(0.0, project.results[2][place]))
+    return math.sqrt(max(0.0, project.results[2][component]))

@@ -94,7 +94,7 @@ def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
 
 
 def _lagrange(points: Floats, values: Floats, at: float) -> Floats:
-    """The polynomial through values (k, w) at points (k,), at a place."""
+    """The polynomial through values (k, w) at points (k,), at a point."""
     differences = points[:, None] - points[None, :] + np.eye(points.size)
     factors = at - points[None, :] + np.zeros((points.size, 1))
     np.fill_diagonal(factors, 1.0)

@@ -151,7 +151,7 @@ def _violated(numeric: NumericSystem, state: initial.State) -> tuple[int, ...]:
 
 
 def _wall(enforced: EnforcedInvariants, here: initial.State, beyond: initial.State) -> str:
-    """The closed contact whose gap changes most between two times at one place; none where nothing changes."""
+    """The closed contact whose gap changes most between two times at one configuration; none where nothing changes."""
     numeric, system = enforced.functions.numeric, enforced.system
     closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
     if not closed:
@@ -174,7 +174,7 @@ def is_pole(rates: Sequence[Floats]) -> bool:
 
 
 def impulse(reported: str) -> StepFailure:
-    """Why a run ends where an energy or a place jumps; told: what does."""
+    """Why a run ends where an energy or a position jumps; told: what does."""
     return StepFailure(
         f"{reported}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
     )

@@ -24,7 +24,7 @@ class DiagnosisParameters:
     __slots__ = ()
 
     near: float = 1e-8
-    """How close the two sides of a place are looked at: a run stops within rounding of a jump."""
+    """How close the two sides of a point are looked at: a run stops within rounding of a jump."""
     far: float = 1e-5
     """And from farther off: a run stops some way before the end of a function, where its steps have become too
     short."""
@@ -61,7 +61,7 @@ PHRASES = {
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Sides:
-    """Values (k,) at four places on the way through an instant: far before, near before, near after and far after;
+    """Values (k,) at four states on the way through an instant: far before, near before, near after and far after;
     rounding (k,): a difference below this is none."""
 
     values: tuple[Floats, ...]
@@ -98,16 +98,16 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
         return ""
     seen = [(reach, _along(state, reach, time_scale(system, state))) for reach in PARAMETERS.reaches]
     found_sides = [
-        (reach, places, Sides(tuple(_rows(numeric, x) for x in places), _rounding(numeric, places[1])))
-        for reach, places in seen
+        (reach, states, Sides(tuple(_rows(numeric, x) for x in states), _rounding(numeric, states[1])))
+        for reach, states in seen
     ]
-    for reach, places, sides in found_sides:
+    for reach, states, sides in found_sides:
         # A jump of a value first: close to it cancellation spoils the gradient too.
         hit = np.flatnonzero(sides.jumps()[: system.holonomic_count])
         if hit.size and reach < PARAMETERS.reaches[-1]:
             row = int(hit[0])
-            return _sentence(system, row, "jumps", True, _call(system, row, places))
-    for reach, places, sides in found_sides:
+            return _sentence(system, row, "jumps", True, _call(system, row, states))
+    for reach, states, sides in found_sides:
         kinds = [("ends", sides.ends())]
         if reach < PARAMETERS.reaches[-1]:
             kinds += [("jumps", sides.jumps()), ("grows", sides.grows())]
@@ -115,7 +115,7 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
             hit = np.flatnonzero(found)
             if hit.size:
                 part, row = divmod(int(hit[0]), len(system.rows.rows))
-                return _sentence(system, row, kind, part == 0, _call(system, row, places))
+                return _sentence(system, row, kind, part == 0, _call(system, row, states))
     return ""
 
 
@@ -140,7 +140,7 @@ def time_scale(system: System, state: State) -> float:
 
 
 def _along(state: State, reach: float, duration: float) -> tuple[State, ...]:
-    """Places on both sides of a state, along its velocity."""
+    """States on both sides of a state, along its velocity."""
     speed = float(np.abs(state.v).max(initial=0.0))
     size = max(float(np.abs(state.q).max(initial=0.0)), PARAMETERS.part_of_run * speed * duration)
     unit = reach * (size / speed if speed else 1.0)
@@ -148,33 +148,33 @@ def _along(state: State, reach: float, duration: float) -> tuple[State, ...]:
     return tuple(dataclasses.replace(state, t=state.t + h, q=state.q + h * state.v) for h in steps)
 
 
-def _rows(numeric: NumericSystem, place: State) -> Floats:
+def _rows(numeric: NumericSystem, state: State) -> Floats:
     """f (C,), zero of differential rows, then B u of two directions u, and b: (4 C,)."""
-    B, b = numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)
-    f, rows = np.array(numeric.holonomic(place.t, place.q, place.p)[0]).ravel(), LocalRows(B)
+    B, b = numeric.rows(state.t, state.q, np.zeros_like(state.v), state.p)
+    f, rows = np.array(numeric.holonomic(state.t, state.q, state.p)[0]).ravel(), LocalRows(B)
     random = np.random.default_rng(0)
-    ways = [rows.times(random.standard_normal(place.q.size)) for _ in range(2)]
+    ways = [rows.times(random.standard_normal(state.q.size)) for _ in range(2)]
     return np.concatenate([f, np.zeros(rows.count - f.size), *ways, np.array(b).ravel()])
 
 
-def _rounding(numeric: NumericSystem, place: State) -> Floats:
+def _rounding(numeric: NumericSystem, state: State) -> Floats:
     """The values that rounding may leave of f, and zero for the gradients, (4 C,)."""
-    norms = LocalRows(numeric.rows(place.t, place.q, np.zeros_like(place.v), place.p)[0]).norms
-    s, size = numeric.holonomic.size1_out(0), float(np.abs(place.q).max(initial=0.0))
+    norms = LocalRows(numeric.rows(state.t, state.q, np.zeros_like(state.v), state.p)[0]).norms
+    s, size = numeric.holonomic.size1_out(0), float(np.abs(state.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
     floor[0, :s] = PARAMETERS.rounded * np.nan_to_num(norms[:s], posinf=0.0) * size
     return floor.ravel()
 
 
-def _call(system: System, row: int, places: tuple[State, ...]) -> str:
-    """Name the innermost function of a row whose value or slope jumps, ends or grows between the places, or
+def _call(system: System, row: int, states: tuple[State, ...]) -> str:
+    """Name the innermost function of a row whose value or slope jumps, ends or grows between the states, or
     nothing."""
     from lagcli.equations import operation_rules
 
     names, function = operation_rules.edge_calls(system, row)
     if not names:
         return ""
-    values = tuple(np.array(function(x.t, x.q, x.v, x.p)).ravel() for x in places)
+    values = tuple(np.array(function(x.t, x.q, x.v, x.p)).ravel() for x in states)
     sides = Sides(values, np.zeros(values[0].size))
     hit = (sides.jumps() | sides.ends() | sides.grows()).reshape(2, -1).any(axis=0)
     if not hit.any():

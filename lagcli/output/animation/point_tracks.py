@@ -1,4 +1,4 @@
-"""The places that the columns of a table tell: of particles, or else of coordinates drawn as places."""
+"""The positions that the columns of a table tell: of particles, or else of coordinates drawn as positions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ APART = 0.35  # of the length of a scale: the distance of two
 
 
 class NothingToShow(ValueError):
-    """A table or a model has no places to draw."""
+    """A table or a model has no positions to draw."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Places:
-    """names of N points; track (T, N, 3); rails: the scales they slide on, if they are no places in space; note: how
+class PointTracks:
+    """names of N points; track (T, N, 3); rails: the scales they slide on, if they are no positions in space; note: how
     coordinates are drawn; columns: those of reactions for each point and axis, "" where there is none."""
 
     names: tuple[str, ...]
@@ -52,18 +52,18 @@ def particles_in(columns: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def of_particles(names: Sequence[str], table: Mapping[str, Floats]) -> Places:
-    """The places of particles."""
+def of_particles(names: Sequence[str], table: Mapping[str, Floats]) -> PointTracks:
+    """The positions of particles."""
     parts = [table[f"{name}.{axis}"] for name in names for axis in AXES]
     track = np.stack(parts, axis=1).reshape(len(parts[0]), -1, 3)
-    return Places(tuple(names), track, tuple((f"R.{n}.x", f"R.{n}.y", f"R.{n}.z") for n in names))
+    return PointTracks(tuple(names), track, tuple((f"R.{n}.x", f"R.{n}.y", f"R.{n}.z") for n in names))
 
 
 def of_coordinates(
     names: Sequence[str], table: Mapping[str, Floats], limits: Mapping[str, tuple[float, float]] | None = None
-) -> Places:
-    """Coordinates as places: `x` and `y` (and `z`) as the place of one point, others as beads on scales side by side.
-    limits: the lower and upper ends of the scales, by default the least and the greatest values. Raises
+) -> PointTracks:
+    """Coordinates as positions: `x` and `y` (and `z`) as the position of one point, others as beads on scales side by
+    side. limits: the lower and upper ends of the scales, by default the least and the greatest values. Raises
     `NothingToShow`."""
     if not names:
         raise NothingToShow("there are no particles and no coordinates: there is nothing to draw")
@@ -74,7 +74,7 @@ def of_coordinates(
         note = f"there are no particles: the point stands at the coordinates {', '.join(own)}"
         point = f"({', '.join(own)})"
         x, y, z = (f"R.{axis}" for axis in AXES)
-        return Places((point,), track, ((x, y, z),), note=note)
+        return PointTracks((point,), track, ((x, y, z),), note=note)
     if len(names) > MOST_SCALES:
         raise NothingToShow(
             f"there are no particles, and {len(names)} coordinates: up to {MOST_SCALES} are drawn as beads on scales"
@@ -93,11 +93,13 @@ def of_coordinates(
         )
     ends = "of one length for all" if limits is not None else "from its least value up to its greatest"
     note = f"there are no particles: each coordinate is a bead on a scale, {ends}"
-    return Places(tuple(names), np.stack(tracks, axis=1), (("", "", ""),) * len(names), tuple(rails), note)
+    return PointTracks(
+        tuple(names), np.stack(tracks, axis=1), (("", "", ""),) * len(names), tuple(rails), note
+    )
 
 
 def missing(names: Sequence[str], columns: Sequence[str]) -> str:
-    """A sentence on the places of a model that a table lacks, or nothing."""
+    """A sentence on the positions of a model that a table lacks, or nothing."""
     known = set(columns)
     lacking = [f"{name}.{axis}" for name in names for axis in AXES if f"{name}.{axis}" not in known]
     if not lacking:

@@ -1,4 +1,4 @@
-"""Places in the symbols of a block: points of doubles, what vanishes on all of them, and equations that say so.
+"""Points in the symbols of a block: points of doubles, what vanishes on all of them, and equations that say so.
 
 An expression vanishes at a point where its value is no more than the rounding of coordinates leaves. Each value goes
 with the sum of what it would change by if every coordinate and every intermediate result changed by its own size; one
@@ -20,8 +20,8 @@ from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 
 
-class PlaceParameters:
-    """Round-off of points and values. The tests named here are those of `tests/unit/test_special_places.py`."""
+class SpecialPointParameters:
+    """Round-off of points and values. The tests named here are those of `tests/unit/test_special_points.py`."""
 
     __slots__ = ()
 
@@ -36,7 +36,7 @@ class PlaceParameters:
     `test_an_expression_vanishes_below_the_round_off_of_its_point` fails at 1e-10 and at 1e-8."""
 
 
-PARAMETERS = PlaceParameters()
+PARAMETERS = SpecialPointParameters()
 # Angles are declared in such parts of pi: 15 degrees.
 PARTS_OF_PI = 12
 Point = Mapping[sympy.Symbol, float]
@@ -73,10 +73,10 @@ def is_nothing(expression: sympy.Expr, points: Sequence[Point]) -> bool:
     return all(_is_small(expression, one, otherwise=False) for one in points)
 
 
-def _is_small(expression: sympy.Expr, place: Point, otherwise: bool) -> bool:
+def _is_small(expression: sympy.Expr, point: Point, otherwise: bool) -> bool:
     """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
     try:
-        value, size = _visit(expression, place)
+        value, size = _visit(expression, point)
     except (ArithmeticError, ValueError):
         return otherwise
     if not math.isfinite(value) or math.isnan(size):
@@ -152,16 +152,16 @@ def _spelled(value: float) -> sympy.Expr:
     return sympy.Rational(repr(value))
 
 
-def _visit(e: sympy.Basic, place: Point) -> tuple[float, float]:
+def _visit(e: sympy.Basic, point: Point) -> tuple[float, float]:
     """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
     if isinstance(e, sympy.Symbol):
-        if e not in place:
+        if e not in point:
             raise ValueError(f"{e} has no value")
-        return place[e], abs(place[e])
+        return point[e], abs(point[e])
     if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
         number = float(e)
         return number, abs(number)
-    parts = [_visit(a, place) for a in e.args]
+    parts = [_visit(a, point) for a in e.args]
     if isinstance(e, sympy.Add):
         return math.fsum(v for v, _ in parts), math.fsum(s for _, s in parts)
     if isinstance(e, sympy.Mul):
