@@ -569,7 +569,7 @@ def dependent_places(search_of, monkeypatch):
             return NewtonEnd(np.full(n + 1, x), residual, 0.0)
 
         monkeypatch.setattr(newton, "solve", solve)
-        return singular_rows.places(search), asked
+        return singular_rows.singular_points(search), asked
 
     return made
 
@@ -600,7 +600,7 @@ def test_a_coordinate_of_such_a_place_is_zero_to_the_root_of_rounding(x, is_zero
 @pytest.mark.parametrize(("count", "sentences"), [(4, 4), (5, 5), (6, 5)])
 def test_a_note_names_four_such_places(count, sentences, search_of, monkeypatch):
     search = search_of(value=lambda q: 0.0)
-    monkeypatch.setattr(singular_rows, "places", lambda search: [np.ones(1)] * count)
+    monkeypatch.setattr(singular_rows, "singular_points", lambda search: [np.ones(1)] * count)
     told = singular_rows.notes(search, ["x"], "f")
     assert len(told) == sentences
     assert (told[-1] == "there are more such places") is (count > 4)

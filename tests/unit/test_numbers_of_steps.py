@@ -608,7 +608,7 @@ def test_the_repeated_run_begins_with_a_shorter_step(monkeypatch):
 
     monkeypatch.setattr(reference_run.run_start, "start", start)
     monkeypatch.setattr(reference_run.time_functions, "functions", lambda model: None)
-    monkeypatch.setattr(error_estimate, "places", lambda system: ([], [], [], []))
+    monkeypatch.setattr(error_estimate, "columns_of_kinds", lambda system: ([], [], [], []))
     begin = RunStart(np.zeros(1), np.zeros(1))
     reference_run.RunWithReference(
         SimpleNamespace(columns=(), model=None),
