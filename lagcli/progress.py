@@ -1,5 +1,5 @@
-"""Long work of this thread: the part that is going on, told to whoever listens (a terminal, or nobody), and the time
-by which it has to end.
+"""Long work of this thread: the part that is going on, reported to whoever listens (a terminal, or nobody), and the
+time by which it has to end.
 
 What is ended has no answer, and so none that depends on the machine: the work is given up as a whole.
 """
@@ -29,7 +29,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextlib.contextmanager
 def heard_by(listener: Listener) -> Iterator[None]:
-    """Inside the block all phases of this thread are told to the listener."""
+    """Inside the block all phases of this thread are reported to the listener."""
     token = _listener.set(listener)
     try:
         yield
@@ -39,7 +39,7 @@ def heard_by(listener: Listener) -> Iterator[None]:
 
 @contextlib.contextmanager
 def unheard() -> Iterator[None]:
-    """Inside the block phases are told to nobody: one of many like pieces of work."""
+    """Inside the block phases are reported to nobody: one of many like pieces of work."""
     token = _listener.set(None)
     try:
         yield

@@ -121,8 +121,8 @@ def start(found: Report) -> str:
     initial = found.initial
     if initial.consistent:
         return "initial values: consistent"
-    told = (
+    sentence = (
         f"initial values: inconsistent, by {initial.position_residual:.3g} in position and"
         f" {initial.velocity_residual:.3g} in velocity (the largest residuals of the equations as they are written)"
     )
-    return told if initial.assembled is None else f"{told}; `assemble` moves the start"
+    return sentence if initial.assembled is None else f"{sentence}; `assemble` moves the start"

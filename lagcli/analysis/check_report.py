@@ -168,14 +168,14 @@ class Report:
         ]
         low, high = self.dof.bounds
         counted = self.dof.configuration_dof
-        told = [
+        sentences = [
             f"degrees of freedom: {counted if counted is not None else f'undecided, {low} to {high}'}",
             "initial values: " + ("consistent" if self.initial.consistent else "inconsistent"),
             *(f"{found.severity}[{found.code}]: {found.message}" for found in self.warnings),
         ]
         headers = ("constraint", "declared", "verdict", "integral", "", "reason")
         return notebook_html.page(
-            self.title or self.path, notebook_html.table(headers, rows), notebook_html.sentences(told)
+            self.title or self.path, notebook_html.table(headers, rows), notebook_html.sentences(sentences)
         )
 
     def as_json(self) -> dict[str, Any]:

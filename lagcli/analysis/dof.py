@@ -125,13 +125,13 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     """
     names = [row.name for row in system.rows.rows]
     # Of a row that vanishes identically numbers see its rounding.
-    said = [i for i, name in enumerate(names) if name not in found.vanishing]
+    effective = [i for i, name in enumerate(names) if name not in found.vanishing]
     holonomic_rows = list(range(system.holonomic_count))
     points = [begin]
-    on = _ranks(numeric, points, holonomic_rows, said)
+    on = _ranks(numeric, points, holonomic_rows, effective)
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
-    if on.highest[1] < len(said):  # rows that are independent at the start are so nearby
+    if on.highest[1] < len(effective):  # rows that are independent at the start are so nearby
         from lagcli.start import conflict  # here, as the rows of most models are independent
 
         has_others = len(holonomic_rows) < len(names) and surface.kind != "deficient"
@@ -139,7 +139,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
             points = _generic(system, numeric, begin, holonomic_rows, later)
-        on = _ranks(numeric, points, holonomic_rows, said)
+        on = _ranks(numeric, points, holonomic_rows, effective)
         conflict.require_lasting(system, numeric, begin)
     doubt = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
     doubt = doubt or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
@@ -149,7 +149,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     s = (surface.codimension or 0) + (found.flag[-1] if decided else 0)
     total = (surface.codimension or 0) + rank_beyond
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
-    redundant = _redundant(numeric, points[generic], said, surface)
+    redundant = _redundant(numeric, points[generic], effective, surface)
     counted = DofCount(
         particles=len(system.model.particle_names),
         coordinates=n,
@@ -194,11 +194,11 @@ def _generic(
     return found
 
 
-def _redundant(numeric: NumericSystem, point: State, said: list[int], surface: Codimension) -> list[int]:
+def _redundant(numeric: NumericSystem, point: State, effective: list[int], surface: Codimension) -> list[int]:
     """The rows, in their order, that follow from rows before them, at a generic point."""
     rows = _normalized_rows(numeric, point)
     flags = np.ones(rows.count, dtype=bool)
-    flags[said] = _following(rows.take(said))
+    flags[effective] = _following(rows.take(effective))
     held = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
     if held < (surface.codimension or 0):
         # Rows whose gradients depend on others there hold the surface all the same.
@@ -301,13 +301,15 @@ def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str
     return ""
 
 
-def _ranks(numeric: NumericSystem, points: list[State], holonomic_rows: list[int], said: list[int]) -> _Ranks:
-    """Ranks of the holonomic rows and of all that say something, at the points; the first is known to be finite."""
+def _ranks(
+    numeric: NumericSystem, points: list[State], holonomic_rows: list[int], effective: list[int]
+) -> _Ranks:
+    """Ranks of the holonomic rows and of all effective ones, at the points; the first is known to be finite."""
     found = _Ranks([], [])
     for point in points:
         if sample_points.is_finite(numeric, point):
             rows = _normalized_rows(numeric, point)
-            rows = rows if len(said) == rows.count else rows.take(said)
+            rows = rows if len(effective) == rows.count else rows.take(effective)
             found.everything.append(rank.rank(rows))
             complete = len(holonomic_rows) == rows.count
             found.of_holonomic.append(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-MOST_LISTED = 6  # instants told one by one
+MOST_LISTED = 6  # instants reported one by one
 # A condition that is off in accelerations by this part of them, or of what the velocities demand, is left.
 LEFT = 1e-8
 # Conditions that are off by less than this part of the largest are not named.
@@ -47,14 +47,14 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
 
 def _shared(system: System, chosen: Selection) -> tuple[str, ...]:
     """Sentences on the multipliers that are not unique, dependency by dependency."""
-    told = [dependency for dependency in (*chosen.dependencies, *chosen.idle) if len(dependency) > 1]
-    if not told:
+    named = [dependency for dependency in (*chosen.dependencies, *chosen.idle) if len(dependency) > 1]
+    if not named:
         return ()
     from lagcli.linear import independent_rows  # here, as most rows are independent
 
     count = len(chosen.indeterminate)
     shares = independent_rows.shares(
-        [[system.multiplier_rows[i].name for i in sorted(dependency)] for dependency in told]
+        [[system.multiplier_rows[i].name for i in sorted(dependency)] for dependency in named]
     )
     return (
         f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
@@ -146,7 +146,7 @@ def _led_off(system: System, conditions: Sequence[Condition], state: State, a: F
         (one,) = left
         verb = "demands" if len(one.rows) == 1 else "demand"
         who = classify.quoted(one.rows)
-        told = f"`{classify.equation(one)}`, which {who} {verb} and no multiplier holds"
-        return f"the forces lead off the hidden condition {told}"
+        condition = f"`{classify.equation(one)}`, which {who} {verb} and no multiplier holds"
+        return f"the forces lead off the hidden condition {condition}"
     named = ", ".join(f"`{classify.equation(one)}` (of {classify.quoted(one.rows)})" for one in left)
     return f"the forces lead off the hidden conditions {named}, which no multiplier holds"

@@ -134,7 +134,7 @@ def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, st
         scene = _scene({name: values[picked] for name, values in table.items()}, model, title, units, parts)
         spent = sum(map(len, page.packed(scene)))
         if spent <= room:
-            return _told(scene, plenty, parts)
+            return _with_notes(scene, plenty, parts)
         frames = max(LEAST_FRAMES, int(len(picked) * room / spent * 0.98))
         if frames < FEWEST_FRAMES and (parts["F"] or parts["R"]):
             parts["F" if parts["F"] else "R"] = False
@@ -144,7 +144,7 @@ def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, st
     )
 
 
-def _told(scene: Scene, rows: int, parts: Mapping[str, bool]) -> Scene:
+def _with_notes(scene: Scene, rows: int, parts: Mapping[str, bool]) -> Scene:
     notes = [*scene.notes]
     if len(scene.t) < rows:
         notes.append(

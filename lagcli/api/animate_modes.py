@@ -41,7 +41,7 @@ def of_modes(model: Model, found: Modes) -> Scene:
     rest = _scene(model, t, _track(model, start, np.tile(q, (FRAMES, 1))), ())
     size = scene.size(rest.points)
     modes = []
-    for name, note, swings, shape in _told(found):
+    for name, note, swings, shape in _described(found):
         swung = q + _amplitude(model, q, shape, size) * np.imag(np.exp(2j * np.pi * t)[:, None] * shape)
         moved = _scene(model, t, _track(model, start, swung), rest.notes)
         wide = [np.broadcast_to(track, (FRAMES, 3)) for track in moved.points]
@@ -86,7 +86,7 @@ def _amplitude(model: Model, q: Floats, shape: Complex, size: float) -> float:
     return float(min(wanted, limit))
 
 
-def _told(found: Modes) -> Iterator[tuple[str, str, bool, Complex]]:
+def _described(found: Modes) -> Iterator[tuple[str, str, bool, Complex]]:
     """The name of each mode, what is known of it, if it swings, and its shape; of two that are conjugate one."""
     unit = found.units.time if found.units else "s"
     if found.frequencies is not None:

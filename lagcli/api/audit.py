@@ -176,5 +176,5 @@ def _with_digits(found: Audit, model: Model, columns: Sequence[str], rows: Float
         raise ValueError(f"digits: the repeated run {stopped.stop.reason}") from None
     if known is None:
         raise ValueError("digits: the rows of the table are not at equal times")
-    said = (*found.sentences, known.sentence) if known.sentence else found.sentences
-    return dataclasses.replace(found, digits=known.as_json(), sentences=said)
+    sentences = (*found.sentences, known.sentence) if known.sentence else found.sentences
+    return dataclasses.replace(found, digits=known.as_json(), sentences=sentences)

@@ -97,10 +97,10 @@ def modes(
     here, closed = _nearest(ready)
     functions = _functions(ready, closed, seconds)
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
-    told = (NEAREST + follow, *_contacts(ready, closed))
+    notes = (NEAREST + follow, *_contacts(ready, closed))
     if there.kind != "varying":
-        return assembled_modes.modes(functions, there, told, wanted)
-    again = _varying(ready, functions, there, told)
+        return assembled_modes.modes(functions, there, notes, wanted)
+    again = _varying(ready, functions, there, notes)
     if again is None:
         raise NoEquilibriumError(
             "the linear equations about the nearest equilibrium depend on t without a period"
@@ -123,8 +123,8 @@ def _of_start(
     if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
         if found.kind != "varying":
             return assembled_modes.modes(functions, found, _notes(ready, found, closed), wanted)
-        told = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
-        return _varying(ready, functions, found, told)
+        notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
+        return _varying(ready, functions, found, notes)
     if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
         return None
     if here.q.size > MOST_FOLLOWED:
@@ -143,7 +143,7 @@ def _of_start(
 
 
 def _varying(
-    ready: CompiledModel, functions: LinearizedFunctions, found: Steady, told: tuple[str, ...]
+    ready: CompiledModel, functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...]
 ) -> Modes | None:
     """The multipliers where the linear equations have a period in t, or None."""
     from lagcli.linearization import assembled_modes, floquet, reference
@@ -157,7 +157,7 @@ def _varying(
     if T is None:
         return None
     orbit = floquet.FollowedMotion(functions, _independent(ready, found.here), found.here)
-    return assembled_modes.of_cycle(orbit, T, told)
+    return assembled_modes.of_cycle(orbit, T, notes)
 
 
 def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
@@ -178,7 +178,7 @@ def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
         raise NoEquilibriumError(
             "the start is no equilibrium and no steady motion, and no equilibrium is found from it: the forces that"
             f" are left are {point.residual:.3g} of their size at best"
-            + "".join(f"; {told}" for told in jump_warnings.out_of_sight(ready.system))
+            + "".join(f"; {sentence}" for sentence in jump_warnings.out_of_sight(ready.system))
         )
     start, rows = initial.declared(ready.system), len(ready.system.rows.rows)
     nothing = np.zeros_like(point.q)

@@ -45,7 +45,7 @@ def report(
 
     What is None is as the model says; `title` stands in place of the model's; `digits` repeats the run to count right
     digits; `limit`: the seconds for proofs, and for the equations. The object has `html()`, `markdown(folder)`,
-    `save(path)`; a run that stops before its end and an audit that fails are told on the page, and as `stopped` and
+    `save(path)`; a run that stops before its end and an audit that fails are shown on the page, and as `stopped` and
     `passed`. Raises `ModelError` where the model is invalid or its start inconsistent, `ValueError` for bad options.
     """
     # Other commands write no pages.

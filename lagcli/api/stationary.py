@@ -40,6 +40,6 @@ def stationary(
     rows = tuple(i for i, name in enumerate(names) if name not in left_out)
     notes: tuple[str, ...] = ()
     if left_out:
-        said = ", ".join(f"`{name}`" for name in left_out)
-        notes = (f"{said} cannot be integrated and {'are' if len(left_out) > 1 else 'is'} left out",)
+        listed = ", ".join(f"`{name}`" for name in left_out)
+        notes = (f"{listed} cannot be integrated and {'are' if len(left_out) > 1 else 'is'} left out",)
     return static_points.answered(ready, StaticQuestion("value", problem, start, rows, notes), starts, seed)

@@ -1,4 +1,4 @@
-"""The audit of the table of a run, and the registry of its checks, in the order in which they are told."""
+"""The audit of the table of a run, and the registry of its checks, in the order in which they are reported."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ CHECKS = (
     AuditCheck(checks_impact.balance, "one-sided"),
     AuditCheck(checks_outputs.columns, "all"),
 )
-"""The registry: a further check is a function in a file of `checks`, and a line here where it is to be told."""
+"""The registry: a further check is a function in a file of `checks`, and a line here where it is to be reported."""
 
 
 def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: Sequence[str] = ()) -> Audit:
@@ -90,8 +90,8 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         with np.errstate(all="ignore"):
             e = Evidence(laws, found, tolerance, run=WholeRun(table, incidents))
             if model.inequality or np.any(np.diff(found.t) == 0):
-                more, sentences, figures, said = _of_one_sided(e)
-                notes = (*notes, *said)
+                more, sentences, figures, further_notes = _of_one_sided(e)
+                notes = (*notes, *further_notes)
             else:
                 more, sentences, figures = _of_smooth(e)
         checks += more
@@ -144,7 +144,9 @@ def _of_one_sided(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures, t
         for runs in ("all, by rows", "all, by stretches")
     )
     for check in CHECKS:
-        if check.findings is by_rows[0]:  # those of parts are told together, where the first of them stands
+        if (
+            check.findings is by_rows[0]
+        ):  # those of parts are reported together, where the first of them stands
             checks += [*parts.by_sets(by_rows), *parts.by_stretches(by_stretches)]
         elif check.runs in ("all", "one-sided"):
             checks += check.findings(e)

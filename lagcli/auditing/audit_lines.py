@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 UNREAD = 12  # names of columns that no check looks at
 SHOWN = 6  # names of rows in a sentence
-MOST_FAULTS_TOLD = 6  # entries of a check that fails
+MOST_FAULTS_LISTED = 6  # entries of a check that fails
 
 
 class AuditLines(NamedTuple):
@@ -29,8 +29,8 @@ def of(found: Audit) -> AuditLines:
     failures = [
         (
             failure(check),
-            [fault(location) for location in check.failing[:MOST_FAULTS_TOLD]],
-            max(0, check.failures - MOST_FAULTS_TOLD),
+            [fault(location) for location in check.failing[:MOST_FAULTS_LISTED]],
+            max(0, check.failures - MOST_FAULTS_LISTED),
         )
         for check in found.checks
         if check.verdict == "fail"
@@ -53,9 +53,9 @@ def failure(check: Check) -> str:
 def work(figures: dict[str, float]) -> str:
     """The work of the constraints, virtual and real."""
     real = figures["work_of_constraints"]
-    told = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
+    real_work = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
     return (
-        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {told}, energy gained"
+        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {real_work}, energy gained"
         f" {figures['energy_gained']:.10g}."
     )
 

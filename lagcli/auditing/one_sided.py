@@ -22,7 +22,7 @@ from lagcli.auditing.evidence.tolerances import Evidence
 LEAST = 8  # rows of a stretch that is examined by differences
 MOST = 60  # stretches, the longest ones, that are examined by differences
 MOST_MODES = 60  # sets of closed contacts, those with most rows
-TOLD = 3  # sets of closed contacts of which it is told what is determined
+MOST_DESCRIBED = 3  # sets of closed contacts of which it is reported what is determined
 
 Findings = Callable[[Evidence], Sequence[Check]]
 
@@ -79,9 +79,9 @@ class OneSidedParts:
             d = own.displacements
             along = np.abs(d.virtual(own.record.R_q[own.looked_at]))[~d.is_singular]
             self.virtual_work = max(self.virtual_work, float(along.max(initial=0.0)))
-            if number < TOLD:
-                told = (f"{self._while(closed)}{said}" for said in audit_lines.uniqueness(own))
-                self.sentences = (*self.sentences, *told)
+            if number < MOST_DESCRIBED:
+                sentences = (f"{self._while(closed)}{sentence}" for sentence in audit_lines.uniqueness(own))
+                self.sentences = (*self.sentences, *sentences)
         return _merged_by_name(parts, sum(len(rows) for _, rows in modes[MOST_MODES:]))
 
     def by_stretches(self, checks: Sequence[Findings]) -> list[Check]:
@@ -108,7 +108,7 @@ class OneSidedParts:
 
     def _while(self, closed: tuple[int, ...]) -> str:
         names = [self._e.laws.contacts[j] for j in closed]
-        shown = ", ".join(names[:TOLD]) + (" ..." if len(names) > TOLD else "")
+        shown = ", ".join(names[:MOST_DESCRIBED]) + (" ..." if len(names) > MOST_DESCRIBED else "")
         if not names:
             return "with all contacts open, "
         return f"while {shown} {'is' if len(names) == 1 else 'are'} closed, "
@@ -164,13 +164,16 @@ def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[
 def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
     """One check of several of the same name; `left_out`: entries that none of them has looked at."""
     first = parts[0]
-    told = [check for check in parts if check.verdict != "nothing"]
-    entries, judged = sum(check.entries for check in told) + left_out, sum(check.judged for check in told)
+    checked = [check for check in parts if check.verdict != "nothing"]
+    entries, judged = (
+        sum(check.entries for check in checked) + left_out,
+        sum(check.judged for check in checked),
+    )
     if not entries:
         return first
-    failing = sorted((location for check in told for location in check.failing), key=_ratio, reverse=True)
+    failing = sorted((location for check in checked for location in check.failing), key=_ratio, reverse=True)
     names = dict.fromkeys(location.name for location in failing)
-    worst = max((check.worst for check in told if check.worst is not None), key=_ratio, default=None)
+    worst = max((check.worst for check in checked if check.worst is not None), key=_ratio, default=None)
     verdict: Verdict = "fail" if names else "not judged" if not judged else "partly judged"
     if not names and judged >= NEARLY_ALL * entries:
         verdict = "pass"
@@ -185,7 +188,7 @@ def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
         judged=judged,
         entries=entries,
         note=note,
-        curve=tuple(sorted(location for check in told for location in check.curve)),
+        curve=tuple(sorted(location for check in checked for location in check.curve)),
     )
 
 

@@ -63,8 +63,8 @@ class Factored:
         t, _, p = inputs
         sizes = shared.sizes(parts, parts.v, parts.h, parts.M)
         status = shared.status(parts, 1 / ca.norm_2(lengths * x), parts.v, sizes)
-        told = ca.Function("outcome", [*parts.inputs, x], [status, sizes.packed])
-        return ca.Function("landing", inputs, [*results, *told(t, results[0], p, found[:, 1])])
+        evaluated = ca.Function("outcome", [*parts.inputs, x], [status, sizes.packed])
+        return ca.Function("landing", inputs, [*results, *evaluated(t, results[0], p, found[:, 1])])
 
     @cached_property
     def projected(self) -> ca.Function:
@@ -100,8 +100,8 @@ class Factored:
         after = ca.Function("after", [*point, f, lam], [x, shared.responded(parts, f, free, x)])
         inputs = [ca.MX.sym("x", each.numel()) for each in (*point, f)]
         found = _solved(before, inputs)
-        moved, told = after(*inputs, found)
-        return ca.Function("response", inputs, [moved, found, told])
+        moved, evaluated = after(*inputs, found)
+        return ca.Function("response", inputs, [moved, found, evaluated])
 
     @cached_property
     def _acceleration(self) -> ca.Function:

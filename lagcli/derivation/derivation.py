@@ -92,8 +92,8 @@ def _derived(built: System, options: Options) -> Derivation:
         written[index][1].extend(lengths)
     elif lengths:
         written.insert(0, ("Lengths", lengths))
-    if said := _constants(system, signs):
-        written.insert(0, ("Values put in", said))
+    if substituted := _constants(system, signs):
+        written.insert(0, ("Values put in", substituted))
     sections = tuple(
         Section(title, tuple(lines if options.everything else _cut(lines)))
         for title, lines in written
@@ -113,8 +113,8 @@ def _about(system: Symbolic) -> str:
         f"{rows} constraint row{'s' * (rows != 1)}",
         f"{contacts} inequalit{'ies' if contacts > 1 else 'y'}" if contacts else "",
     ]
-    said = ", ".join(part for part in counts if part)
-    return f"{said}. (D.n): `lagcli explain D.n` says what each equation is."
+    counted = ", ".join(part for part in counts if part)
+    return f"{counted}. (D.n): `lagcli explain D.n` says what each equation is."
 
 
 def _constants(system: Symbolic, signs: Signs) -> list[Line]:

@@ -41,7 +41,7 @@ MEMBERS, SWITCHES = 16, 32
 class Subject:
     """A thing that jumps, in words, and where it is declared; value: that of the members of these numbers, (1, 1)."""
 
-    told: str
+    description: str
     location: diagnostics.Location
     count: int
     value: Callable[[Integers], ca.SX]
@@ -56,9 +56,9 @@ class Jump:
     word: str
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """It as a clause."""
-        return f"{self.subject.told} jumps there ({PHRASES[self.word]})"
+        return f"{self.subject.description} jumps there ({PHRASES[self.word]})"
 
 
 class Way(Protocol):
@@ -173,16 +173,16 @@ def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJu
 def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
     for force in model.forces:
         if isinstance(force, nouns.Potential) and force.members.count:
-            told = f"the potential `{force.members.base}`"
-            yield Subject(told, force.expression.location, force.members.count, _potential(force, env))
+            description = f"the potential `{force.members.base}`"
+            yield Subject(description, force.expression.location, force.members.count, _potential(force, env))
     if model.lagrangian is not None:
         yield Subject("the Lagrangian", model.lagrangian.location, 1, _lagrangian(model.lagrangian, env))
     first = 0
     for particle in model.particles:
         count = particle.members.count
         if particle.is_dependent and count:
-            told = f"the place of the particle `{particle.members.base}`"
-            yield Subject(told, particle.location, count, _position(first, env))
+            description = f"the place of the particle `{particle.members.base}`"
+            yield Subject(description, particle.location, count, _position(first, env))
         first += count
 
 

@@ -34,9 +34,9 @@ def _of_cuts(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     if not any(named_functions.ANGLES.search(text) for text in named_functions.texts(built.model)):
         return ()
     found: dict[diagnostics.Location, diagnostics.Diagnostic] = {}
-    for i, told in _cut_rows(built):
+    for i, description in _cut_rows(built):
         row = built.rows.rows[i]
-        found.setdefault(row.location, _warning(f"the row `{row.name}` {told}", row.location))
+        found.setdefault(row.location, _warning(f"the row `{row.name}` {description}", row.location))
     for j in _at_cuts(built, ca.densify(built.contacts.g)):
         row = built.contacts.rows[j]
         message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
@@ -116,8 +116,8 @@ def _of_energies(built: System) -> Iterator[diagnostics.Diagnostic]:
     for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
         yield diagnostics.Diagnostic(
             "energy-jump",
-            f"{subject.told} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a run that"
-            " gets there stops",
+            f"{subject.description} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a run"
+            " that gets there stops",
             subject.location,
             ENERGY_HINT,
             "warning",
@@ -128,11 +128,13 @@ def _of_rows(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """One warning for each condition of `inequality` and each holonomic row that is found to jump near the start."""
     found = []
     for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
-        told = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
-        found.append(diagnostics.Diagnostic("condition-jumps", told, row.location, ROW_HINT, "warning"))
+        message = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
+        found.append(diagnostics.Diagnostic("condition-jumps", message, row.location, ROW_HINT, "warning"))
     for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
-        told = f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
-        found.append(diagnostics.Diagnostic("row-jumps", told, row.location, ROW_HINT, "warning"))
+        message = (
+            f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
+        )
+        found.append(diagnostics.Diagnostic("row-jumps", message, row.location, ROW_HINT, "warning"))
     return tuple(found)
 
 

@@ -76,8 +76,8 @@ def lines(columns: int | None = None) -> list[str]:
     found = []
     for code in codes():
         one = _read(code)
-        told = f"{code:{width}}" + ("" if one.severity == "error" else f"({one.severity}) ") + one.meaning
-        whole = [told] if columns is None else textwrap.wrap(told, columns, subsequent_indent=" " * width)
+        line = f"{code:{width}}" + ("" if one.severity == "error" else f"({one.severity}) ") + one.meaning
+        whole = [line] if columns is None else textwrap.wrap(line, columns, subsequent_indent=" " * width)
         found.append("\n".join(whole))
     return found
 

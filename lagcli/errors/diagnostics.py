@@ -28,7 +28,7 @@ class Location:
 
 @frozen_value
 class Diagnostic:
-    """One thing to say: a stable code, a sentence, where, and what may help."""
+    """One message: a stable code, a sentence, where, and what may help."""
 
     code: str
     message: str

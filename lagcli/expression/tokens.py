@@ -85,7 +85,7 @@ def _kind(word: str) -> str:
     """The kind of a word; empty where it has no meaning."""
     if word in _SIGNS:
         return word
-    if word[0] in ".0123456789":  # signs are told before
+    if word[0] in ".0123456789":  # signs are split off before
         return "number"
     if word.isspace():
         return "space"

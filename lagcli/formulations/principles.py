@@ -57,22 +57,24 @@ class Principles:
             return "there is no differential row: the two principles are the same equations"
         if self.agree:
             as_far = "" if self.until is None else f" up to t = {self.until:.9g}, as far as both go"
-            told = f"the two principles agree to {self.digits:.1f} digits{as_far}"
+            sentence = f"the two principles agree to {self.digits:.1f} digits{as_far}"
             if self.nonholonomic:
-                return f"{told}, for this start: {rows} not integrable, and in general they part"
+                return f"{sentence}, for this start: {rows} not integrable, and in general they part"
             if self.undecided:
-                return f"{told}; whether {_listed(self.undecided, 'is', 'are')} integrable is undecided"
-            return f"{told}, as they must: the differential rows are integrable"
-        told = "the two principles part"
+                return f"{sentence}; whether {_listed(self.undecided, 'is', 'are')} integrable is undecided"
+            return f"{sentence}, as they must: the differential rows are integrable"
+        sentence = "the two principles part"
         if self.nonholonomic:
-            told += f", for {rows} not integrable"
+            sentence += f", for {rows} not integrable"
         elif not self.undecided:
-            told += ", though the differential rows are integrable: the error of one of the runs is larger"
+            sentence += (
+                ", though the differential rows are integrable: the error of one of the runs is larger"
+            )
         if self.parting is None:
-            return f"{told}: velocities differ, positions do not within {self.tolerance:g}"
+            return f"{sentence}: velocities differ, positions do not within {self.tolerance:g}"
         where = self.parting
         return (
-            f"{told}: positions differ by more than {self.tolerance:g} of their size from t = {where.t:.9g} on,"
+            f"{sentence}: positions differ by more than {self.tolerance:g} of their size from t = {where.t:.9g} on,"
             f" `{where.column}` by {where.largest:.4g} at t = {where.t_largest:.9g}"
         )
 

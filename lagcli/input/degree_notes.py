@@ -19,7 +19,7 @@ _CALL = re.compile(r"\b(?:sin|cos|tan)\s*\(")
 def notes(root: yaml_tree.Mapping, expressions: Iterable[Expression]) -> Iterator[diagnostics.Diagnostic]:
     """A note for each number beyond a full turn that is an argument, or a term of one, of sin, cos or tan."""
     large = dict(_large(root))
-    told: set[str] = set()
+    noted: set[str] = set()
     for expression in expressions:
         if not _CALL.search(expression.origin.value):
             continue
@@ -30,8 +30,8 @@ def notes(root: yaml_tree.Mapping, expressions: Iterable[Expression]) -> Iterato
                     yield _note(part.text, part.text, shown, expression.origin.locate(part.start, part.end))
                 continue
             name = part.owner if isinstance(part, tree.Index) else part.name
-            if name in large and name not in told:
-                told.add(name)
+            if name in large and name not in noted:
+                noted.add(name)
                 node = large[name]
                 yield _note(f"{name} = {node.value.strip()}", node.value.strip(), shown, node.location)
 

@@ -231,5 +231,5 @@ def article(kind: Kind) -> str:
 
 
 def broken(node: tree.Node) -> ExpressionError:
-    """An error that follows from one already reported; it is not told."""
+    """An error that follows from one already reported; it is not reported."""
     return ExpressionError(BROKEN, "", node.start, node.end)

@@ -137,7 +137,7 @@ class Formulas:
         if count < LARGE:
             return True
         if reading.work < 0:
-            return False  # that has been said
+            return False  # that has been reported
         parts = sum(1 for _ in itertools.islice(tree.walk(found), reading.work // count + 1))
         reading.work -= parts * count
         if reading.work >= 0:

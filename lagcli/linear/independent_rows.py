@@ -1,7 +1,7 @@
 """The dependences among constraint rows: an independent set, and for each other row the rows it follows from.
 
 A row and the independent rows it is a combination of are a dependency: leave out any one of them and the rest are
-independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be told by name.
+independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be reported by name.
 Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 """
 
@@ -29,7 +29,7 @@ WEIGHT = 1e-7
 SHIFT, PIVOT = 1e-13, 1e-10
 # Other rows are taken where their clearance is this many times as large.
 BETTER = 4.0
-# Circuits that are told one by one, and rows of one that are named.
+# Circuits that are reported one by one, and rows of one that are named.
 MOST_LISTED, MOST_NAMED = 6, 20
 
 
@@ -128,8 +128,12 @@ def joined(first: Selection, others: Iterable[Selection]) -> Selection:
 
 def shares(dependencies: Sequence[Sequence[str]]) -> list[str]:
     """The dependencies in words, by the names of their rows."""
-    told = [_share(names) for names in dependencies[:MOST_LISTED]]
-    return [*told, f"and {len(dependencies) - MOST_LISTED} more"] if len(dependencies) > MOST_LISTED else told
+    shares = [_share(names) for names in dependencies[:MOST_LISTED]]
+    return (
+        [*shares, f"and {len(dependencies) - MOST_LISTED} more"]
+        if len(dependencies) > MOST_LISTED
+        else shares
+    )
 
 
 def _share(names: Sequence[str]) -> str:

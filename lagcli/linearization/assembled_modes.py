@@ -69,9 +69,9 @@ def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes
         for z in ((s, s.conjugate()) if s.imag else (s, -s) if some.has_all_growing else (s,))
     ]
     rows = [_normalized(shape) for shape in some.shapes.T]
-    told = f"the lowest {values.size} modes of a model with {some.count} eigenvalues"
+    note = f"the lowest {values.size} modes of a model with {some.count} eigenvalues"
     if some.has_all_growing and not some.is_complete:
-        told += "; some occur more often than they are given"
+        note += "; some occur more often than they are given"
     is_swinging = not values.real.any()
     if not is_swinging:
         rows = [
@@ -88,7 +88,7 @@ def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes
         judged.growth,
         judged.reason,
         some.count,
-        notes=(*notes, told),
+        notes=(*notes, note),
         title=built.model.title,
         units=built.model.units,
     )

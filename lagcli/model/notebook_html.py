@@ -18,9 +18,9 @@ def page(title: str, *parts: str) -> str:
 
 def sentences(texts: Iterable[str]) -> str:
     """A paragraph for each text, of which many are counted."""
-    told = list(texts)
-    shown = told[:MOST_ROWS]
-    more = [f"and {len(told) - len(shown)} others"] if len(told) > len(shown) else []
+    items = list(texts)
+    shown = items[:MOST_ROWS]
+    more = [f"and {len(items) - len(shown)} others"] if len(items) > len(shown) else []
     return "\n".join(f"<p>{_text(text)}</p>" for text in [*shown, *more])
 
 

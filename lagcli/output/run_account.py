@@ -111,7 +111,7 @@ def of(
     from lagcli.start import assembly_moves
 
     chosen, statistics = system.model.simulation, report.statistics
-    extremes, told = report.extremes, statistics.reported
+    extremes, tally = report.extremes, statistics.reported
     return Stats(
         statistics.steps,
         statistics.rejected,
@@ -133,8 +133,8 @@ def of(
         assembly_moves.moves(system.model, assembly) if assembly else None,
         chosen.rtol,
         chosen.atol,
-        told.impacts,
-        told.releases,
-        told.accumulations,
+        tally.impacts,
+        tally.releases,
+        tally.accumulations,
         report.largest_penetration,
     )

@@ -97,8 +97,8 @@ class Trajectory(dict[str, Floats]):
         found = {name: (dimension, values, {"units": units[name]}) for name, values in self.items()}
         coordinates = {"t": found.pop("t")} if "t" in found else {}
         # Files of the library hold no attributes that are objects.
-        told = {"title": self.facts.title, "provenance": json.dumps(self.origin)}
-        return xarray.Dataset(found, coords=coordinates, attrs=told)
+        attributes = {"title": self.facts.title, "provenance": json.dumps(self.origin)}
+        return xarray.Dataset(found, coords=coordinates, attrs=attributes)
 
     @property
     def units(self) -> dict[str, str]:
@@ -143,9 +143,9 @@ class Trajectory(dict[str, Floats]):
     @property
     def facts(self) -> TableFacts:
         """The title, the units and the dimensions of the model, as far as they are known."""
-        told = self.stats.provenance.facts if self.stats.provenance is not None else provenance.NO_FACTS
+        facts = self.stats.provenance.facts if self.stats.provenance is not None else provenance.NO_FACTS
         zeros = self.zeros
-        return dataclasses.replace(told, zeros=zeros or frozenset(), is_judged=zeros is not None)
+        return dataclasses.replace(facts, zeros=zeros or frozenset(), is_judged=zeros is not None)
 
     @property
     def origin(self) -> dict[str, object] | None:

@@ -86,9 +86,9 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], d
         end = PfaffianBlock(names, block.variables, found.flag.integrable, block.parameters, block.surface)
         more = first_integrals.search(end, deadline, budget=SEARCH)
         kept += [one.integral for one in more if basis.takes(one.integral)]
-    told = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
+    solved = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
     unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]
-    return Solution(told, tuple(unsolved[: wanted - len(kept)]))
+    return Solution(solved, tuple(unsolved[: wanted - len(kept)]))
 
 
 def _of_row(

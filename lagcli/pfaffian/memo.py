@@ -1,4 +1,4 @@
-"""Forms and blocks that differ in the names of their coordinates alone: what is found for the first is told of all.
+"""Forms and blocks that differ in the names of their coordinates alone: what is found for the first holds for all.
 
 The members of a family of laws are such forms.
 """
@@ -96,7 +96,7 @@ def _renamed(verdict: FormVerdict, known: Form, form: Form) -> FormVerdict:
 
 
 class JointMemo:
-    """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are told."""
+    """Flags and first integrals of blocks, each kind of them once: those that differ in names alone are renamed."""
 
     def __init__(self) -> None:
         self._numbering = _Numbering()
@@ -149,7 +149,7 @@ class _Renaming:
         )
         values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
         divisors = tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors)
-        told = dataclasses.replace(
+        flag = dataclasses.replace(
             flag,
             integrable=self._table(flag.integrable),
             special=self._each(flag.special),
@@ -158,13 +158,13 @@ class _Renaming:
                 dataclasses.replace(one, factors=self._each(one.factors)) for one in flag.conditions
             ),
         )
-        return Flagged(moved, values, told)
+        return Flagged(moved, values, flag)
 
     def solution(self, found: Solution) -> Solution:
-        told = (
+        integrals = (
             JointIntegral(one.phi.xreplace(self._symbols), self._names(one.rows)) for one in found.integrals
         )
-        return Solution(tuple(told), self._each(found.unsolved))
+        return Solution(tuple(integrals), self._each(found.unsolved))
 
     def _names(self, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(self._rows[name] for name in names)

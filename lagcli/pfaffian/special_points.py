@@ -131,7 +131,7 @@ def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
     return list(found)
 
 
-def told(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> list[str]:
+def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> list[str]:
     """Equations as texts, and on which side of the kinks of |u| a point lies."""
     kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
     found = [f"{notation.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]

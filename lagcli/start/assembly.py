@@ -106,7 +106,7 @@ def configuration(system: System, numeric: NumericSystem, state: State) -> State
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:
     """Raise `diagnostics.ModelError` naming every row the start violates.
 
-    Where no start can satisfy the rows that is what is told.
+    Where no start can satisfy the rows that is what is reported.
     """
     report = initial.inconsistencies(system, found)
     if not report:

@@ -54,7 +54,7 @@ class ConfigurationResult:
         return self.best.is_on
 
     @property
-    def told(self) -> str:
+    def attempts_text(self) -> str:
         """The attempts, in words."""
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         more = f", and IPOPT from {self.by_optimization}" if self.by_optimization else ""

@@ -94,7 +94,7 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
     free = Search(system, search.numeric, search.state, np.zeros_like(search.fixed))
     if search.fixed.any() and free.reach(rows, (search.state.q,)).is_on:
         message = (
-            f"with the coordinates that `keep` holds, no configuration satisfies {names}: by {found.told}"
+            f"with the coordinates that `keep` holds, no configuration satisfies {names}: by {found.attempts_text}"
             f" {remains}"
         )
         hint = "let `keep` hold fewer coordinates, or give them other values"
@@ -104,7 +104,7 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
         return diagnostics.Diagnostic("contradictory-constraints", message, location)
     message = f"no configuration near the start was found in which {names} "
     message += "holds" if len(rows) == 1 else "hold together"
-    message += f": by {found.told} {remains}"
+    message += f": by {found.attempts_text} {remains}"
     hint = "the constraints may contradict each other, or the start may be too far away"
     return diagnostics.Diagnostic("no-consistent-start", message, location, hint)
 

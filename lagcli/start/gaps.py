@@ -56,9 +56,9 @@ class Gaps:
     @property
     def sides(self) -> tuple[Side, ...]:
         """For each constraint on which side of it the state is."""
-        return tuple("violated" if low else "open" if high else "closed" for low, high in self._told())
+        return tuple("violated" if low else "open" if high else "closed" for low, high in self._sides())
 
-    def _told(self) -> list[tuple[bool, bool]]:
+    def _sides(self) -> list[tuple[bool, bool]]:
         return list(zip((self.g < -self.limit).tolist(), (self.g > self.limit).tolist(), strict=True))
 
     @property
@@ -233,10 +233,10 @@ def _most_pulling(search: Search, active: list[int], q: Floats) -> int | None:
 def _none_found(search: Search, found: Gaps, active: list[int]) -> diagnostics.ModelError:
     """The error where no allowed configuration was found: a condition that is violated still, or one of those held."""
     rows = search.system.contacts.rows
-    told = [rows[j] for j in (found.violated or active)][:3]
-    names = ", ".join(f"`{row.name}`" for row in told)
+    named = [rows[j] for j in (found.violated or active)][:3]
+    names = ", ".join(f"`{row.name}`" for row in named)
     message = f"no configuration on the allowed side of {names} was found near the start"
     hint = "a conclusion of a search, not a proof: start nearer to where the conditions hold"
     return diagnostics.ModelError(
-        [diagnostics.Diagnostic("no-consistent-start", message, told[0].location, hint)]
+        [diagnostics.Diagnostic("no-consistent-start", message, named[0].location, hint)]
     )

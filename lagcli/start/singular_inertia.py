@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 # (`test_a_coordinate_belongs_to_a_motion_from_a_millionth` fails at 1e-7 and 1e-5).
 MOST_NAMED, SEEN = 4, 1e-6
 
-# The part of an inertia at the start below which it is told that it has fallen
+# The part of an inertia at the start below which it is reported that it has fallen
 # (`test_an_inertia_has_fallen_below_a_thousandth` fails at 1e-4 and 1e-2), and the most coordinates of which it is
 # asked: it takes eigenvalues.
 FALLEN, MOST_ASKED = 1e-3, 300

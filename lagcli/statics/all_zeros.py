@@ -56,7 +56,7 @@ class Completeness:
 
 
 def complete(search: PointSearch) -> Completeness:
-    """Add the points that a search has missed to it, and tell whether all are known."""
+    """Add the points that a search has missed to it, and return whether all are known."""
     problem = search.problem
     if len(problem.times) > 1:
         return Completeness(False, "the equations hold t")

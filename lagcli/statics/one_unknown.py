@@ -131,7 +131,7 @@ def _bounds(name: str, given: list[iv.mpf]) -> iv.mpf:
 
 
 def complete(search: PointSearch, is_angle: bool) -> Completeness:
-    """Add the points that a search has missed to it, and tell whether all are known."""
+    """Add the points that a search has missed to it, and return whether all are known."""
     problem = search.problem
     if len(problem.times) > 1:
         return Completeness(False, "the equations hold t")
@@ -204,13 +204,13 @@ def _whole(force: _Force, search: PointSearch, is_angle: bool) -> tuple[float, f
 def _has_no_zero(force: _Force, end: float, tail: iv.mpf) -> bool:
     """True if the force has one sign beyond an end: by its bounds, or as it grows away from zero there."""
     value, slope = force(tail)
-    if _is_told(value):
+    if _is_determined(value):
         return True
     at_end = force(iv.mpf(end))[0]
-    if not _is_told(at_end) or not _is_told(slope):
+    if not _is_determined(at_end) or not _is_determined(slope):
         return False
     return bool((slope.a > 0) == ((at_end.a > 0) == (end > 0)))
 
 
-def _is_told(value: iv.mpf) -> bool:
+def _is_determined(value: iv.mpf) -> bool:
     return bool(value.a == value.a and value.b == value.b and 0 not in value)

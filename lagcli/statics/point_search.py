@@ -54,7 +54,7 @@ class SearchParameters:
     """The same of degenerate ones, that Newton's steps find to the root of rounding alone.
     `test_points_that_are_one_are_kept_once` fails at 3e-5 and 0.003."""
     rounding: float = 1e-15
-    """The least part of a coordinate, or of the force, that is told.
+    """The least part of a coordinate, or of the force, that is reported.
     `test_a_coordinate_that_rounding_moves_is_told_as_zero` fails at 1e-16 and 1e-14."""
     spread: tuple[float, ...] = (0.3, 1.0, 2.5)
     """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond.

@@ -34,8 +34,8 @@ class DependenceParameters:
     damped: int = 80
     """Damped steps of each. `test_such_places_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
     800."""
-    most_told: int = 4
-    """Points that a note names; of more it tells the number. `test_a_note_names_four_such_places` fails at 0
+    most_named: int = 4
+    """Points that a note names; of more it gives the number. `test_a_note_names_four_such_places` fails at 0
     and 40."""
     zero: float = 1e-10
     """The residual of a point, of rows of length one. `test_such_a_place_has_no_residual` fails at 1e-11 and
@@ -115,14 +115,14 @@ def _independent(problem: StaticProblem, length: float, random: np.random.Genera
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     """Sentences on such points; `value`: the function that is asked for."""
-    told = []
+    notes = []
     found = singular_points(search)
-    for q in found[: PARAMETERS.most_told]:
+    for q in found[: PARAMETERS.most_named]:
         where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
-        told.append(
+        notes.append(
             f"at {where} the gradients of the rows depend on each other: the multiplier rule need not hold there, and"
             f" it may be an extreme without lambda ({value} = {search.problem.value(q):.9g})"
         )
-    if len(found) > PARAMETERS.most_told:
-        told.append("there are more such places")
-    return told
+    if len(found) > PARAMETERS.most_named:
+        notes.append("there are more such places")
+    return notes

@@ -74,8 +74,8 @@ class StaticReport:
 
     def __repr__(self) -> str:
         kinds = ", ".join(dict.fromkeys(str(point.type) for point in self.points))
-        said = ", complete" if self.complete else ""
-        return f"<StaticReport of {len(self.points)} points{': ' + kinds if kinds else ''}{said}>"
+        completeness = ", complete" if self.complete else ""
+        return f"<StaticReport of {len(self.points)} points{': ' + kinds if kinds else ''}{completeness}>"
 
     def _repr_html_(self) -> str:
         names = list(self.points[0].at) if self.points else []

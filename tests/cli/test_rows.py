@@ -470,8 +470,8 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
         "    os.kill(os.getpid(), number)\n"
         "    time.sleep(1)\n"  # whichever thread is given it, the main one hears of it by then
         "if when == 'told':\n"
-        "    tell = simulate_command._tell_account\n"
-        "    simulate_command._tell_account = lambda *a: (tell(*a), then(signal.SIGTERM))\n"
+        "    tell = simulate_command._print_account\n"
+        "    simulate_command._print_account = lambda *a: (tell(*a), then(signal.SIGTERM))\n"
         "else:\n"
         "    release = interrupts.release\n"
         "    interrupts.release = lambda: (release(), then(signal.SIGTERM))\n"
@@ -490,7 +490,7 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
 @posix
 def test_waiting_is_told_once_and_a_pipe_is_given_up(monkeypatch, capfd):
     monkeypatch.setattr(interrupts, "_raised", [])
-    monkeypatch.setattr(interrupts, "_told", [])
+    monkeypatch.setattr(interrupts, "_printed", [])
     monkeypatch.setattr(sys, "stderr", sys.__stderr__)
 
     def file():

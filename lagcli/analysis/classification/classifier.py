@@ -1,4 +1,4 @@
-"""Coupled rows -> their verdicts, alone and together, told in the notation of the model.
+"""Coupled rows -> their verdicts, alone and together, written in the notation of the model.
 
 Exact algebra decides where it can. Where it cannot, the flag is taken from numbers on the surface.
 """
@@ -34,7 +34,7 @@ from lagcli.start import initial
 PROMPT, PATIENT = 25_000, 80_000
 # More holonomic rows than these are not treated exactly.
 MOST_ROWS = 40
-# Longer expressions are not told as points where the flag is another.
+# Longer expressions are not reported as points where the flag is another.
 SHORT = 60
 EXCEPTIONAL = (
     "the verdict is that for these values of the parameters: for nearly all others it would be another"
@@ -73,7 +73,7 @@ class Classifier:
             assert numbers is not None
             together = self._numeric(names, numbers, single, solved)
             if block is not None and self._is_local(block, flagged, numbers):
-                together = self._locality.told(together, block, flagged, numbers, single)
+                together = self._locality.with_passing(together, block, flagged, numbers, single)
             elif block is not None and numbers.is_certain:
                 together = self._locality.without_idle(together, block, numbers)
         if block is not declared:
@@ -189,8 +189,8 @@ class Classifier:
                 for one in solved.integrals
             )
             unsolved = tuple(notation.written(form) for form in solved.unsolved)
-        told = {notation.written(e): self._is_at_start(e) for e in found.special}
-        special = {text: at for text, at in told.items() if len(text) <= SHORT}
+        at_start = {notation.written(e): self._is_at_start(e) for e in found.special}
+        special = {text: at for text, at in at_start.items() if len(text) <= SHORT}
         remarks = [f"special where {text} = 0: there the derived flag is different" for text in special]
         if found.exceptional:
             values = " or ".join(f"{notation.written(e)} = 0" for e in found.exceptional)
@@ -230,8 +230,8 @@ class Classifier:
         except time_limit.NO_ANSWER:
             return ()
         values = self._translation.values
-        told = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
-        return told if len(told) == wanted else ()
+        written = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
+        return written if len(written) == wanted else ()
 
     def _is_at_start(self, expression: Expression) -> bool:
         begin = self._case.begin

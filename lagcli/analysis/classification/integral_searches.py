@@ -101,14 +101,14 @@ def _notes(found: Classification) -> tuple[str, ...]:
         elif len(group.integrals) + len(group.passing) < group.flag[-1]:
             # Where no row alone lies in the integrable part a combination of them does.
             unknown += [row for row in group.rows if row in group.inside] or group.rows
-    told = []
+    unknown_parts = []
     if unknown:
-        told.append(f"not all integrals of {_named(unknown)} were found")
+        unknown_parts.append(f"not all integrals of {_named(unknown)} were found")
     if undecided:
-        told.append(f"it is undecided whether {_named(undecided)} can be integrated")
+        unknown_parts.append(f"it is undecided whether {_named(undecided)} can be integrated")
     return tuple(
         f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
-        for what in told
+        for what in unknown_parts
     )
 
 

@@ -70,7 +70,7 @@ class Locality:
         lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
         return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | idle)
 
-    def told(
+    def with_passing(
         self,
         together: JointVerdict,
         block: PfaffianBlock,
@@ -86,15 +86,17 @@ class Locality:
         where, passing = self._set(block, candidates, numbers, of_rows)
         lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
         known = {one.text for one in lasting}
-        told = [translate.first_integral(one.phi, one.rows, self._translation.values) for one in passing]
+        written_integrals = [
+            translate.first_integral(one.phi, one.rows, self._translation.values) for one in passing
+        ]
         note = "verdicts and count hold for the motions from the start"
-        names = special_points.told(block, where or candidates[0], points[0])
+        names = special_points.sentences(block, where or candidates[0], points[0])
         if names:
             note += f", which keep to {', '.join(names[:MOST_LISTED])}"
         return dataclasses.replace(
             together,
             integrals=lasting,
-            passing=tuple(one for one in told if one.text not in known),
+            passing=tuple(one for one in written_integrals if one.text not in known),
             notes=(f"{note}; on another sheet, set or side of a kink they are different", *together.notes),
             vanishing=together.vanishing | idle,
         )

@@ -250,10 +250,10 @@ def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Cod
 def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
     """The trouble with the gradients of rows where they are looked at."""
     alone, others = [i for i in rows if i in flat], [i for i in rows if i not in flat]
-    told = []
+    sentences = []
     if alone:
         what = "the gradient of {} vanishes" if len(alone) == 1 else "the gradients of {} vanish"
-        told.append(what.format(initial.names_of(system, alone)) + " at the start")
+        sentences.append(what.format(initial.names_of(system, alone)) + " at the start")
     if others:
-        told.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
-    return ", and ".join(told)
+        sentences.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
+    return ", and ".join(sentences)

@@ -5,7 +5,7 @@ be integrated on the surface: omega lies in the integrable part I^(oo) of the ro
 all brackets (Frobenius; the flag is that of E. Cartan). Only values omega(bracket) in R^m are needed, and random
 brackets span what all of them span. Their rank at one point is a proof that a combination does not stay; that a
 value is zero is seen at a generic point in 60 digits, the surface being met to as many, and the largest value
-that counted as zero is told.
+that counted as zero is reported.
 
 `flag_search` asks `flag_points` for a generic `evaluation_point`, `bracket_values` for random brackets there and their
 growth; `precise_brackets` are those in many digits (`multiprecision`), a `span` tells which of them are new, and

@@ -159,7 +159,7 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
     """The flag by brackets."""
     point = given.point
     grown = bracket_values.grown(given) if point.dimension > 1 else Growth(given.span())
-    told = dataclasses.replace(
+    result = dataclasses.replace(
         known,
         growth=grown.ranks,
         inside=tuple(not grown.span.touches(w) for w in _weights(point, given.exact)),
@@ -168,19 +168,19 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         error=float(grown.span.error),
         least=float(grown.span.least),
     )
-    if point.dimension > 1 and not told.special:
+    if point.dimension > 1 and not result.special:
         there = _at_start(start, grown, given)
-        told = dataclasses.replace(told, special=None if there is None else there.ranks != grown.ranks)
-        if there is not None and not told.special:
-            told = dataclasses.replace(told, combinations=_staying(there.span, start))
+        result = dataclasses.replace(result, special=None if there is None else there.ranks != grown.ranks)
+        if there is not None and not result.special:
+            result = dataclasses.replace(result, combinations=_staying(there.span, start))
     try:
         extra, span = bracket_values.derived(given, grown)
     except undecided.AmbiguousRank:
         raise
     except undecided.Undecided as why:
-        return dataclasses.replace(told, is_certain=False, reason=str(why))
-    error, least = max(told.error, float(span.error)), min(told.least, float(span.least))
-    return dataclasses.replace(told, extra=extra, error=error, least=least)
+        return dataclasses.replace(result, is_certain=False, reason=str(why))
+    error, least = max(result.error, float(span.error)), min(result.least, float(span.least))
+    return dataclasses.replace(result, extra=extra, error=error, least=least)
 
 
 def _require_one_branch(point: EvaluationPoint, start: EvaluationPoint) -> None:

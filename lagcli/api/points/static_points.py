@@ -72,8 +72,8 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None
-    told = tuple(dict.fromkeys(notes))
-    return StaticReport(asked.called, tuple(points), search.starts, whole.proved, told, best)
+    distinct = tuple(dict.fromkeys(notes))
+    return StaticReport(asked.called, tuple(points), search.starts, whole.proved, distinct, best)
 
 
 def _point(

@@ -35,7 +35,8 @@ def prepare(
 
     limit: seconds to find first integrals; digits: with columns of errors; may_be_over: a run whose rows were all
     handed out before is no error. Raises as `start` and `resume`, `OSError`, and `ValueError` for a limit that is
-    none and for digits of a run that is resumed; what is wrong with the checkpoint is told with the name of the file.
+    none and for digits of a run that is resumed; what is wrong with the checkpoint is reported with the name of the
+    file.
     """
     seconds = run_settings.seconds(limit)
     if resume_from is None:

@@ -27,13 +27,13 @@ IN_A_SWING, MOST_ROWS = 16, 400_000
 @dataclasses.dataclass(frozen=True, slots=True)
 class LimitPlan:
     """A limit that is asked for: the name of the row, the stiffnesses, the kind of start, and whether k rises in one
-    run; `told` takes sentences on what is about to take long."""
+    run; `report` takes sentences on what is about to take long."""
 
     constraint: str
     stiffness: tuple[float, ...]
     unprestressed: bool
     is_ramp: bool
-    told: Callable[[str], None]
+    report: Callable[[str], None]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

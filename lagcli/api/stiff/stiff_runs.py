@@ -55,8 +55,8 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
         found = runs.ramp(kind) if plan.is_ramp else runs.ladder(kind)
     except run_stop.RunStop as stop:
         t, multiplier = constrained.at(1)
-        said = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
-        found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "mean_error", stopped=said)
+        reason = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
+        found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "mean_error", stopped=reason)
     return dataclasses.replace(found, notes=(*notes, *found.notes))
 
 
@@ -82,7 +82,7 @@ class _StiffRuns:
             if ended := self._foreseen(rungs, k):
                 break
             if k == plan.stiffness[-1]:
-                plan.told(self._forecast(k, paced))
+                plan.report(self._forecast(k, paced))
             try:
                 followed = self._follow(Stiffness(k))
             except stiff_start.NoSlowStartError:
@@ -99,7 +99,7 @@ class _StiffRuns:
             if ended:
                 break
         t, multiplier = constrained.at(1)
-        said = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
+        reason = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
         errors = [one.mean_error if plan.unprestressed else one.max_error for one in rungs]
         known = [error for error in errors if error is not None]
         rate = (
@@ -107,7 +107,7 @@ class _StiffRuns:
         )
         return StiffLimit(
             constrained.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
-            steps=sum(one.steps or 0 for one in rungs), notes=(said,) if soft else (), stopped=stopped,
+            steps=sum(one.steps or 0 for one in rungs), notes=(reason,) if soft else (), stopped=stopped,
         )  # fmt: skip
 
     def ramp(self, kind: str) -> StiffLimit:
@@ -116,7 +116,7 @@ class _StiffRuns:
         low, high = plan.stiffness[0], plan.stiffness[-1]
         seconds = constrained.settings.duration
         k = Stiffness(low, math.log(high / low) / seconds, constrained.start.t)
-        plan.told(self._forecast_of_ramp(k, seconds))
+        plan.report(self._forecast_of_ramp(k, seconds))
         followed = self._follow(k)
         refined = self._refined(high)
         t, multiplier = constrained.at(refined)

@@ -146,7 +146,7 @@ def _listed(model: Model, label: str, written: str) -> Floats:
     try:
         node = parser.parse(written)
     except ExpressionError:
-        node = tree.Node(0, len(written))  # what is wrong is told, located, where its value is asked for
+        node = tree.Node(0, len(written))  # what is wrong is reported, located, where its value is asked for
     items = node.components if isinstance(node, tree.Vector) else (node,)
     if any(isinstance(item, tree.Vector) for item in items):
         raise BadPoints(f"{label}={written}: a point is made of numbers; set the components one by one")

@@ -117,8 +117,8 @@ class PointRunner:
             return PointRow(number, point, nothing, STOPPED, _cut(stop.stop.reason), kept.t_end)
         except progress.OverTime:
             where = "before its first row" if math.isnan(kept.t_end) else f"at t = {kept.t_end:.9g}"
-            told = f"it takes longer than {most:g} s and was ended {where}"
-            return PointRow(number, point, nothing, STOPPED, told, kept.t_end)
+            reason = f"it takes longer than {most:g} s and was ended {where}"
+            return PointRow(number, point, nothing, STOPPED, reason, kept.t_end)
         numbers = tuple(found if math.isfinite(found) else math.nan for found in results)
         infinite = [one.name for one, x in zip(self.task.reductions, results, strict=True) if math.isinf(x)]
         message = f"`{infinite[0]}` is infinite" if infinite else ""

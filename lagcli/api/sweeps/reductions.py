@@ -128,7 +128,7 @@ def _evaluated(
     node, at = _tree(text, frozenset(rows))
     algebra = _RowAlgebra(text, {start: rows[name] for start, name in at.items()}, t, parameters)
     algebra.known = tuple(rows)
-    with np.errstate(all="ignore"):  # a value that is not finite is told as such
+    with np.errstate(all="ignore"):  # a value that is not finite is reported as such
         return node, evaluate.scalar(node, algebra, REDUCERS)
 
 

@@ -137,6 +137,6 @@ def missed(e: Evidence) -> list[Check]:
             (closes, incidents.t[own & (kinds == "contact")]),
         ):
             one, other = before[changes], after[changes]
-            told = np.searchsorted(times, t[other], "right") > np.searchsorted(times, t[one], "left")
-            found[other[~told], j] = 1.0
+            recorded = np.searchsorted(times, t[other], "right") > np.searchsorted(times, t[one], "left")
+            found[other[~recorded], j] = 1.0
     return [judge(MISSED, e.laws.contacts, t, found, np.full((1, 1), 0.5))]

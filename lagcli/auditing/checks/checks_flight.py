@@ -35,7 +35,7 @@ LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a fli
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Flights:
     """P flights: states at their beginning and end, contacts that rest meanwhile (P, K), whether these are the same at
-    both ends, and whether it has rebounds that are no longer told, (P,)."""
+    both ends, and whether it has rebounds that are no longer recorded, (P,)."""
 
     begin: Record
     end: Record

@@ -92,8 +92,8 @@ class ImpactEvidence:
         g, limit = self._gaps
         incidents = self.incidents
         named = np.zeros(g.shape, dtype=bool)
-        told = np.flatnonzero(incidents.cuts)
-        named[told, incidents.contact[told]] = True
+        marked = np.flatnonzero(incidents.cuts)
+        named[marked, incidents.contact[marked]] = True
         acts = named | (np.abs(incidents.impulses[:, self.contacts]) > self.impulse_limit)
         residual = np.where(acts, g, np.minimum(g, 0.0))
         return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
@@ -101,7 +101,7 @@ class ImpactEvidence:
     @cached_property
     def untold_rebounds(self) -> tuple[tuple[int, float, float], ...]:
         """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
-        release before, from which they are no longer told, and that of the accumulation."""
+        release before, from which they are no longer recorded, and that of the accumulation."""
         incidents, found = self.incidents, []
         kinds = np.array(incidents.kinds, dtype=np.str_)
         for k in np.flatnonzero(kinds == "accumulation").tolist():
@@ -113,7 +113,7 @@ class ImpactEvidence:
 
     @property
     def _ends_rebounds(self) -> Array:
-        """True for contacts while they have rebounds that are no longer told, with both ends of that, (E, K)."""
+        """True for contacts while they have rebounds that are no longer recorded, with both ends of that, (E, K)."""
         t = self.incidents.t
         found = np.zeros((len(t), len(self.laws.contacts)), dtype=bool)
         for j, begin, end in self.untold_rebounds:
@@ -121,8 +121,8 @@ class ImpactEvidence:
         return found
 
     def _are_struck_soon(self, most: Array, rates: Array) -> Array:
-        """True for contacts that approach at rates (E, K) and of which an impact or a contact is told as soon as they
-        come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
+        """True for contacts that approach at rates (E, K) and of which an impact or a contact is recorded as soon as
+        they come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
         incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
         closing = np.array([kind in ("impact", "contact") for kind in incidents.kinds], dtype=bool)
         for j in range(rates.shape[1]):
@@ -259,8 +259,8 @@ def _is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence)
         return False
     moves: Array = np.asarray((values.b != 0).any(axis=0))
     rests: Array = np.asarray(states.is_closed.any(axis=0))
-    told = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
-    rests[[j for kind, j in told if kind in CHANGING - {"impact"}]] = True
+    reported = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
+    rests[[j for kind, j in reported if kind in CHANGING - {"impact"}]] = True
     works = np.concatenate([moves[impact.rows], moves[impact.contacts] & rests])
     return not works.any()
 

@@ -129,8 +129,8 @@ def momenta(e: Evidence) -> list[Check]:
     if e.is_fast.any():
         decided &= ~(np.abs(apart) > limit)
     check = judge(MOMENTA, names, r.t, apart, limit, decided)
-    told = [] if e.is_part else words
-    return [dataclasses.replace(check, note="; ".join([*([check.note] if check.note else []), *told]))]
+    notes = [] if e.is_part else words
+    return [dataclasses.replace(check, note="; ".join([*([check.note] if check.note else []), *notes]))]
 
 
 def _word(name: str, J: Array, by_rows: Array, by_forces: Array, size: float) -> str:

@@ -97,7 +97,7 @@ def run(options: AnimateOptions, given: AnimatedRun) -> None:
         target = atomic_file.partial_of(target)
     write(target, scene)
     if not options.quiet:
-        tell(target, scene)
+        print_report(target, scene)
     if stopped is not None:
         if target is not None:
             exits.print_err(f"lagcli: what there is of the run is in {target}")
@@ -105,7 +105,7 @@ def run(options: AnimateOptions, given: AnimatedRun) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def tell(target: pathlib.Path | None, scene: Scene) -> None:
+def print_report(target: pathlib.Path | None, scene: Scene) -> None:
     """The account of what was written."""
     exits.print_err_all(f"note: {note}" for note in scene.notes)
     if target is not None:

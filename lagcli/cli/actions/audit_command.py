@@ -1,4 +1,4 @@
-"""`lagcli audit`: a second opinion on a run, told, drawn, or as JSON."""
+"""`lagcli audit`: a second opinion on a run, printed, drawn, or as JSON."""
 
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ class AuditedRun(TypedDict):
 
 
 def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
-    """Audit and tell. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before its end."""
+    """Audit and print the report. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before
+    its end."""
     found = _audited(model, given, options)
     if options.plot is not None:
         with write_guard.drawing(options.plot):
@@ -84,7 +85,7 @@ def run(model: Model, given: AuditedRun, options: AuditOptions) -> None:
     if options.as_json:
         print(json_text.text(found.as_json()))
     else:
-        _tell(found, options)
+        _print_report(found, options)
     if not options.quiet:
         exits.print_err_all(f"note: {note}" for note in found.notes)
     if not found.passed:
@@ -123,9 +124,9 @@ def _events(options: AuditOptions) -> IncidentTable | None:
         raise exits.UsageError(f"--events: {error}") from None
 
 
-def _tell(found: Audit, options: AuditOptions) -> None:
-    """The report: a table of checks, what fails by name, and what the rows say about uniqueness."""
-    name, told = labels.shortened(found.title or found.path, labels.TITLE), audit_lines.of(found)
+def _print_report(found: Audit, options: AuditOptions) -> None:
+    """The report: a table of checks, what fails by name, and what the rows determine uniquely."""
+    name, report = labels.shortened(found.title or found.path, labels.TITLE), audit_lines.of(found)
     console.paragraph(
         f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",
@@ -134,17 +135,17 @@ def _tell(found: Audit, options: AuditOptions) -> None:
     print(
         "\n"
         + "\n".join(
-            diagnostics.printable(line) for line in _table_of(found.checks, told.rows, options.verbose)
+            diagnostics.printable(line) for line in _table_of(found.checks, report.rows, options.verbose)
         )
         + "\n"
     )
-    for head, faults, others in told.failures:
+    for head, faults, others in report.failures:
         console.paragraph(head, "  ")
         for fault in faults:
             console.paragraph(f"  {fault}", "    ")
         if others:
             print(f"  and {others} others")
-    for sentence in told.sentences:
+    for sentence in report.sentences:
         console.paragraph(sentence, "")
 
 
@@ -159,15 +160,15 @@ def _table_of(checks: tuple[Check, ...], lines: list[tuple[str, ...]], verbose: 
         widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
         room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
         widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
-    told = []
+    table_lines = []
     for number, line in enumerate(lines):
         last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
         cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
-        told.append("  ".join([*cells, last[0]]).rstrip())
-        told += [" " * (sum(widths[:-1]) + 2 * len(widths[:-1])) + part for part in last[1:]]
+        table_lines.append("  ".join([*cells, last[0]]).rstrip())
+        table_lines += [" " * (sum(widths[:-1]) + 2 * len(widths[:-1])) + part for part in last[1:]]
         if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
             for part in checks[number - 1].note.split("; "):
-                told += textwrap.wrap(
+                table_lines += textwrap.wrap(
                     part, console.width(), initial_indent="    ", subsequent_indent="      "
                 )
-    return told
+    return table_lines

@@ -39,12 +39,12 @@ def run(models: list[str], changes: list[str] | None, options: CheckOptions) -> 
         codes.append(exits.INVALID if options.strict and warned else exits.DONE)
         if not options.as_json:
             check_text.report(report, heading=len(models) > 1)
-            told = report.initial.assembled.lines(read.units) if report.initial.assembled else ()
+            lines = report.initial.assembled.lines(read.units) if report.initial.assembled else ()
             exits.print_err_all(
-                () if options.quiet else (*told, *(warning.render() for warning in report.warnings))
+                () if options.quiet else (*lines, *(warning.render() for warning in report.warnings))
             )
         if shown is not None:
-            codes.append(shown.tell(options.as_json))
+            codes.append(shown.print_report(options.as_json))
         if options.verbose:
             exits.print_err(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if options.as_json:

@@ -31,7 +31,7 @@ class CompareOptions:
 
 
 def run(model: Model, other: Model | None, settings: RepeatedRuns, options: CompareOptions) -> None:
-    """Compare and tell. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
+    """Compare and print the result. Raises `exits.UsageError`, `exits.Exit` where they disagree or a run stopped."""
     try:
         found = compare.compare(
             model,
@@ -51,7 +51,7 @@ def run(model: Model, other: Model | None, settings: RepeatedRuns, options: Comp
         if found.principles is not None:
             exits.print_err(found.principles.sentence)
     else:
-        _tell(found)
+        _print_report(found)
     if not options.quiet:
         exits.print_err_all(f"note: {note}" for note in found.notes)
     if found.agree is False:
@@ -61,7 +61,7 @@ def run(model: Model, other: Model | None, settings: RepeatedRuns, options: Comp
         raise exits.Exit(exits.STOPPED)
 
 
-def _tell(found: Comparison) -> None:
+def _print_report(found: Comparison) -> None:
     several = len({one.path for one in found.formulations}) > 1
     shown = [kind for kind in KINDS if any(kind in each for each in found.agreements)]
     headers = [*(["model"] if several else []), "formulation", "dof", "rows", "steps", "seconds"]

@@ -19,7 +19,8 @@ METRICS = {
 
 
 def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bool) -> None:
-    """Run to the time and tell. Raises `exits.UsageError`, `exits.Exit` where the motion does not get there."""
+    """Run to the time and print the displacements. Raises `exits.UsageError`, `exits.Exit` where the motion does not
+    get there."""
     try:
         found = find_displacements.displacements(model, at, assemble=True if assemble else None)
     except ValueError as error:
@@ -30,7 +31,7 @@ def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bo
     if as_json:
         print(json_text.text(found.as_json()))
     else:
-        _tell(found)
+        _print_report(found)
     if quiet:
         return
     exits.print_err_all(found.assembled.lines(model.units) if found.assembled else ())
@@ -39,7 +40,7 @@ def run(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bo
         exits.print_err("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
 
 
-def _tell(found: Displacements) -> None:
+def _print_report(found: Displacements) -> None:
     bases, parts = found.bases, found.components
     n = len(parts.names)
     label = "3N" if n == 3 * len(found.particles) else "n"

@@ -10,9 +10,9 @@ from lagcli.model.model import Model
 
 
 def run(model: Model, options: PointOptions) -> None:
-    """Find the points of rest and tell them. Raises `exits.UsageError`, `exits.Exit`."""
+    """Find the points of rest and print them. Raises `exits.UsageError`, `exits.Exit`."""
     try:
         found = equilibrium.equilibrium(model, starts=options.starts, seed=options.seed, limit=options.limit)
     except ValueError as error:
         raise exits.UsageError(f"--{error}") from None
-    static_points_command.tell(model, found, options)
+    static_points_command.print_report(model, found, options)

@@ -41,7 +41,7 @@ class LimitOptions:
 
 
 def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
-    """Make the runs and tell. Raises `exits.UsageError`, `exits.Exit` where a run stopped."""
+    """Make the runs and print the result. Raises `exits.UsageError`, `exits.Exit` where a run stopped."""
     try:
         found = limit.limit(
             model,
@@ -58,7 +58,7 @@ def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
     if options.as_json:
         print(json_text.text(found.as_json()))
     elif options.output != "-":
-        _tell(found)
+        _print_report(found)
     if not options.quiet:
         exits.print_err_all(f"note: {note}" for note in found.notes)
         if found.ended:
@@ -68,7 +68,7 @@ def run(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _tell(found: StiffLimit) -> None:
+def _print_report(found: StiffLimit) -> None:
     rows = [
         [
             f"{one.stiffness:.6g}",
@@ -103,11 +103,11 @@ def sentence(found: StiffLimit) -> str:
     if found.rate is None and last.max_error <= last.uncertainty:
         return f"{name}, started {start}, is lambda as far as tolerance and rounding tell: to {last.max_error:.2g}"
     if found.rate is None:
-        told = "no rate can be fitted"
+        rate = "no rate can be fitted"
     else:
         doubt = "" if found.rate.error is None else f" ± {found.rate.error:.2g}"
-        told = f"its {what} goes as k^({found.rate.slope:.4f}{doubt})"
-    return f"{name}, started {start}, against lambda: {told}"
+        rate = f"its {what} goes as k^({found.rate.slope:.4f}{doubt})"
+    return f"{name}, started {start}, against lambda: {rate}"
 
 
 def _write(model: Model, found: StiffLimit, options: LimitOptions) -> None:

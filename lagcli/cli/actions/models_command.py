@@ -61,10 +61,10 @@ def copied(model: GalleryModel, output: str, with_schema: bool, force: bool, qui
         output = os.path.join(output, f"{model.name}.yaml")
     head = f"{format_schema.EDITOR_LINE}\n" if with_schema else ""
     is_new = new_files.write(output, head + model.text(), force=force)
-    told = [f"wrote {output}" if is_new else f"{output} is this model already"]
+    messages = [f"wrote {output}" if is_new else f"{output} is this model already"]
     if with_schema:
-        told.append(new_files.schema_beside(output))
-    exits.print_err_all(() if quiet else filter(None, told))
+        messages.append(new_files.schema_beside(output))
+    exits.print_err_all(() if quiet else filter(None, messages))
 
 
 def _models() -> tuple[GalleryModel, ...]:

@@ -17,7 +17,7 @@ from lagcli.output.files import file_requests, formats, json_text, write_guard
 from lagcli.output.trajectory import SimulationStopped
 
 MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
-STATE_ROUNDOFF = 1e-12  # a column of the state below this part of the largest is told as 0
+STATE_ROUNDOFF = 1e-12  # a column of the state below this part of the largest is printed as 0
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 
 
@@ -43,7 +43,7 @@ class ModesOptions:
 
 
 def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions) -> None:
-    """Find the modes and tell them. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
+    """Find the modes and print them. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
     try:
         found = find_modes.modes(model, **settings)
     except ValueError as error:
@@ -61,7 +61,7 @@ def run(model: Model, settings: find_modes.ModesSettings, options: ModesOptions)
     if options.as_json:
         print(json_text.text(found.as_json()))
     elif options.plot is None and options.animate is None:
-        _tell(found)
+        _print_report(found)
     if not options.quiet:
         exits.print_err_all(f"note: {note}" for note in found.notes)
 
@@ -88,7 +88,7 @@ def _animate(found: Modes, model: Model, path: str) -> None:
         page.write(pathlib.Path(path), scene)
 
 
-def _tell(found: Modes) -> None:
+def _print_report(found: Modes) -> None:
     """The modes as a table, then the verdict."""
     if not found.count:
         console.paragraph(f"{VERDICTS[found.stable]}: {found.reason}", "    ")

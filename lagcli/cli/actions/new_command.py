@@ -55,7 +55,7 @@ def _write(name: str, template: str, options: NewOptions) -> None:
         raise exits.UsageError("the name of a model is text in UTF-8")
     text = model_templates.text(template, title, for_editors=options.with_schema)
     is_new = new_files.write(path, text, force=options.force)
-    told = new_files.schema_beside(path) if options.with_schema else ""
+    schema_message = new_files.schema_beside(path) if options.with_schema else ""
     if options.as_json:
         print(json_text.text({"path": path, "template": template, "written": is_new}))
     if options.quiet:
@@ -65,8 +65,8 @@ def _write(name: str, template: str, options: NewOptions) -> None:
         if is_new
         else f"{path} is there already, as it would be"
     )
-    if told:
-        exits.print_err(told)
+    if schema_message:
+        exits.print_err(schema_message)
     if is_new:
         exits.print_err(f"next: lagcli check {shlex.quote(path)}")
 

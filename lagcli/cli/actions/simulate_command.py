@@ -1,4 +1,4 @@
-"""`lagcli simulate`: a run into files, and what is told of it."""
+"""`lagcli simulate`: a run into files, and what is printed of it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from lagcli.output.runs.written_run import RunEnding, WrittenRun
 
 
 def run(written: WrittenRun, request: RunRequest) -> None:
-    """Integrate, write and tell. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    exits.print_err_all(written.told)
+    """Integrate, write files and print messages. Raises `exits.Exit` with 3 where the run stopped before its end."""
+    exits.print_err_all(written.messages)
     # Rows and a bar on one terminal would overwrite each other.
     is_silent = request.quiet or (written.is_stdout_taken and sys.stdout.isatty())
     with console.progress(written.start, written.end, is_silent) as bar:
@@ -24,19 +24,19 @@ def run(written: WrittenRun, request: RunRequest) -> None:
             if isinstance(step, str):
                 exits.print_err(step)
             else:
-                _tell_end(step, request.quiet)
+                _print_end(step, request.quiet)
 
 
-def _tell_end(end: RunEnding, quiet: bool) -> None:
+def _print_end(end: RunEnding, quiet: bool) -> None:
     if not quiet:
         exits.print_err_all(f"note: {note}" for note in end.notes)
-        _tell_account(end)
+        _print_account(end)
     if end.reason:
         exits.print_err(f"lagcli: {end.reason}")
         raise exits.Exit(exits.STOPPED)
 
 
-def _tell_account(end: RunEnding) -> None:
+def _print_account(end: RunEnding) -> None:
     stats, head = end.stats, "stopped" if end.reason else "done"
     balance = "not known: the power of rows or forces oscillates too often within a step"
     if stats.energy_imbalance is not None:

@@ -31,14 +31,14 @@ class PointOptions:
         file_requests.require_outputs(model, self.output, None, self.as_json)
 
 
-def tell(model: Model, found: StaticReport, options: PointOptions) -> None:
+def print_report(model: Model, found: StaticReport, options: PointOptions) -> None:
     """Write the points where they are asked for. Raises `exits.Exit` with 4 where there are none."""
     if options.output is not None and found.points:
         _write(model, found, options)
     if options.as_json:
         print(json_text.text(found.as_json()))
     elif options.output != "-":
-        _tell(found)
+        _print_report(found)
     if not options.quiet:
         exits.print_err_all(f"note: {note}" for note in found.notes)
     if not found.points:
@@ -69,7 +69,7 @@ def _write(model: Model, found: StaticReport, options: PointOptions) -> None:
         sink.write(numbers, [types])
 
 
-def _tell(found: StaticReport) -> None:
+def _print_report(found: StaticReport) -> None:
     if not found.points:
         return
     first = found.points[0]

@@ -10,11 +10,11 @@ from lagcli.model.model import Model
 
 
 def run(model: Model, of: str, options: PointOptions) -> None:
-    """Find the stationary points and tell them. Raises `exits.UsageError`, `exits.Exit`."""
+    """Find the stationary points and print them. Raises `exits.UsageError`, `exits.Exit`."""
     try:
         found = stationary.stationary(
             model, of, starts=options.starts, seed=options.seed, limit=options.limit
         )
     except ValueError as error:
         raise exits.UsageError(f"--{error}") from None
-    static_points_command.tell(model, found, options)
+    static_points_command.print_report(model, found, options)

@@ -1,4 +1,4 @@
-"""`lagcli check --witness`: a loop that shows a row to be nonholonomic, told, drawn, or refused with the reason."""
+"""`lagcli check --witness`: a loop that shows a row to be nonholonomic, printed, drawn, or refused with the reason."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Answer:
     reason: str
     code: int
 
-    def tell(self, as_json: bool) -> int:
+    def print_report(self, as_json: bool) -> int:
         """Say it, the loop on stdout and a reason on stderr; the exit code."""
         if self.found is None:
             exits.print_err(f"lagcli: {self.reason}")
@@ -116,25 +116,27 @@ def lines(found: Witness) -> list[str]:
     """The proof in words."""
     shown = found.names if found.is_timed else found.names[:-1]
     base = ", ".join(f"{n} = {number(z)}" for n, z in zip(shown, found.base, strict=False))
-    told = [f"`{found.row}` is nonholonomic: {_headline(found)}", f"from {base}"]
+    lines = [f"`{found.row}` is nonholonomic: {_headline(found)}", f"from {base}"]
     if found.holds_time:
-        told.append(f"with t held at {number(found.base[-1])}")
+        lines.append(f"with t held at {number(found.base[-1])}")
     if found.is_bent:
-        told.append("(in another configuration of the whole system: at the declared start no loop was found)")
+        lines.append(
+            "(in another configuration of the whole system: at the declared start no loop was found)"
+        )
     elif found.is_shifted:
-        told.append("(beside the declared start, where no loop was found)")
+        lines.append("(beside the declared start, where no loop was found)")
     for label, path in zip("ab" if found.is_timed else " ", found.paths, strict=True):
-        told += [f"  {label.strip()}{k}. {move}" for k, move in enumerate(_moves(found, path), 1)]
-    told.append(_outcome(found))
+        lines += [f"  {label.strip()}{k}. {move}" for k, move in enumerate(_moves(found, path), 1)]
+    lines.append(_outcome(found))
     if found.follow:
-        told.append(f"constraints tie {', '.join(found.follow)} to {found.coordinate}")
+        lines.append(f"constraints tie {', '.join(found.follow)} to {found.coordinate}")
     surface = f", |f| <= {found.surface_residual:.1e}" if found.surface_residual else ""
-    told.append(
+    lines.append(
         f"all rows hold along the way: |A dq| <= {found.row_residual:.1e} |A| |dq|{surface};"
         f" the others come back to {found.closure:.1e}"
     )
-    told.append("a function of the coordinates behind the row would have kept its value")
-    return [diagnostics.printable(line) for line in told]
+    lines.append("a function of the coordinates behind the row would have kept its value")
+    return [diagnostics.printable(line) for line in lines]
 
 
 def _headline(found: Witness) -> str:

@@ -44,7 +44,7 @@ def write(name: str, text: str, *, force: bool = False, may_replace: Callable[[s
 
 
 def schema_beside(model: str) -> str:
-    """Write the schema into the folder of a model, where none is; what there is to say about it, or nothing.
+    """Write the schema into the folder of a model, where none is; the message about it, or nothing.
 
     Raises `write_guard.WriteError`.
     """

@@ -61,7 +61,7 @@ def stderr_width() -> int:
 def table(headers: Sequence[str], rows: Rows, colours: Mapping[str, str]) -> None:
     """A table on stdout; cells that are a key of `colours` get that style on a terminal.
 
-    On a terminal that is too narrow for it each row is told in lines of its own.
+    On a terminal that is too narrow for it each row is printed in lines of its own.
     """
     if sys.stdout.isatty() and not fits(headers, rows):
         for line in stacked(headers, rows, width()):
@@ -74,8 +74,10 @@ def stacked(headers: Sequence[str], rows: Rows, columns: int) -> Iterator[str]:
     """A table as paragraphs of at most so many columns: the first cell, then each other one after its header."""
     for row in rows:
         first, *cells = (diagnostics.printable(cell) for cell in row)
-        told = [f"{header} {cell}".strip() for header, cell in zip(headers[1:], cells, strict=True) if cell]
-        text = f"{first}: {'; '.join(told)}" if first else "; ".join(told)
+        labelled = [
+            f"{header} {cell}".strip() for header, cell in zip(headers[1:], cells, strict=True) if cell
+        ]
+        text = f"{first}: {'; '.join(labelled)}" if first else "; ".join(labelled)
         yield from textwrap.wrap(text, columns, subsequent_indent="    ", break_on_hyphens=False)
 
 

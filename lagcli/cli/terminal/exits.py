@@ -73,7 +73,7 @@ def command(function: Callable[P, None]) -> Callable[P, None]:
 
 
 def guarded(run: Callable[[], None], debug: bool = False) -> int:
-    """Run a command and return its exit code; say on stderr what went wrong."""
+    """Run a command and return its exit code; print to stderr what went wrong."""
     try:
         code = outcome(run)
         # What was printed is written now, while a failure still has an exit code.

@@ -26,8 +26,8 @@ def follow(
 ) -> None:
     """Run a command, and again whenever one of the files is another one; it ends by an interrupt, or by `pause`.
 
-    What a run raises as commands may is told, and the next change is waited for. pause: waits for a moment; whatever it
-    raises ends the watch. Raises `exits.UsageError` for standard input.
+    What a run raises as commands may is printed, and the next change is waited for. pause: waits for a moment; whatever
+    it raises ends the watch. Raises `exits.UsageError` for standard input.
     """
     if "-" in paths:
         raise exits.UsageError("--watch needs a file: standard input is read once")

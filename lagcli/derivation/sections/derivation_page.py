@@ -310,8 +310,8 @@ def _fragment(title: str, sections: tuple[Section, ...]) -> Iterator[str]:
     yield r"% \usepackage{amsmath} is all that this needs; \allowdisplaybreaks lets it run over pages."
     for section in sections:
         yield f"% {section.title}"
-        for is_told, lines in itertools.groupby(section.lines, key=lambda line: bool(line.sides)):
-            if not is_told:
+        for is_note, lines in itertools.groupby(section.lines, key=lambda line: bool(line.sides)):
+            if not is_note:
                 yield from (f"{render_latex.words(line.note)}\n" for line in lines)
                 continue
             equations = list(lines)

@@ -93,11 +93,11 @@ def _solution(
     if not solved.values:
         yield Line(note=f"No closed form: {solved.reason}.")
         return
-    said = [(x, value) for x, value in solved.on.items() if not str(x).startswith("product ")]
-    if said:
-        left, right = (tuple(map(signs.node, side)) for side in zip(*said, strict=True))
+    substituted = [(x, value) for x, value in solved.on.items() if not str(x).startswith("product ")]
+    if substituted:
+        left, right = (tuple(map(signs.node, side)) for side in zip(*substituted, strict=True))
         yield Line(note="On the constraints, where")
-        yield Line(sides=(left[0], right[0]) if len(said) == 1 else (f.Triple(left), f.Triple(right)))
+        yield Line(sides=(left[0], right[0]) if len(substituted) == 1 else (f.Triple(left), f.Triple(right)))
     for r, value in solved.values.items():
         yield Line("D.24", (signs.node(system.lam[r]), signs.node(value)), kind="lambda")
     if solved.reason:

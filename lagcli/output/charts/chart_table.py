@@ -117,19 +117,19 @@ def of_stream(stream: BinaryIO, name: str) -> Iterator[ChartTable]:
         with path.open("wb") as file:
             shutil.copyfileobj(stream, file)
 
-        def told(error: UnreadableTable) -> UnreadableTable:
+        def as_bad_table(error: UnreadableTable) -> UnreadableTable:
             return UnreadableTable(str(error).replace(os.fspath(path), name))
 
         try:
             table = of_file(path)
         except UnreadableTable as error:
-            raise told(error) from None
+            raise as_bad_table(error) from None
 
         def take(names: Sequence[str]) -> Floats:
             try:
                 return table.take(names)
             except UnreadableTable as error:
-                raise told(error) from None
+                raise as_bad_table(error) from None
 
         yield dataclasses.replace(table, name=name, take=take)
 

@@ -126,9 +126,9 @@ def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] 
         return [""]
     known = [origin for origin in origins if origin is not None]
     if len(known) == len(paths):
-        told = _by_values(_values(known))
-        if told is not None:
-            return told
+        by_values = _by_values(_values(known))
+        if by_values is not None:
+            return by_values
     names = _by_paths(paths)
     numbered = [f"{name} ({number})" if name else f"run {number}" for number, name in enumerate(names, 1)]
     return [
@@ -161,8 +161,10 @@ def _by_values(tables: Sequence[Mapping[str, object]]) -> list[str] | None:
     differing = [name for name in names if len({_text(table.get(name)) for table in tables}) > 1]
     if not 1 <= len(differing) <= MOST_NAMED:
         return None
-    told = [", ".join(f"{name.strip()} = {_text(table.get(name))}" for name in differing) for table in tables]
-    return told if len(set(told)) == len(told) else None
+    texts = [
+        ", ".join(f"{name.strip()} = {_text(table.get(name))}" for name in differing) for table in tables
+    ]
+    return texts if len(set(texts)) == len(texts) else None
 
 
 def _text(value: object) -> str:

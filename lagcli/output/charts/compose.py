@@ -1,4 +1,4 @@
-"""Columns of tables to a chart: which panels there are, which curves are in them, and what is said about them."""
+"""Columns of tables to a chart: which panels there are, which curves are in them, and the notes about them."""
 
 from __future__ import annotations
 
@@ -247,8 +247,8 @@ class _Plan:
                 " decides"
             )
         # Outputs have any unit, and no run knows the sums they come from; of tables of others nothing is presumed.
-        told = all(table.facts.units is not None for table in self._tables)
-        if told and kind == "other" and not self._choice.is_log and 0 < largest < SUSPECT:
+        has_units = all(table.facts.units is not None for table in self._tables)
+        if has_units and kind == "other" and not self._choice.is_log and 0 < largest < SUSPECT:
             yield f"no value is larger than {largest:.1e}: these may be zero to rounding"
         for name in names:
             lacking = [t.name for t in self._tables if name not in t.columns]

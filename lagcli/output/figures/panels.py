@@ -130,8 +130,8 @@ def bands(
     idle = [name.removeprefix("lambda.") for name in multipliers if not _size(table.column(name))]
     if idle:
         rounded = any(f"lambda.{name}" in zeros for name in idle)
-        told = f"{'zero to rounding' if rounded else 'zero throughout'}: {_listed(idle)}"
-        found[0] = dataclasses.replace(found[0], note="; ".join(filter(None, (found[0].note, told))))
+        zero_note = f"{'zero to rounding' if rounded else 'zero throughout'}: {_listed(idle)}"
+        found[0] = dataclasses.replace(found[0], note="; ".join(filter(None, (found[0].note, zero_note))))
     if zeros:
         for index, band in enumerate(found):
             note = band.note.replace("zero throughout", "zero to rounding")

@@ -37,7 +37,7 @@ class File:
     number: int | None = None
 
     @property
-    def told(self) -> str:
+    def option_text(self) -> str:
         """The begin of a message about it."""
         return f"{self.option}, which writes {self.name}" if self.is_derived else f"{self.option} {self.name}"
 
@@ -95,7 +95,7 @@ def require_separate(files: Iterable[File], together: frozenset[str] = frozenset
             if {file.option, other.option} <= together:
                 continue
             whose = "also written by" if other.is_derived else "the file of"
-            raise BadRequest(f"{file.told}: that is {whose} {other.option}")
+            raise BadRequest(f"{file.option_text}: that is {whose} {other.option}")
         known.append((file, keys))
 
 

@@ -13,7 +13,7 @@ class FileFormat(NamedTuple):
     separator: str = ""
 
 
-# A line each: all that is said of formats and their endings follows from these.
+# A line each: all that is printed on formats and their endings follows from these.
 FORMATS = {
     "csv": FileFormat("csv_format", ","),
     "tsv": FileFormat("tsv_format", "\t"),

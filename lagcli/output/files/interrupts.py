@@ -44,7 +44,7 @@ _farewells: list[Callable[[], None]] = []
 _handled = -1.0  # when the handler ran last, by `time.monotonic`
 _is_window = False
 _last_words: list[str] = []
-_told: list[str] = []
+_printed: list[str] = []
 
 
 def install() -> None:
@@ -105,7 +105,7 @@ def end_at_once(number: int) -> None:
     for farewell in _farewells:
         farewell()
     for text in _last_words:
-        _tell(text)
+        _print(text)
     os._exit(128 + number)
 
 
@@ -133,7 +133,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
             _raised.append(number)
             raise Interrupted(number)
         if not is_first:
-            _tell(WAIT)
+            _print(WAIT)
         return
     if _is_window and _raised:
         return  # it has been raised, and `check` raises it again where somebody else's code has dropped it
@@ -144,11 +144,11 @@ def _handle(number: int, frame: FrameType | None) -> None:
     raise Interrupted(number)
 
 
-def _tell(text: str) -> None:
+def _print(text: str) -> None:
     """Write a line on stderr, once, past its buffer: the signal may have come while that was being written."""
-    if text in _told:
+    if text in _printed:
         return
-    _told.append(text)
+    _printed.append(text)
     if not hasattr(sys.stderr, "fileno"):  # None, or nothing of the system's
         return
     with contextlib.suppress(OSError, ValueError):  # closed
@@ -156,16 +156,16 @@ def _tell(text: str) -> None:
 
 
 def leave(*texts: str) -> None:
-    """Keep what is said where a signal ends the command from now on, by `last_words` or the end of the process."""
+    """Keep what is printed where a signal ends the command from now on, by `last_words` or the end of the process."""
     _last_words[:] = texts
-    _told.clear()
+    _printed.clear()
 
 
 def last_words() -> Iterator[str]:
-    """The texts that were left to be said, each once."""
+    """The texts that were left to be printed, each once."""
     while _last_words:
         text = _last_words.pop()
-        if text not in _told:
+        if text not in _printed:
             yield text
 
 

@@ -1,4 +1,4 @@
-"""Failures to write a file, told with its name, and refusals of what was asked for."""
+"""Failures to write a file, reported with its name, and refusals of what was asked for."""
 
 from __future__ import annotations
 

@@ -142,8 +142,8 @@ def _laws(model: Model) -> Iterator[tuple[str, str, str]]:
         else:
             declared = type(law).__name__.lower()
             restitution = _range(law.restitution) if isinstance(law, Inequality) else "0"
-            told = law.equation.text + (f", restitution {restitution}" if restitution != "0" else "")
-            yield _label(law.members), declared, told
+            law_text = law.equation.text + (f", restitution {restitution}" if restitution != "0" else "")
+            yield _label(law.members), declared, law_text
 
 
 def _label(members: Family) -> str:

@@ -123,8 +123,8 @@ def made_by_latex(document: str, figures: Mapping[str, bytes]) -> bytes:
         done = _run([program, *options], folder, "made", SAFE)
         content = _content(folder)
         if done.returncode or not content.startswith(b"%PDF"):
-            told = done.stdout.decode(errors="replace").splitlines()
-            first = next((line for line in told if line.startswith("!")), f"exit code {done.returncode}")
+            lines = done.stdout.decode(errors="replace").splitlines()
+            first = next((line for line in lines if line.startswith("!")), f"exit code {done.returncode}")
             raise NoPdf(f"{program} has made no PDF: {first.lstrip('! ')}")
         return content
 

@@ -31,20 +31,20 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
     point, record = ready.resumed, _record(ready, plan)
     if point is None or record is None or plan.file is None or resume is None:
         return None
-    table, told = plan.path, f"{plan.option} {plan.file}"
+    table, option_text = plan.path, f"{plan.option} {plan.file}"
     path = row_file.path_of(table)
     if checkpoint_file.table_of(pathlib.Path(resume), record.file) != table or not path.is_file():
         return None
     instead = f"give another file for the {plan.noun} after it alone"
     if record.step != plan.step:
         raise BadRequest(
-            f"{told}: the run before wrote rows {record.step:.9g} apart into it, and this one {plan.step:.9g};"
+            f"{option_text}: the run before wrote rows {record.step:.9g} apart into it, and this one {plan.step:.9g};"
             f" {instead}"
         )
     if record.has_event_rows != plan.has_event_rows:
         with_them, without = ("the run before", "this one")[:: 1 if record.has_event_rows else -1]
         raise BadRequest(
-            f"{told}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
+            f"{option_text}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
         )
     rows = row_file.SafeRows(record.count, record.checksum)
     try:
@@ -52,9 +52,9 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
             for _ in blocks:
                 pass
     except row_file.UnfitRows as error:
-        raise BadRequest(f"{told}: {error}; {instead}") from None
+        raise BadRequest(f"{option_text}: {error}; {instead}") from None
     except OSError as error:
-        raise BadRequest(f"{told}: cannot read {path}: {error.strerror}") from None
+        raise BadRequest(f"{option_text}: cannot read {path}: {error.strerror}") from None
     return RowsBefore(path, rows, point.run_state.origin + point.run_state.row, plan.noun)
 
 

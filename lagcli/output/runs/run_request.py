@@ -14,7 +14,7 @@ from lagcli.output.files.write_guard import BadRequest
 
 @frozen
 class RunRequest:
-    """The files that a run goes into, and what is told of it: options of `simulate` besides the settings of the run.
+    """The files that a run goes into, and what is printed on it: options of `simulate` besides the settings of the run.
 
     output, plot, stats, checkpoint, resume, events: files, `-` for standard output; columns: patterns of those that
     are written; limit: seconds to find first integrals; digits: with columns of errors; event_rows: with rows at the

@@ -137,7 +137,7 @@ def _ignore(block: Floats) -> None:
 
 @contextlib.contextmanager
 def opened(run: SimulationRun, rows: TablePlan | None, happened: TablePlan | None) -> Iterator[RunTables]:
-    """The tables in files, on standard output, or nowhere; trouble with one is told with its name.
+    """The tables in files, on standard output, or nowhere; trouble with one is reported with its name.
 
     Interrupts are held back inside but in `interrupts.window`.
     """

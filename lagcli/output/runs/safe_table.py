@@ -165,7 +165,7 @@ class SafeTable:
 
 @contextlib.contextmanager
 def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTable]:
-    """A table in a file or on standard output; trouble with it is told with its name. Raises `BadRequest` where a
+    """A table in a file or on standard output; trouble with it is reported with its name. Raises `BadRequest` where a
     library for its format is missing.
 
     Interrupts are held back inside but in `interrupts.window`.

@@ -37,15 +37,15 @@ class RunEnding(NamedTuple):
     reason: str
 
 
-# A step on the way: the time that is reached, something to tell, and last the ending.
+# A step on the way: the time that is reached, something to print, and last the ending.
 RunStep: TypeAlias = float | str | RunEnding
 
 
 class WrittenRun:
     """A run and the files it goes into: iterate `steps` once; all else is data.
 
-    told: what there is to tell before it begins; start, end: the times of its first and last row; is_stdout_taken: a
-    table goes to standard output.
+    printed: what there is to print before it begins; start, end: the times of its first and last row; is_stdout_taken:
+    a table goes to standard output.
     """
 
     def __init__(self, run: SimulationRun, request: RunRequest) -> None:
@@ -65,7 +65,7 @@ class WrittenRun:
         self._reason = ""
         self.start, self.end = run.grid.start, run.grid.end
         self.is_stdout_taken = request.is_stdout_taken
-        self.told = () if request.quiet else tuple(self._beginning())
+        self.messages = () if request.quiet else tuple(self._beginning())
 
     def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
         """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
@@ -88,12 +88,12 @@ class WrittenRun:
         return found.get("--output"), found.get("--events")
 
     def _beginning(self) -> Iterator[str]:
-        """The lines to be told before the run begins."""
+        """The lines to be printed before the run begins."""
         run, request, model = self._run, self._request, self._run.model
         for warning in run.warnings:
             yield warning.render()
         if run.resumed is not None:
-            yield from self._told_before()
+            yield from self._messages_before()
         if run.assembly is not None:
             from lagcli.start import assembly_moves
 
@@ -110,7 +110,7 @@ class WrittenRun:
                 f" {step_tolerance.sentence(model.simulation)}"
             )
 
-    def _told_before(self) -> Iterator[str]:
+    def _messages_before(self) -> Iterator[str]:
         from lagcli.output.runs import rows_before
 
         run, request = self._run, self._request

@@ -86,8 +86,10 @@ def merged(paths: Sequence[str]) -> MergedRows:
     missing = total - len(rows)
     if missing:
         first = itertools.islice((number for number in range(total) if number not in rows), MOST_LISTED)
-        told = ", ".join(map(str, first)) + (", ..." if missing > MOST_LISTED else "")
-        raise BadShards(f"{missing} of {total} points are missing: {told}; have all shards run to their end?")
+        listed = ", ".join(map(str, first)) + (", ..." if missing > MOST_LISTED else "")
+        raise BadShards(
+            f"{missing} of {total} points are missing: {listed}; have all shards run to their end?"
+        )
     return MergedRows(columns, [rows[number] for number in sorted(rows)])
 
 

@@ -99,8 +99,8 @@ class SweepAccount:
             yield f"workers were ended by the system {times}; what they were computing has been computed again"
         for name, spread in self.spreads().items():
             quantiles = zip(QUANTILES, spread.quantiles, strict=True)
-            told = ", ".join(f"{100 * q:g} %: {value:.6g}" for q, value in quantiles)
-            yield f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {told}"
+            quantile_text = ", ".join(f"{100 * q:g} %: {value:.6g}" for q, value in quantiles)
+            yield f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {quantile_text}"
 
     def as_json(self) -> dict[str, object]:
         """The object of `--json`."""

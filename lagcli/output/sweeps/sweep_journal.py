@@ -64,7 +64,9 @@ class SweepJournal:
             assert isinstance(found, dict)
             other = _differing(found, identity)
             if other:
-                raise UnfitJournal(f"{self.path} holds rows of a different sweep: {_told(other[0])} differs")
+                raise UnfitJournal(
+                    f"{self.path} holds rows of a different sweep: {_part_name(other[0])} differs"
+                )
             end = file.tell()
             for line in file:
                 if _parsed(line) is None:
@@ -158,7 +160,7 @@ def _differing(found: Mapping[str, object], identity: Mapping[str, object]) -> l
     return [key for key in wanted if found.get(key) != wanted[key]]
 
 
-def _told(key: str) -> str:
+def _part_name(key: str) -> str:
     return {"sha256": "the text of the model", "points": "what the points are"}.get(key, f"`{key}`")
 
 

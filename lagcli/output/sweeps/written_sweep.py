@@ -140,8 +140,8 @@ class WrittenSweep:
         target = self._request.rows_so_far
         with write_guard.writing(os.fspath(target)):
             self._write(journal, target, SweepTable.keep_partial, lambda rows: None)
-        told = f"{journal.count} of {len(self._planned.numbers)} points"
-        return f"{told} are in {atomic_file.partial_of(target)}"
+        progress = f"{journal.count} of {len(self._planned.numbers)} points"
+        return f"{progress} are in {atomic_file.partial_of(target)}"
 
     def _write(
         self,

@@ -54,29 +54,31 @@ def facts_from(origin: Mapping[str, object] | None) -> TableFacts:
     """The facts that a provenance tells; entries of any other form, a stranger's, tell nothing."""
     if origin is None:
         return NO_FACTS
-    title, labels, told = origin.get("title"), origin.get("units"), origin.get("dimensions")
+    title, labels, entries = origin.get("title"), origin.get("units"), origin.get("dimensions")
     units = None
     if isinstance(labels, Mapping):
         found = {name: labels.get(name) for name in ("length", "mass", "time")}
         texts = {name: label for name, label in found.items() if isinstance(label, str)}
         units = Units(**texts) if len(texts) == len(found) else None
-    dimensions = _dimensions(told) if isinstance(told, Mapping) else dimension_facts.NOTHING
+    dimensions = _dimensions(entries) if isinstance(entries, Mapping) else dimension_facts.NOTHING
     return TableFacts(title if isinstance(title, str) else "", units, dimensions)
 
 
-def _dimensions(told: Mapping[str, object]) -> DimensionFacts:
-    lengths = told.get("lengths")
+def _dimensions(entries: Mapping[str, object]) -> DimensionFacts:
+    lengths = entries.get("lengths")
     powers = {
         name: float(power)
         for name, power in (lengths.items() if isinstance(lengths, Mapping) else ())
         if isinstance(name, str) and isinstance(power, (int, float)) and abs(power) <= MOST_POWER
     }
-    return DimensionFacts(powers, _names(told.get("angles")), _names(told.get("positions")))
+    return DimensionFacts(powers, _names(entries.get("angles")), _names(entries.get("positions")))
 
 
-def _names(told: object) -> frozenset[str]:
+def _names(entries: object) -> frozenset[str]:
     return (
-        frozenset(name for name in told if isinstance(name, str)) if isinstance(told, list) else frozenset()
+        frozenset(name for name in entries if isinstance(name, str))
+        if isinstance(entries, list)
+        else frozenset()
     )
 
 

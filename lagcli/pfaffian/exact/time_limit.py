@@ -70,8 +70,8 @@ _INTERRUPT = SystemExit
 
 def operations() -> int:
     """The operations of this process so far."""
-    told = [info() for info in _COUNTED]
-    return sum(one.hits + one.misses for one in told)
+    counted = [info() for info in _COUNTED]
+    return sum(one.hits + one.misses for one in counted)
 
 
 def after(seconds: float) -> float:
@@ -207,7 +207,7 @@ def _interrupted(work: _Work, give_up: float) -> bool:
 
 
 class _Quiet:
-    """While entered, interrupts that land in a callback of the garbage collector are not told: they are repeated."""
+    """While entered, interrupts that land in a callback of the garbage collector are not printed: they are repeated."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -218,7 +218,7 @@ class _Quiet:
         with self._lock:
             self._depth += 1
             if self._depth == 1:
-                self._usual, sys.unraisablehook = sys.unraisablehook, self._told
+                self._usual, sys.unraisablehook = sys.unraisablehook, self._on_unraisable
 
     def __exit__(self, *_: object) -> None:
         with self._lock:
@@ -226,7 +226,7 @@ class _Quiet:
             if self._depth == 0:
                 sys.unraisablehook = self._usual
 
-    def _told(self, about: Any) -> None:
+    def _on_unraisable(self, about: Any) -> None:
         if about.exc_type is not _INTERRUPT:
             self._usual(about)
 

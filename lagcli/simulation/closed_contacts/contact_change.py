@@ -19,7 +19,7 @@ NOT_LINEAR = "momenta are not linear in the velocities, and the law of impact is
 
 
 class ContactsUndecided(Exception):
-    """The law has no answer for some of the contacts, which are told by their numbers."""
+    """The law has no answer for some of the contacts, which are given by their numbers."""
 
     def __init__(self, text: str, contacts: Iterable[int]) -> None:
         super().__init__(text)
@@ -79,7 +79,7 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
         after = here.moved(onward.x)
         reported = after if onward is found else here.moved(found.x)
         lifted, pull = _lifted(reported, after, others)
-        # With e = 1 there is no end: of that one flight is told.
+        # With e = 1 there is no end: of that one flight is reported.
         left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
         lasting[lifted], ended[lifted] = 2 * reported.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)

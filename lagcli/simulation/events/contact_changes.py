@@ -1,4 +1,4 @@
-"""Impacts and changes of closed contacts at an incident of a run, told with their impulses."""
+"""Impacts and changes of closed contacts at an incident of a run, reported with their impulses."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ class ContactChanges:
         line, crossed = None, {i - self._rows - self._count for i in hits}
         jumped: list[int] = []
         if blow is not None and blow.ended.any():
-            # The impact is told as it is, with rebounds that are left out from here on.
+            # The impact is reported as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(blow.ended).tolist()))
             self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), blow.v)
             line, bounced = self.log.line(), self.events.now()
@@ -256,7 +256,7 @@ class ContactChanges:
         jumped += self.events.jumped(when, self.events.now())
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
-        self._tell(_Told(before, line, blow, lying_before, stay, events, cut), is_start)
+        self._report(_ContactReport(before, line, blow, lying_before, stay, events, cut), is_start)
         self.end_series()
 
     def end_series(self) -> None:
@@ -290,7 +290,7 @@ class ContactChanges:
         bound.y[:], bound.k[:], *_ = bound.project.results
         self._run.statistics.evaluations += 1
 
-    def _tell(self, reported: _Told, is_start: bool) -> None:
+    def _report(self, reported: _ContactReport, is_start: bool) -> None:
         run, names, blow = self._run, [row.name for row in self._system.contacts.rows], reported.blow
         impulses = np.zeros(self._rows + self._count)
         kinds: list[tuple[Kind, Iterable[int]]] = [
@@ -320,7 +320,7 @@ class ContactChanges:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Told:
+class _ContactReport:
     """Lines before and after a change, the impact, and contacts that were held closed and are, declared events that
     jump over zero, and contacts whose rebounds are cut off."""
 

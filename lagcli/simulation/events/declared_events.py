@@ -1,5 +1,5 @@
-"""Declared events: their values where a run stands, which of them jump over zero and what is told of them; their zeros
-within a step, at a switch of a function of t, at the end of the run, and where something else ends the step."""
+"""Declared events: their values where a run stands, which of them jump over zero and what is reported of them; their
+zeros within a step, at a switch of a function of t, at the end of the run, and where something else ends the step."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ JUMPED = 1e-12
 TOUCHED, OFFSET = 4.0, 1e-5
 # Newton steps for an instant.
 REFINED = 4
-# An event may be told so many roundings of the time away from its zero.
+# An event may be reported so many roundings of the time away from its zero.
 IN_TIME = 4.0
 # Roundings of time within which an incident is at the end of the run.
 AT_END = 8.0

@@ -1,4 +1,4 @@
-"""The incidents of a run are made and told here, whatever finds them."""
+"""The incidents of a run are made and reported here, whatever finds them."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class SingularEvent(Event):
             run.watch, run.predicted = SingularityMonitor(), NEVER
             run.settle()
 
-    def _told(self, crossed: Crossing) -> list[Incident]:
+    def _incidents(self, crossed: Crossing) -> list[Incident]:
         """The incidents of a crossing, one for each row that takes part; none where the run begins."""
         run, passage = self._stepper, crossed.passage
         if passage.is_start:
@@ -151,4 +151,4 @@ class SingularEvent(Event):
         found = run.found
         found.is_open, found.passage = True, crossing.passage
         found.reached, found.taken, found.proposed = reached, step.h, run.control.step
-        found.within += self._told(crossing)
+        found.within += self._incidents(crossing)

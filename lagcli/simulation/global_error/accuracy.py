@@ -9,7 +9,7 @@ from lagcli.frozen import frozen_value
 
 KINDS = ("r", "v", "lambda", "R")
 _NAMES = ("positions", "velocities", "multipliers", "R")
-# A kind that has less digits than these at the end is told with the time up to which it had them.
+# A kind that has less digits than these at the end is reported with the time up to which it had them.
 SURE = 3
 
 
@@ -64,20 +64,20 @@ class Accuracy:
 
     @property
     def _incidents(self) -> str:
-        said = ""
+        sentence = ""
         if self.growth is not None:
-            said += (
+            sentence += (
                 f"; errors grow about {self.growth:.2g} times at each impact, as they do at convex bodies: no tolerance"
                 " helps for long"
             )
         if self.between is not None:
             count, first = self.between
             rows = "1 row stands" if count == 1 else f"{count} rows stand"
-            said += (
+            sentence += (
                 f"; {rows} between the times that an incident has in both runs ({'' if count == 1 else 'the first '}at"
                 f" t = {first:.9g}): velocities there are those before it or behind it, and are not counted"
             )
-        return said
+        return sentence
 
     @property
     def _parting(self) -> str:

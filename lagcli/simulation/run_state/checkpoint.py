@@ -202,7 +202,7 @@ def _require_sound(point: Checkpoint) -> None:
     if len(run_state.invariant_values) != len(point.integrals):
         raise ValueError("levels of other integrals")
     if run_state.reported.incidents < run_state.tally.incidents:
-        raise ValueError("incidents that nobody was told")
+        raise ValueError("incidents that were not reported")
     for integral, level in zip(point.integrals, run_state.invariant_values, strict=True):
         if level is not None and level.chart >= len(integral.charts):
             raise ValueError("a chart that there is not")

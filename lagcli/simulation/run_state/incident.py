@@ -11,7 +11,7 @@ from lagcli.frozen import frozen, frozen_value
 
 Floats = npt.NDArray[np.float64]
 
-# In the order in which those of one instant are told: what came before it, what it was, what holds after it.
+# In the order in which those of one instant are reported: what came before it, what it was, what holds after it.
 Kind = Literal["impact", "accumulation", "contact", "release", "event", "crossing"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 

@@ -73,7 +73,7 @@ class Counts:
     """The counts of a run up to its state: a new one is a line here, and the run state, checkpoints and a resumed run
     have it.
 
-    steps are accepted ones; evaluations those of the right-hand side; notes: what there is to say about integrals that
+    steps are accepted ones; evaluations those of the right-hand side; notes: what there is to report on integrals that
     are not held all the time; crossings: singular configurations that were passed; tally: of incidents up to the state,
     reported: of those handed out before or standing in `RunStatistics.incidents`, which may be more where the run was
     resumed from before them.
@@ -117,7 +117,7 @@ class RunStatistics(Counts):
         self.is_balanced = self.extremes is None or not self.extremes.unbalanced
 
     def add(self, incident: Incident) -> None:
-        """An incident that the state reached is behind; one that was told before is none to tell."""
+        """An incident that the state reached is behind; one that was reported before is not reported again."""
         self.tally = self.tally.plus(incident)
         if self.tally.incidents > self.reported.incidents:
             self.reported = self.tally

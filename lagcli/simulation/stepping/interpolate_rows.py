@@ -106,7 +106,7 @@ def between(lines: Floats) -> Floats:
     """The limit (w,) in the middle of four lines (4, w) at equal distances but for the middle; nan where a column has
     none: the differences of its values then do not shrink with the distance, as at a jump or a pole."""
     outer, inner, inner_after, outer_after = lines
-    with np.errstate(invalid="ignore"):  # what is not finite is told by name when it is put
+    with np.errstate(invalid="ignore"):  # what is not finite is reported by name when it is put
         rounding = PARAMETERS.rounding * (np.abs(inner) + np.abs(inner_after))
         has_limit = np.abs(inner_after - inner) <= PARAMETERS.shrinks * np.abs(outer_after - outer) + rounding
         limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6

@@ -313,7 +313,7 @@ class Stepper:
             self.t = found.reached
             from lagcli.simulation.stepping import stop_diagnosis
 
-            raise stop_diagnosis.impulse(found.barrier.told)
+            raise stop_diagnosis.impulse(found.barrier.description)
         was_still, found.is_still, found.is_jump = found.is_still, False, False
         found.is_open, found.passage, found.work = False, None, None
         bound.t[0] = self.t = found.reached

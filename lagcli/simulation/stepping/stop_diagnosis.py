@@ -32,7 +32,7 @@ Floats = npt.NDArray[np.float64]
 # Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
 # of the run.
 DEPENDENT, SOON = 1e-2, 1e-4
-# An incident within this part of the run before is told of: a step across must begin some way off.
+# An incident within this part of the run before is reported: a step across must begin some way off.
 BEHIND = 1e-2
 # Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
 # that a step may not reach its tolerance: masses differ by 1e8.
@@ -174,7 +174,7 @@ def is_pole(rates: Sequence[Floats]) -> bool:
 
 
 def impulse(reported: str) -> StepFailure:
-    """Why a run ends where an energy or a position jumps; told: what does."""
+    """Why a run ends where an energy or a position jumps; description: what does."""
     return StepFailure(
         f"{reported}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
     )
