@@ -173,8 +173,8 @@ def _bases(numeric: NumericSystem, state: State) -> Bases:
     if rows.count:
         right = np.linalg.svd(rows.dense, full_matrices=True)[2][: found.low]
     # The rest of an orthonormal basis; in the metric it belongs to displacements M^-1/2 z.
-    whole = np.linalg.svd(right, full_matrices=True)[2] if len(right) else np.eye(state.q.size)
-    virtual = np.array([metric.unwhitened(z) for z in whole[len(right) :]]).reshape(-1, state.q.size).T
+    basis = np.linalg.svd(right, full_matrices=True)[2] if len(right) else np.eye(state.q.size)
+    virtual = np.array([metric.unwhitened(z) for z in basis[len(right) :]]).reshape(-1, state.q.size).T
     b = np.array(bias).ravel()
     allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
     plain = LocalRows(B)

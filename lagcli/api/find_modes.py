@@ -187,7 +187,7 @@ def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
 
 
 def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> LinearizedFunctions:
-    """The linear equations, with the leaves of integrable differential rows as rows of whole coordinates."""
+    """The linear equations, with the leaves of integrable differential rows as holonomic rows."""
     from lagcli.linearization.linearized import LinearizedFunctions
 
     known = ready.first_integrals(limit)

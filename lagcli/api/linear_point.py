@@ -77,12 +77,12 @@ def _without_rounding(values: npt.NDArray[np.float64]) -> tuple[float, ...]:
     return tuple(float(x) if abs(x) > COORDINATE_ROUNDOFF * size else 0.0 for x in values)
 
 
-def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], whole: int) -> tuple[float, ...]:
+def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], s: int) -> tuple[float, ...]:
     """lambda, 0 where its force is rounding beside the largest force."""
     from lagcli.linearization import reference
 
     B, A = (np.array(part) for part in (linear.matrices.B, linear.matrices.A))
-    rows = np.vstack([B[:whole], A, B[whole:]])
+    rows = np.vstack([B[:s], A, B[s:]])
     forces = np.abs(rows * lam[:, None]).max(axis=1, initial=0.0)
     least = reference.BALANCED * float(linear.load.max(initial=0.0))
     return tuple(float(x) if force > least else 0.0 for x, force in zip(lam, forces, strict=True))

@@ -129,10 +129,10 @@ class NumericSystem:
 
     @cached_property
     def holonomic(self) -> ca.Function:
-        """whole(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
+        """holonomic(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
         symbols = self._system.symbols
         outputs = [self._parts.f, self._parts.B_holonomic]
-        return ca.Function("whole", [symbols.t, symbols.q, self._system.p], outputs)
+        return ca.Function("holonomic", [symbols.t, symbols.q, self._system.p], outputs)
 
     @cached_property
     def hessian(self) -> ca.Function:

@@ -325,10 +325,10 @@ def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
     B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
     slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
     speed = sizes.v + RESTING * ca.sqrt(sizes.a * sizes.q) + TINY
-    whole = _row_norms(B, sizes.units) * speed + ROUNDED * ca.fabs(by_time * parts.t)
+    size = _row_norms(B, sizes.units) * speed + ROUNDED * ca.fabs(by_time * parts.t)
     if slope.nnz():
-        whole += _row_norms(slope, sizes.units) * sizes.q
-    return ca.mmax(ca.fabs(B @ v + b) / whole)
+        size += _row_norms(slope, sizes.units) * sizes.q
+    return ca.mmax(ca.fabs(B @ v + b) / size)
 
 
 def velocity_residual(parts: Parts) -> ca.SX:

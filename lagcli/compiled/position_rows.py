@@ -14,17 +14,21 @@ Floats = npt.NDArray[np.float64]
 
 
 class PositionRows:
-    """f (s,) and the entries of B (s, n) of a function `whole(t, q, p)`, at one t and p.
+    """f (s,) and the entries of B (s, n) of a function `holonomic(t, q, p)`, at one t and p.
 
     only: of some of the rows, in this order.
     """
 
-    def __init__(self, whole: ca.Function, t: float, p: Floats, only: Sequence[int] | None = None) -> None:
-        arguments = np.array([t]), np.zeros(whole.size1_in(1)), np.array(p)
-        self._bound = BoundFunction(whole, arguments, is_sparse=True)
-        self._count, self._only = whole.size1_out(0), only
-        self._rows = np.asarray(whole.sparsity_out(0).row(), dtype=np.intp)  # others are zero by structure
-        self._pattern = whole.sparsity_out(1)
+    def __init__(
+        self, holonomic: ca.Function, t: float, p: Floats, only: Sequence[int] | None = None
+    ) -> None:
+        arguments = np.array([t]), np.zeros(holonomic.size1_in(1)), np.array(p)
+        self._bound = BoundFunction(holonomic, arguments, is_sparse=True)
+        self._count, self._only = holonomic.size1_out(0), only
+        self._rows = np.asarray(
+            holonomic.sparsity_out(0).row(), dtype=np.intp
+        )  # others are zero by structure
+        self._pattern = holonomic.sparsity_out(1)
         if only is not None:
             every = range(self._pattern.size2())
             self._pattern, taken = self._pattern.sub(list(only), list(every))

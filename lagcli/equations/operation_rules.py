@@ -151,8 +151,8 @@ def _look(op: int, parts: list[_Found], _: Expression) -> _Found:
 
 def edge_calls(system: System, row: int) -> tuple[list[str], ca.Function]:
     """Names of K calls in a row, inner ones first; (t, q, v, p) -> their values, and rates at constant v (2 K,)."""
-    s, whole = system.symbols, row < system.holonomic_count
-    value = system.rows.f[row] if whole else system.rows.B[row, :] @ s.v + system.rows.b[row]
+    s, is_holonomic = system.symbols, row < system.holonomic_count
+    value = system.rows.f[row] if is_holonomic else system.rows.B[row, :] @ s.v + system.rows.b[row]
     names: list[str] = []
     nodes: list[ca.SX] = []
 

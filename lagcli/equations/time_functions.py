@@ -266,8 +266,8 @@ def _is_steady(operation: Operation) -> bool:
     """True if it rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number."""
     last = operation.parts[-1]
     if operation.name in ("divide", "power") and not isinstance(last, int):
-        is_whole = bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())
-        return is_whole or operation.name == "divide"
+        is_integer = bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())
+        return is_integer or operation.name == "divide"
     return operation.name in _STEADY
 
 

@@ -61,8 +61,8 @@ def _of(node: tree.Node, kind: _Kind) -> Power:
         return _of(node.vector, kind)
     if isinstance(node, tree.Power):
         base = _of(node.base, kind)
-        whole = node.exponent.text if isinstance(node.exponent, tree.Number) else ""
-        return base * float(whole) if base is not None and whole else None
+        exponent_text = node.exponent.text if isinstance(node.exponent, tree.Number) else ""
+        return base * float(exponent_text) if base is not None and exponent_text else None
     if isinstance(node, tree.Product):
         powers = [(sign, _of(factor, kind)) for sign, factor in node.factors]
         return None if any(p is None for _, p in powers) else sum(sign * (p or 0.0) for sign, p in powers)

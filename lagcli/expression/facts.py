@@ -185,7 +185,7 @@ class FactsAlgebra:
         reads = base.reads | exponent.reads
         if not base.high and not exponent.high:
             return Facts(None, reads)
-        times = _whole_extent(other)
+        times = _integer_range(other)
         if times is None:
             return self._checked(node, Facts(None, reads, 0, NONLINEAR))
         low, high = base.low * times[0], min(NONLINEAR, base.high * times[1])
@@ -244,7 +244,7 @@ def constant(fact: Facts) -> Value:
     return fact.value
 
 
-def _whole_extent(exponent: Value | None) -> tuple[int, int] | None:
+def _integer_range(exponent: Value | None) -> tuple[int, int] | None:
     """The least and the most of exponents 0, 1, 2, ..., up to `NONLINEAR`; None where one is none of these."""
     if exponent is None:
         return None

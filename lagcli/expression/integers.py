@@ -107,12 +107,12 @@ class _Fractions:
     def number(self, node: tree.Number) -> _Fraction:
         value = float(node.text)
         exact = node.text.isdecimal() and value <= LIMIT
-        return _Fraction(_whole(node, int(node.text.lstrip("0") or "0") if exact else value))
+        return _Fraction(_integers(node, int(node.text.lstrip("0") or "0") if exact else value))
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> _Fraction:
         if not isinstance(node, tree.Name):
             raise _unfit(node)
-        return _Fraction(_whole(node, self._lookup(node)))
+        return _Fraction(_integers(node, self._lookup(node)))
 
     def special(self, node: tree.Call) -> _Fraction:
         raise _unfit(node)
@@ -215,7 +215,7 @@ def _raised(node: tree.Node, base: Integers, times: Integers) -> Integers:
         return _limited(node, np.power(base, times), np.power(base, times, dtype=float))
 
 
-def _whole(node: tree.Node, value: object) -> Integers:
+def _integers(node: tree.Node, value: object) -> Integers:
     """A number or array that a name stands for, as whole numbers."""
     if isinstance(value, int):
         return _limited(node, value)

@@ -144,14 +144,14 @@ def _power(base: Range, exponent: Range) -> Range:
     if number is None:
         return _exp(_multiply(exponent, _log(base)))
     if number == round(number) and abs(number) <= MOST_POWER:
-        return _whole_power(base, round(number))
+        return _integer_power(base, round(number))
     powers = _corners(np.power, (np.maximum(base[0], 0.0), base[1]), exponent)
     return _wide(*powers)
 
 
-def _whole_power(base: Range, exponent: int) -> Range:
+def _integer_power(base: Range, exponent: int) -> Range:
     if exponent < 0:
-        return _divide(constant(1.0), _whole_power(base, -exponent))
+        return _divide(constant(1.0), _integer_power(base, -exponent))
     if exponent % 2 == 0:
         base = _abs(base)
     return _wide(base[0] ** exponent, base[1] ** exponent)

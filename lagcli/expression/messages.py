@@ -188,7 +188,7 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
             "a differential `d(",
             "a differential of a differential has no meaning in a constraint: write one `d`",
         ),
-        ("a one-sided", "it is written in whole coordinates: take the `d(...)` away"),
+        ("a one-sided", "it is written in positions: take the `d(...)` away"),
         ("a definition", "write the differentials in the law itself, or name a rate instead"),
         ("", "differentials belong under `differential`; a time derivative is written `rate(x)`"),
     ),

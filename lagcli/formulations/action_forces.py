@@ -88,7 +88,7 @@ def _has_curl(built: system.System, t: float, q: Floats, p: Floats) -> bool:
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
     for number, draw in enumerate(draws):
-        curl, whole = (float(part) for part in values(t + 0.1 * number, q + WIDTH * size * draw, p))
-        if np.isfinite(whole) and curl > CURL_ROUNDOFF * whole:
+        curl, total = (float(part) for part in values(t + 0.1 * number, q + WIDTH * size * draw, p))
+        if np.isfinite(total) and curl > CURL_ROUNDOFF * total:
             return True
     return False

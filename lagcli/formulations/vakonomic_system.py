@@ -99,7 +99,7 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
 
     assert count > 0
     found = system.build(extended, restated)
-    return _with_whole_reaction(dataclasses.replace(found, bodies=built.bodies), further[0])
+    return _with_total_reaction(dataclasses.replace(found, bodies=built.bodies), further[0])
 
 
 def _force(env: Environment, constraints: ConstraintRows, independent: Sequence[int], n: int) -> ca.SX:
@@ -146,7 +146,7 @@ def _inertia(built: system.System, start: VakonomicStart) -> Floats:
     return np.where(np.isfinite(found) & (found > 0), found, 1.0)
 
 
-def _with_whole_reaction(found: system.System, G: ca.SX) -> system.System:
+def _with_total_reaction(found: system.System, G: ca.SX) -> system.System:
     """The system with R = m a - F, the force of both lambda and mu, in place of the part of lambda alone."""
     Q_R = ca.densify(found.Q_R + G)
     R, first = ca.SX(found.R), 0

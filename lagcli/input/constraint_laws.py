@@ -69,7 +69,7 @@ def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> b
     terms = list(_terms(node))
     if "differential" not in everything:
         if "velocity" not in everything:
-            hint = "write `d(x)` or `rate(x)`, `a.vx`; a law in whole coordinates belongs under `holonomic`"
+            hint = "write `d(x)` or `rate(x)`, `a.vx`; a law in positions belongs under `holonomic`"
             message = "a differential constraint needs differentials or velocities"
             raise ExpressionError("no-differential", message, node.start, node.end, hint)
         return False

@@ -125,7 +125,7 @@ class Reader:
         self, node: yaml_tree.Scalar, one: tree.Range, variables: dict[str, Integers], count: int
     ) -> tuple[dict[str, Integers], int] | None:
         """The index vectors with one more range: each member so far, repeated for the values of the new index."""
-        lookup = self._formulas.scope.indexed.whole(variables)
+        lookup = self._formulas.scope.indexed.integer_lookup(variables)
         if not all(self._formulas.affords(node, bound, count) for bound in (one.low, one.high)):
             return None
         try:
@@ -155,7 +155,7 @@ class Reader:
             condition = parser.parse_filter(node.value)
             if not self._formulas.affords(node, condition, count):
                 return None
-            kept = integers.holds(condition, self._formulas.scope.indexed.whole(variables))
+            kept = integers.holds(condition, self._formulas.scope.indexed.integer_lookup(variables))
         except ExpressionError as error:
             self._formulas.within(family.family("", (), variables)).trouble(node, error)
             return None
@@ -166,7 +166,7 @@ class Reader:
         self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Integers], count: int
     ) -> Family | None:
         try:
-            lookup = self._formulas.scope.indexed.whole(variables)
+            lookup = self._formulas.scope.indexed.integer_lookup(variables)
             if not self._formulas.affords(name, key, count):
                 return None
             columns = [np.broadcast_to(integers.evaluate(index, lookup), count) for index in key.indices]

@@ -23,7 +23,7 @@ class Indexed:
         self._names = names
         self.structure: dict[str, float] = {}
 
-    def whole(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
+    def integer_lookup(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
         """The lookup in an integer expression: parameters and index variables."""
         names = self._names
 
@@ -77,7 +77,7 @@ class Indexed:
             word = "index" if depth == 1 else "indices"
             message = f"the members of `{base}` have {depth} {word}, but {len(node.indices)} were given"
             raise ExpressionError("no-such-member", message, node.start, node.end)
-        indices = [integers.evaluate(index, self.whole(variables)) for index in node.indices]
+        indices = [integers.evaluate(index, self.integer_lookup(variables)) for index in node.indices]
         try:
             return roll.find(base, indices)
         except MissingMember as missing:

@@ -135,7 +135,7 @@ _FORCES = Key(
 _INEQUALITY = Key(
     "inequality",
     "condition",
-    "one-sided constraints in whole coordinates and time, with `>=` or `<=`",
+    "one-sided constraints in positions and time, with `>=` or `<=`",
     entries=True,
     keys=(
         Key(
@@ -284,7 +284,7 @@ FORMAT = Key(
         Key(
             "holonomic",
             "equation",
-            "constraints in whole coordinates and time",
+            "constraints in positions and time",
             entries=True,
             keys=_equation("distance(p[i], p[i+1]) = L"),
             example="{rod: L = norm(a)}",

@@ -120,7 +120,7 @@ class Scope:
 
     def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
         """The facts of R of a particle, or with a second argument of the part that one constraint has in it."""
-        if not _is_whole(argument) or self._argument_kind(argument) != "particle":
+        if not _names_particle(argument) or self._argument_kind(argument) != "particle":
             name = _owner(argument)
             if name in self.laws and name not in self.names:
                 message = f"`reaction(...)` takes the name of a particle, and `{name}` is a constraint"
@@ -140,7 +140,7 @@ class Scope:
         kind = self._argument_kind(argument)
         if kind in ("coordinate", "particle"):
             value = self._lookup(argument, variables, False)
-            if _is_whole(argument):
+            if _names_particle(argument):
                 return (found,) * 3 if isinstance(value, tuple) else found
             if kind == "particle":
                 if getattr(argument, "member", "") in evaluate.COMPONENTS:
@@ -187,7 +187,7 @@ def _owner(node: tree.Node) -> str:
     return str(getattr(node, "owner", getattr(node, "name", "")))
 
 
-def _is_whole(argument: tree.Node) -> bool:
+def _names_particle(argument: tree.Node) -> bool:
     """True if the argument is a name or member of a family, without a component."""
     return isinstance(argument, tree.Name) or (isinstance(argument, tree.Index) and not argument.member)
 

@@ -153,7 +153,9 @@ def cycle(orbit: FollowedMotion, T: float) -> Cycle:
     order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
     n, kept = orbit.here.q.size, found.null
     shapes = (
-        found.whole(values.astype(complex), vectors.astype(complex)) if values.size else found.null[:, :0]
+        found.full_vectors(values.astype(complex), vectors.astype(complex))
+        if values.size
+        else found.null[:, :0]
     )
     every = np.hstack([kept.astype(complex), shapes[:, order]])
     multipliers = np.concatenate([np.ones(found.zeros, dtype=complex), others[order]])

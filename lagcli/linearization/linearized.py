@@ -1,6 +1,6 @@
 """The linear equations of small deviations, with the matrices by exact differentiation.
 
-M dq'' + C dq' + K dq = B^T dlambda, rows B dq = 0 (whole coordinates) and A dq' + D dq = 0 (differential rows). With
+M dq'' + C dq' + K dq = B^T dlambda, rows B dq = 0 (holonomic) and A dq' + D dq = 0 (differential rows). With
 h the forces and inertial terms of (D.24)
 
     K = d(M a - h - B^T lambda)/dq,    C = d(M a - h)/dv,    D = d(A v + b)/dq

@@ -112,7 +112,7 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDOFF)
     values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
     values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
-    shapes = free.shapes(values, found.whole(values, right)) if values.size else _nothing(free)
+    shapes = free.shapes(values, found.full_vectors(values, right)) if values.size else _nothing(free)
     c, m = free.cyclic, free.N.shape[0]
     still = np.hstack([free.Z[:, :c], free.Z[:, c:] @ found.null[: m - c]])
     return values, shapes, still
@@ -141,7 +141,7 @@ class WithoutZeros:
     rest: Floats
     steps: tuple[tuple[Floats, Floats, Floats], ...]
 
-    def whole(self, values: Complex, vectors: Complex) -> Complex:
+    def full_vectors(self, values: Complex, vectors: Complex) -> Complex:
         """Eigenvectors of S (n, m) from those (m, m) of `rest` with their values, none of which is zero."""
         for null, others, coupling in reversed(self.steps):
             vectors = null @ (coupling @ vectors / values) + others @ vectors

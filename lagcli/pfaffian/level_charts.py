@@ -85,7 +85,7 @@ def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFu
     ratios = [guarded.cancel(c / first) for c, _, _ in angles]
     if not all(r.is_Rational for r in ratios):
         return ()
-    numbers, scale = _whole(ratios)
+    numbers, scale = _coprime_integers(ratios)
     unit = guarded.cancel(first / scale)
     rest = _untangled(rest)
     u = guarded.expand(rest / unit)
@@ -149,18 +149,18 @@ def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
     numbers = list(powers.values())
     if not all(n.is_Rational for n in numbers):
         return [_split(powers, exponential)]
-    whole, scale = _whole(numbers)
+    integers, scale = _coprime_integers(numbers)
     exponential *= scale
     bases = list(powers)
-    found = [_split(dict(zip(bases, map(sympy.Integer, whole), strict=True)), exponential)]
+    found = [_split(dict(zip(bases, map(sympy.Integer, integers), strict=True)), exponential)]
     if exponential != 0:
-        plain = _split(dict(zip(bases, map(sympy.Integer, whole), strict=True)), sympy.Integer(0))
+        plain = _split(dict(zip(bases, map(sympy.Integer, integers), strict=True)), sympy.Integer(0))
         found.append((plain[0], plain[1] * sympy.exp(guarded.expand(-exponential))))
     # On the level zero of a factor that is squared the gradient vanishes: there a root of the product serves.
-    for n in sorted({abs(n) for n in whole if abs(n) > 1}):
+    for n in sorted({abs(n) for n in integers if abs(n) > 1}):
         rooted = {
             (b if k % n == 0 else sympy.Abs(b)): sympy.Rational(k, n)
-            for b, k in zip(bases, whole, strict=True)
+            for b, k in zip(bases, integers, strict=True)
         }
         found.append(_split(rooted, exponential / n))
     return found
@@ -242,7 +242,7 @@ def _split(powers: dict[sympy.Expr, sympy.Expr], exponential: sympy.Expr) -> Quo
     return above * sympy.exp(guarded.expand(exponential)), below
 
 
-def _whole(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.Rational]:
+def _coprime_integers(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.Rational]:
     """Rational numbers as integers without common divisor, and what they were multiplied by, positive."""
     below = reduce(lcm, (int(n.q) for n in numbers), 1)
     common = reduce(gcd, (int(n.p) * (below // int(n.q)) for n in numbers), 0) or 1

@@ -211,10 +211,10 @@ class _FormNames(notation.SympyAlgebra):
 
     def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
         if exponent.free_symbols and not base.free_symbols.isdisjoint((*self._moved, _DT)):
-            exponent = self._whole(exponent)
+            exponent = self._integer_exponent(exponent)
         return super().power(node, base, exponent)
 
-    def _whole(self, exponent: sympy.Expr) -> sympy.Expr:
+    def _integer_exponent(self, exponent: sympy.Expr) -> sympy.Expr:
         """An exponent of a differential: in a row, which is linear, it is 0 or 1 for the values of the parameters."""
         numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
         values = dict(zip(self.parameters, map(exact, numbers), strict=True))

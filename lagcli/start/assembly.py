@@ -86,15 +86,15 @@ def assemble(
         q = gaps.nearest(search, q)
     there = dataclasses.replace(state, q=q)
     _, rows, b = initial.finite_rows(system, numeric, there)
-    metric, whole = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
+    metric, full_metric = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
     v = projection.velocity(state.v, rows.B, b, metric)
     there = dataclasses.replace(there, v=v)
-    stuck = _stuck(MetricRows(rows.B, metric), MetricRows(rows.B, whole))
+    stuck = _stuck(MetricRows(rows.B, metric), MetricRows(rows.B, full_metric))
     if stuck.any() and search.fixed.any():
         raise _nothing_left(system, np.flatnonzero(stuck).tolist())
     if not initial.residuals(system, numeric, there).consistent:
         raise _no_velocity(search, there, rows, b)
-    return Assembly(there, whole.length(q - state.q), whole.length(v - state.v), state)
+    return Assembly(there, full_metric.length(q - state.q), full_metric.length(v - state.v), state)
 
 
 def configuration(system: System, numeric: NumericSystem, state: State) -> State:
@@ -122,10 +122,10 @@ def require_consistent(system: System, numeric: NumericSystem, state: State, fou
     raise diagnostics.ModelError(report)
 
 
-def _stuck(moving: MetricRows, whole: MetricRows) -> Flags:
+def _stuck(moving: MetricRows, full_metric: MetricRows) -> Flags:
     """Rows that hardly act along the coordinates that may move, and do along the others."""
     norms = LocalRows(moving.unit).norms * moving.lengths
-    return (norms < STUCK * whole.lengths) & (norms > 0)
+    return (norms < STUCK * full_metric.lengths) & (norms > 0)
 
 
 def _configuration(search: Search) -> Floats:
@@ -232,11 +232,13 @@ def _is_clearly_nearest(search: Search, q: Floats) -> bool:
     q0 = search.state.q
     touched = search.touched(range(search.system.holonomic_count))
     size = search.size(q0, touched) * np.ones(q.size)
-    moved = search.whole.length(q - q0)
+    moved = search.full_metric.length(q - q0)
     if moved == 0.0:
         return True
     many = q.size > MANY
-    if moved > (NEAR_OF_MANY if many else NEAR) * search.whole.length(np.where(search.fixed, 0.0, size)):
+    if moved > (NEAR_OF_MANY if many else NEAR) * search.full_metric.length(
+        np.where(search.fixed, 0.0, size)
+    ):
         return False
     return many or _curvature(search, q) >= CURVED
 

@@ -71,12 +71,12 @@ class Search:
         self.system, self.numeric, self.state, self.fixed = system, numeric, state, fixed
         self.M = numeric.inertia(state.t, state.q, state.v, state.p)
         try:
-            self.metric, self.whole = Metric(self.M, fixed), Metric(self.M)
+            self.metric, self.full_metric = Metric(self.M, fixed), Metric(self.M)
         except NotDefiniteError:
             from lagcli.compiled import nearest
 
             self.M = nearest.unit(fixed.size)
-            self.metric, self.whole = Metric.unit(fixed.size, fixed), Metric.unit(fixed.size)
+            self.metric, self.full_metric = Metric.unit(fixed.size, fixed), Metric.unit(fixed.size)
 
     def surface(self, rows: Sequence[int] | None = None) -> Surface:
         """The surface of all holonomic rows, or of some."""

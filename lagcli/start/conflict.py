@@ -156,7 +156,7 @@ def _follow_each_other(search: Search, rows: list[int]) -> bool:
     state = search.state
     for q in search.neighbours(state.q, rows):
         B = search.numeric.holonomic(state.t, q, state.p)[1][rows, :]
-        if LocalRows(B).are_finite().all() and rank.rank(MetricRows(B, search.whole)).high == len(rows):
+        if LocalRows(B).are_finite().all() and rank.rank(MetricRows(B, search.full_metric)).high == len(rows):
             return False
     return True
 
@@ -208,7 +208,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     b = np.array(bias).ravel()
     if not (np.isfinite(np.array(B.nonzeros(), dtype=float)).all() and np.isfinite(b).all()):
         return []
-    v = projection.velocity(state.v, B, b, search.whole)
+    v = projection.velocity(state.v, B, b, search.full_metric)
     there = dataclasses.replace(later, q=reached.q, v=v)
     if initial.residuals(system, numeric, there).consistent:
         return []  # what is left is rounding

@@ -83,11 +83,11 @@ class Residuals:
         return [int(i) for i in np.flatnonzero(broken)]
 
     def in_position(self, i: int) -> bool:
-        """True if a row that is violated is so in whole coordinates."""
+        """True if a row that is violated is so at position level."""
         return i < self.position.size and not self.position[i] <= self.position_limit[i]
 
     def size(self, i: int) -> float:
-        """The violation of a row, in whole coordinates or else in velocities."""
+        """The violation of a row, at position level or else at velocity level."""
         return float(self.position[i] if self.in_position(i) else self.velocity[i])
 
 
@@ -178,9 +178,9 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     def rows_at(q: Floats) -> LocalRows:
         return LocalRows(numeric.rows(state.t, q, state.v, state.p)[0])
 
-    whole = np.zeros(norms.size)
-    whole[:s] = position
-    allowed = limits(rows_at, state, rows, whole)[:s]
+    violations = np.zeros(norms.size)
+    violations[:s] = position
+    allowed = limits(rows_at, state, rows, violations)[:s]
     return Residuals(
         position, np.abs(rows.times(state.v) + b) / norms, allowed, CONSISTENT * speed, rows.norms == 0, norms
     )
@@ -273,11 +273,13 @@ def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagno
 def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnostic:
     """The violation of a row by the start."""
     row, units = system.rows.rows[i], system.model.units
-    whole = found.in_position(i)
-    kind, unit = ("positions", units.length) if whole else ("velocities", f"{units.length}/{units.time}")
+    is_position = found.in_position(i)
+    kind, unit = (
+        ("positions", units.length) if is_position else ("velocities", f"{units.length}/{units.time}")
+    )
     unit = f" {unit}" if not system.model.coordinates else ""
     by = violated(found.size(i), float(found.norms[i]), unit)
-    if whole and found.flat[i]:
+    if is_position and found.flat[i]:
         by = f"{found.position[i]:.6g} of its own unit (its gradient vanishes or has no value there)"
     message = f"the initial {kind} violate `{row.name}` by {by}"
     hint = "correct the initial values, or use `--assemble` to move them to the nearest consistent state"

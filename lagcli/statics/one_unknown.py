@@ -91,8 +91,8 @@ def _logarithm(a: iv.mpf) -> iv.mpf:
 
 def _power(a: iv.mpf, b: iv.mpf) -> iv.mpf:
     if b.a == b.b and float(b.a) == round(float(b.a)):
-        whole = int(float(b.a))
-        return a**whole if whole >= 0 else _quotient(iv.mpf(1), a**-whole)
+        exponent = int(float(b.a))
+        return a**exponent if exponent >= 0 else _quotient(iv.mpf(1), a**-exponent)
     return iv.exp(b * _logarithm(a))
 
 
@@ -163,10 +163,10 @@ def _inside(search: PointSearch, x: float, low: float, high: float) -> bool:
 
 def _isolated(force: _Force, search: PointSearch, is_angle: bool) -> list[tuple[float, float]] | None:
     """Intervals that hold one zero each, all together all of them; None where some cannot be told apart."""
-    whole = _whole(force, search, is_angle)
-    if whole is None:
+    interval = _enclosing_interval(force, search, is_angle)
+    if interval is None:
         return None
-    waiting = [whole]
+    waiting = [interval]
     found: list[tuple[float, float]] = []
     for _ in range(PARAMETERS.most_boxes):
         if not waiting:
@@ -189,7 +189,7 @@ def _isolated(force: _Force, search: PointSearch, is_angle: bool) -> list[tuple[
     return None
 
 
-def _whole(force: _Force, search: PointSearch, is_angle: bool) -> tuple[float, float] | None:
+def _enclosing_interval(force: _Force, search: PointSearch, is_angle: bool) -> tuple[float, float] | None:
     """An interval that holds all zeros: a whole turn, or as far as the force has no zero beyond."""
     if is_angle:
         # The ends lie at no point where a zero is likely.

@@ -97,8 +97,8 @@ def _kind_on_cone(
         return _kind(0, 0, 0, *walls) if any(walls) else "isolated", 0
     least, greatest = found
     rises, falls = greatest > flat, least < -flat
-    whole = least > flat or greatest < -flat
-    return _kind(int(rises), int(falls), 1 if whole else 2, *walls), down if falls else 0
+    is_strict = least > flat or greatest < -flat
+    return _kind(int(rises), int(falls), 1 if is_strict else 2, *walls), down if falls else 0
 
 
 def carrying(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:

@@ -276,12 +276,12 @@ class _Translation:
             )
         if number.denominator != 1 or abs(number) > PARAMETERS.most_degree:
             raise NotPolynomial("it holds a power that is not whole")
-        whole = int(number)
-        if whole < 0:
+        integer = int(number)
+        if integer < 0:
             return self._divided(
                 Quotient(self._one, self._one), self._power(a, Quotient(-exponent.above, self._one))
             )
-        return self._quotient(a.above**whole, a.below**whole)
+        return self._quotient(a.above**integer, a.below**integer)
 
     def _root(self, a: Quotient) -> Quotient:
         if a.above.is_ground and a.below.is_ground:

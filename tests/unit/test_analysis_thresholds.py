@@ -31,7 +31,7 @@ class Line:
 def follows(line: Line) -> bool:
     found = manifold.along(line, np.zeros(2), 0.0, 1)
     assert found is not None
-    return manifold.is_whole(found, np.zeros(2), 0.0, ())
+    return manifold.satisfies_all(found, np.zeros(2), 0.0, ())
 
 
 @pytest.mark.parametrize(("size", "answer"), [(1e-12, True), (1e-10, False)])

@@ -611,12 +611,12 @@ def test_a_note_names_four_such_places(count, sentences, search_of, monkeypatch)
 
 @pytest.mark.parametrize(("zero", "is_known"), [(3e5, True), (3e6, False)])
 def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_known, search_of):
-    found = one_unknown._whole(lambda x: (x - zero, iv.mpf(1)), search_of(), False)
+    found = one_unknown._enclosing_interval(lambda x: (x - zero, iv.mpf(1)), search_of(), False)
     assert (found is not None) is is_known
 
 
 def test_an_interval_of_a_turn_overlaps_itself(search_of):
-    low, high = one_unknown._whole(None, search_of(), True)
+    low, high = one_unknown._enclosing_interval(None, search_of(), True)
     assert high - low - 2 * math.pi == pytest.approx(2e-12, rel=0.01)
 
 

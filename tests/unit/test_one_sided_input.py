@@ -113,7 +113,7 @@ events:
         ("e >= 0", "nothing-to-push", "e >= 0", "coordinates"),
         ("t >= 0", "nothing-to-push", "t >= 0", "coordinates"),
         ("a.vz >= 0", "velocity-not-allowed", "a.vz", "under `events`"),
-        ("d(a.z) >= 0", "differential-not-allowed", "d(a.z)", "whole coordinates"),
+        ("d(a.z) >= 0", "differential-not-allowed", "d(a.z)", "written in positions"),
         ("a.az >= 0", "result-not-allowed", "a.az", "under `outputs` or `events`"),
         ("b.z >= 0", "unknown-name", "b", ""),
         ("p.z >= 0", "family-needs-index", "p", "`p[1]`"),

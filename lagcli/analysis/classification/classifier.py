@@ -123,10 +123,10 @@ class Classifier:
         """The group in symbols; None where a row is too large for exact algebra, or has no text."""
         if len(group.holonomic) > MOST_ROWS:
             return None
-        names, whole = self._names(group.differential), self._names(group.holonomic)
-        surface = self._translation.surface(frozenset(whole)) if whole else {}
+        names, holonomic = self._names(group.differential), self._names(group.holonomic)
+        surface = self._translation.surface(frozenset(holonomic)) if holonomic else {}
         forms = [self._forms[name] for name in names]
-        holonomic_rank = [surface.get(name) for name in whole]
+        holonomic_rank = [surface.get(name) for name in holonomic]
         if any(part is None or isinstance(part, notation.TooLarge) for part in (*forms, *holonomic_rank)):
             return None
         known = [form for form in forms if isinstance(form, Form)]

@@ -1,5 +1,5 @@
 """The findings of the classification: of every row, of every group of rows, and of all of them; and the verdicts that
-need no search, of rows declared in whole coordinates and of one-sided ones."""
+need no search, of rows declared as holonomic and of one-sided ones."""
 
 from __future__ import annotations
 
@@ -160,13 +160,13 @@ def _summed(sequences: list[tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def of_holonomic(model: nouns.Model, row_names: tuple[str, ...]) -> tuple[Verdict, ...]:
-    """Verdicts of the rows declared in whole coordinates, `row_names` being those of the system."""
+    """Verdicts of the rows declared as holonomic, `row_names` being those of the system."""
     texts = {row for law in model.holonomic for row in law.rows}
     bodies = {body.name for body in model.rigid}
     verdicts = []
     for row in row_names:
         if row in texts:
-            method = "declared in whole coordinates"
+            method = "declared in positions"
         elif row.rpartition(".")[0] in bodies:
             method = f"row of the rigid body `{row.rpartition('.')[0]}`"
         else:

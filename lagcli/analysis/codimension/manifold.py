@@ -138,7 +138,7 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
     return Manifold(equations, left[:, :count].T) if large == small == count else None
 
 
-def is_whole(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
+def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
     """True if all equations vanish on the manifold around a point of it, and at other times.
 
     Where a step cannot be made, or rounding is too large to see it, that is not shown.
@@ -168,4 +168,4 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float]) -> bool:
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
     found = along(part, part.begin, t, count)
-    return found is not None and is_whole(found, part.begin, t, times)
+    return found is not None and satisfies_all(found, part.begin, t, times)

@@ -109,7 +109,7 @@ def dimension(part: ScaledPart, rank: int, times: Sequence[float]) -> int | None
         or _shift(found, deflated, t) > PARAMETERS.balanced + manifold.PARAMETERS.roundings * part.rounding
     ):
         return None
-    if not manifold.is_whole(found, deflated.begin, t, times):
+    if not manifold.satisfies_all(found, deflated.begin, t, times):
         return None
     return kernel
 

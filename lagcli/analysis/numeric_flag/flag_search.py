@@ -143,12 +143,12 @@ def _on_piece(found: NumericFlag, points: Points, point: EvaluationPoint) -> Num
 def _open(known: NumericFlag, start: EvaluationPoint, point: EvaluationPoint) -> NumericFlag:
     """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
     m = len(point.kept)
-    whole = None if point.are_independent else bracket_values.in_digits(point, is_decimal=True)
+    exact = None if point.are_independent else bracket_values.in_digits(point, is_decimal=True)
     return dataclasses.replace(
         known,
         extra=(m, 0) if m else (0,),
         growth=(0, m) if m else (0,),
-        inside=tuple(not any(weights) for weights in _weights(point, whole)),
+        inside=tuple(not any(weights) for weights in _weights(point, exact)),
         combinations=np.zeros((0, len(point.block.differential))),
         special=known.special or start.first != m,
         least=float(point.turning[m - 1]) if m else math.inf,

@@ -21,7 +21,7 @@ Pair = tuple[float, float]  # a value and its size
 
 # Within this part of its size a value may lie on the other side of a switch.
 DOUBT = 1e-13
-WHOLE = 2.0**53  # the doubles below are exact where they are whole
+EXACT_INTEGERS = 2.0**53  # the doubles below are exact where they are whole
 
 
 def of(program: Program, inputs: Sequence[Floats]) -> Floats:
@@ -54,7 +54,7 @@ def _result(name: str, parts: list[Pair]) -> Pair:
         value, size = TWO[name](*parts) if name in TWO else _along(name, parts[0])
     except (ArithmeticError, ValueError):
         return math.nan, math.inf
-    if name in EXACT and size == 0.0 and value.is_integer() and abs(value) <= WHOLE:
+    if name in EXACT and size == 0.0 and value.is_integer() and abs(value) <= EXACT_INTEGERS:
         return value, 0.0
     return value, size if name in SWITCHES else size + abs(value)
 

@@ -110,7 +110,7 @@ class NumberAlgebra:
 
 
 def _power(x: Array, e: Array) -> Array:
-    whole = e.size == 1 and float(e.real.flat[0]) == round(float(e.real.flat[0]))
-    if whole and abs(float(e.real.flat[0])) <= 64:
+    is_integer = e.size == 1 and float(e.real.flat[0]) == round(float(e.real.flat[0]))
+    if is_integer and abs(float(e.real.flat[0])) <= 64:
         return np.asarray(np.power(x, float(e.real.flat[0])) if np.isrealobj(x) else x ** int(e.real.flat[0]))
     return np.asarray(np.power(x, e))

@@ -184,9 +184,9 @@ def number(value: float) -> str:
     value = float(value)
     twelfths = value / math.pi * PARTS_OF_PI
     if abs(value) > 1e-9 and abs(twelfths - round(twelfths)) < 1e-9:
-        whole = round(twelfths)
-        common = math.gcd(whole, PARTS_OF_PI)
-        above, below = whole // common, PARTS_OF_PI // common
+        rounded = round(twelfths)
+        common = math.gcd(rounded, PARTS_OF_PI)
+        above, below = rounded // common, PARTS_OF_PI // common
         sign = "-" if above < 0 else ""
         return sign + ("pi" if abs(above) == 1 else f"{abs(above)}*pi") + (f"/{below}" if below > 1 else "")
     return f"{round(value, 10) + 0.0:.10g}"

@@ -87,7 +87,7 @@ def _motion(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations)
 
 
 def _rows(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations) -> Iterator[Line]:
-    """B dq = 0 of whole coordinates, A dq' + D dq = 0 of differential rows."""
+    """B dq = 0 of holonomic rows, A dq' + D dq = 0 of differential rows."""
     for r, row in enumerate(system.rows):
         if row.f is not None:
             left = _terms(signs, found.B, r, shown.q)

@@ -134,8 +134,8 @@ def without_squares(
     """cos(u)^2 as 1 - sin(u)^2, or the other way round, everywhere."""
 
     def less(power: sympy.Expr) -> sympy.Expr:
-        base, whole = power.base, int(power.exp)
-        return (1 - other(base.args[0]) ** 2) ** (whole // 2) * base ** (whole % 2)
+        base, exponent = power.base, int(power.exp)
+        return (1 - other(base.args[0]) ** 2) ** (exponent // 2) * base ** (exponent % 2)
 
     def is_square(part: sympy.Expr) -> bool:
         return bool(

@@ -120,7 +120,7 @@ class Layout:
             top.insert(0, f.FormulaNumber(decimal))
         else:
             if p != 1 or not top:
-                top.insert(0, f.FormulaNumber(_whole(p)))
+                top.insert(0, f.FormulaNumber(_integer(p)))
             if q != 1:
                 bottom.insert(0, f.FormulaNumber(str(q)))
         upper = top[0] if len(top) == 1 else f.FormulaProduct(tuple(top))
@@ -164,7 +164,7 @@ def _rational(value: sympy.Expr) -> f.FormulaNode:
         return f.negative(_rational(-value))
     decimal = None if (p, q) in _SIMPLE else _decimal(p, q)
     if q == 1:
-        return f.FormulaNumber(_whole(p))
+        return f.FormulaNumber(_integer(p))
     if decimal is not None:
         return f.FormulaNumber(decimal)
     return f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q)))
@@ -177,7 +177,7 @@ def scientific(digits: int, exponent: int) -> str:
     return f"{plain[0]}{'.' * (len(plain) > 1)}{plain[1:]}e{exponent}"
 
 
-def _whole(number: int) -> str:
+def _integer(number: int) -> str:
     """A whole number; one that ends in many zeros as 6e24."""
     text = str(number)
     return scientific(number, 0) if len(text) > DECIMALS and text.endswith("000") else text

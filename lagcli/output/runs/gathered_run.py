@@ -59,14 +59,14 @@ class _GatheredTable:
         self._blocks = [np.zeros((0, len(self._picked)))]
         self._incidents = [run.incident_columns.table([])]
         # What is zero to rounding is known from all columns.
-        self._is_whole = self._picked[: len(run.columns)] == list(range(len(run.columns)))
+        self._has_all_columns = self._picked[: len(run.columns)] == list(range(len(run.columns)))
         self._thinned = DecimatedRows()
 
     def add(self, block: Floats) -> None:
         """A block of rows, and the incidents that came with it."""
         run = self._run
         self._blocks.append(run.taken(block, self._picked))
-        if not self._is_whole:
+        if not self._has_all_columns:
             self._thinned.add(block)
         if run.incidents:
             self._incidents.append(run.incident_columns.table(run.incidents))
@@ -84,7 +84,7 @@ class _GatheredTable:
         names = tuple(everything[i] for i in self._picked)
         floors, looked_at = (
             run.floors(),
-            rows[:, : len(run.columns)] if self._is_whole else self._thinned.rows(),
+            rows[:, : len(run.columns)] if self._has_all_columns else self._thinned.rows(),
         )
 
         def zeros() -> frozenset[str]:

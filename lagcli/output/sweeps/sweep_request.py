@@ -41,8 +41,8 @@ class SweepRequest:
         if self.shard is None:
             return 1, 1
         number, sign, count = (part.strip() for part in self.shard.partition("/"))
-        is_whole = sign and number.isdecimal() and count.isdecimal()
-        if not is_whole or not 1 <= int(number) <= int(count):
+        is_count = sign and number.isdecimal() and count.isdecimal()
+        if not is_count or not 1 <= int(number) <= int(count):
             raise BadRequest(f"--shard {self.shard}: write I/N, the part I of N, from 1/N to N/N")
         return int(number), int(count)
 

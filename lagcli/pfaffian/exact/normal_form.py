@@ -270,9 +270,9 @@ class NormalForm:
         if exponent.is_Integer:
             return self._write(base) ** exponent
         if exponent.is_Rational:
-            whole, rest = divmod(int(exponent.p), int(exponent.q))
+            quotient, rest = divmod(int(exponent.p), int(exponent.q))
             root = self._root(base, int(exponent.q), base ** sympy.Rational(1, exponent.q))
-            return self._write(base) ** whole * root**rest
+            return self._write(base) ** quotient * root**rest
         if _is_exponential(e):
             return self._exponential(exponent * sympy.log(base))
         # base**(k + 1) = base**k * base: the rational part of the exponent apart, the rest a letter a term.

@@ -98,11 +98,14 @@ class _FlagSearch:
         self._block = block
         self._time = block.variables.index(time) if time in block.variables else -1
         self._field = FunctionField(block, deadline, values)
-        self._whole, self._declared = self._field.rows(self._field.gradients), self._field.rows(block.rows)
+        self._holonomic, self._declared = (
+            self._field.rows(self._field.gradients),
+            self._field.rows(block.rows),
+        )
 
     def flag(self) -> Flag:
-        surface = self._field.solved(self._whole, self._time)
-        start = self._field.solved([*self._whole, *self._declared], self._time)
+        surface = self._field.solved(self._holonomic, self._time)
+        start = self._field.solved([*self._holonomic, *self._declared], self._time)
         if self._time in start.pivots:
             # The column of time is taken last: this row is a multiple of dt.
             return self._conditions(self._field.remainders)
@@ -256,7 +259,7 @@ class _FlagSearch:
         needed = list(range(len(self._declared)))
         for i in list(needed):
             rest = [j for j in needed if j != i]
-            rows = [*self._whole, *(self._declared[j] for j in rest)]
+            rows = [*self._holonomic, *(self._declared[j] for j in rest)]
             is_demanded = self._time in self._field.solved(rows, self._time).pivots
             if is_demanded and (g is None or any(not g.numer.rem(r.numer) for r in self._field.remainders)):
                 needed = rest

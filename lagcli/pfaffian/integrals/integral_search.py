@@ -63,7 +63,7 @@ class IntegralSearch:
     ) -> None:
         self.block, self._ways, self.deadline, self._wanted = block, ways, deadline, wanted
         self.found: list[SearchResult] = []
-        self._whole: list[sympy.Expr] = []
+        self._holonomic: list[sympy.Expr] = []
         self.factors: list[sympy.Expr] = []
         self.used = 0
 
@@ -95,7 +95,7 @@ class IntegralSearch:
             raise normal_form.NoNormalFormError("the kernel of the rows is not known")
         for f in block.surface:
             if self._is_new(f):
-                self._whole.append(f)
+                self._holonomic.append(f)
 
     @property
     def is_complete(self) -> bool:
@@ -105,7 +105,7 @@ class IntegralSearch:
     @property
     def integrals(self) -> list[sympy.Expr]:
         """The known constants of motion: the surface and what was found."""
-        return [*self._whole, *(f.integral for f in self.found)]
+        return [*self._holonomic, *(f.integral for f in self.found)]
 
     def alphabet(self, *more: sympy.Expr) -> combinations.Alphabet:
         """The letters of the frame. On a surface those of the constants too: its points have various of them."""

@@ -209,8 +209,8 @@ class ContactInstant:
         return packed[: s.q.size], float(packed[-1])
 
     @property
-    def whole(self) -> tuple[Floats, Sparse]:
-        """f (s,) of the equality rows of whole coordinates, and their gradients (s, n)."""
+    def holonomic(self) -> tuple[Floats, Sparse]:
+        """f (s,) of the holonomic equality rows, and their gradients (s, n)."""
         s = self.state
         f, B = self._values.numeric.holonomic(s.t, s.q, s.p)
         return np.array(f).ravel(), B

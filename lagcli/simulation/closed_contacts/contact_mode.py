@@ -53,10 +53,10 @@ def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> Gaps
 
 
 def _held(here: ContactInstant, state: State, contacts: list[int]) -> State | None:
-    """The state moved onto the equality rows of whole coordinates and these contacts; None where there is none."""
+    """The state moved onto the holonomic equality rows and these contacts; None where there is none."""
     for _ in range(STEPS):
         instant = here.at(state)
-        f, B = instant.whole
+        f, B = instant.holonomic
         off = np.concatenate([f, instant.g[contacts]])
         A = np.array(here.metric.whitened(stacked(B, instant.gradients(np.array(contacts, dtype=np.intp)))))
         if not (np.isfinite(off).all() and np.isfinite(A).all()):

@@ -200,7 +200,7 @@ class _Forms:
         return "" if change < BENT * size else "its gradient vanishes"
 
     @cached_property
-    def _whole(self) -> Sparse:
+    def _holonomic(self) -> Sparse:
         """The independent holonomic rows."""
         B = self._numeric.holonomic(self._state.t, self._state.q, self._state.p)[1]
         retained: Sparse = B[[i for i in self._numeric.selection.independent if i < B.shape[0]], :]
@@ -213,8 +213,8 @@ class _Forms:
     def dependent(self, taken: Iterable[tuple[int, InvariantValue]]) -> list[int]:
         """The integrals with a gradient that depends on the holonomic rows and on those before it."""
         numbers, gradients = zip(*((i, self.gradient(i, level)) for i, level in taken), strict=True)
-        s = self._whole.shape[0]
-        rows = MetricRows(metric_rows.stacked(self._whole, *gradients), self._metric)
+        s = self._holonomic.shape[0]
+        rows = MetricRows(metric_rows.stacked(self._holonomic, *gradients), self._metric)
         if rows.are_independent:
             return []
         if not rows.is_large:

@@ -35,7 +35,7 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Ra
     before: a state of the same motion at which rows have their lengths; rtol: relative error of positions.
     """
     independent = list(numeric.selection.independent)
-    whole = [i for i in independent if i < numeric.holonomic.size1_out(0)]
+    holonomic = [i for i in independent if i < numeric.holonomic.size1_out(0)]
     if len(independent) > MOST_ROWS:
         return RankDrop(there.t, 1, tuple(independent))
     metric = metric_at(numeric, before)
@@ -48,13 +48,13 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Ra
     strong = squares > LOST**2
     if strong.all():
         return None
-    lost, other = left[:, ~strong], left[: len(whole), strong]
+    lost, other = left[:, ~strong], left[: len(holonomic), strong]
     for _ in range(STRONG_STEPS):
-        f = np.array(numeric.holonomic(there.t, q, there.p)[0]).ravel()[whole] / lengths[: len(whole)]
+        f = np.array(numeric.holonomic(there.t, q, there.p)[0]).ravel()[holonomic] / lengths[: len(holonomic)]
         # Newton's steps along what is not lost leave what the lost rows say.
         stresses = left[:, strong] @ ((other.T @ f) / squares[strong])
         q = q - metric.unwhitened(np.array(ca.mtimes(unit.T, ca.DM(stresses))).ravel())
-    gap = float(np.abs(lost[: len(whole)].T @ f).max(initial=0.0))
+    gap = float(np.abs(lost[: len(holonomic)].T @ f).max(initial=0.0))
     if gap > size * max(GAP_ROUNDOFF, (ERRORS * rtol) ** 2):
         return None
     weights = np.abs(lost).max(axis=1)

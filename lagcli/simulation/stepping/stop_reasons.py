@@ -120,15 +120,15 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
 
 
 def _sentence(system: System, row: int, kind: str, in_value: bool, call: str) -> str:
-    name, whole = system.rows.rows[row].name, row < system.holonomic_count
+    name, is_holonomic = system.rows.rows[row].name, row < system.holonomic_count
     why = f" ({call})" if call else ""
     if kind == "ends":
         return f"the row `{name}` is not defined beyond{why}: its surface, or its gradient, ends there"
     if kind == "grows":
         return f"the gradient of the row `{name}` grows beyond all bounds there{why}"
-    if in_value and whole:
+    if in_value and is_holonomic:
         return f"the row `{name}` jumps there{why}"
-    what = "gradient of the row" if whole else "row"
+    what = "gradient of the row" if is_holonomic else "row"
     return f"the {what} `{name}` jumps there{why}, and the velocity would have to jump"
 
 
