@@ -199,8 +199,8 @@ def _redundant(numeric: NumericSystem, point: State, effective: list[int], surfa
     rows = _normalized_rows(numeric, point)
     flags = np.ones(rows.count, dtype=bool)
     flags[effective] = _following(rows.take(effective))
-    held = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
-    if held < (surface.codimension or 0):
+    holonomic_rank = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
+    if holonomic_rank < (surface.codimension or 0):
         # Rows whose gradients depend on others there hold the surface all the same.
         flags[list(surface.rows)] = False
         flags[list(surface.follow)] = True

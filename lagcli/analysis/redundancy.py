@@ -66,9 +66,9 @@ def begin(
 
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)
-    kept_to = _kept_to(numeric, found, orbits)
+    lower_rank = _states_of_lower_rank(numeric, found, orbits)
     # Rows that are dependent at the start alone are looked at where the motion leads.
-    ahead = [] if kept_to else _ahead(whole[1], state)
+    ahead = [] if lower_rank else _ahead(whole[1], state)
     along = {rank.rank(sample_points.rows(numeric, point)).low: point for point in reversed(ahead)}
     count = max([found.value, *along])
     there = along[count] if count > found.value else state
@@ -77,7 +77,7 @@ def begin(
         raise refusals.multiplier_rule(system, surface)
     if surface.kind == "undecided":
         raise refusals.undecided(system, numeric, there, surface)
-    around = [sample_points.rows(numeric, point) for point in kept_to or _around(*whole, there)]
+    around = [sample_points.rows(numeric, point) for point in lower_rank or _around(*whole, there)]
     if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
     chosen = independent_rows.dependence(sample_points.rows(numeric, there), count, system.holonomic_count)
@@ -89,7 +89,7 @@ def begin(
     return StartSelection(independent_rows.joined(chosen.selection, generic), count > found.value)
 
 
-def _kept_to(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:
+def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:
     """States on the motions from the start where the rank of the rows is that of the start, which is less than beside
     it; none where motions lead away from such a state, or where not all dependent rows were followed."""
     own = {i for vector in found.dependences for i in rank.participants(vector)}

@@ -36,7 +36,7 @@ MAIN = 0.1
 
 def remarks(system: System, report: RunReport) -> tuple[str, ...]:
     """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, integrals
-    that were not held all the time."""
+    that were not enforced all the time."""
     return (
         *_shared(system, report.selection),
         *_shared_at_times(system, report.selection, report.indeterminate),

@@ -102,12 +102,14 @@ def _unsure(best: rank.Rank, rows: MetricRows, surface: Codimension, holonomic: 
     return unsure
 
 
-def _elsewhere(found: Sequence[tuple[rank.Rank, MetricRows]], kept: tuple[int, ...]) -> list[Selection]:
+def _elsewhere(
+    found: Sequence[tuple[rank.Rank, MetricRows]], independent: tuple[int, ...]
+) -> list[Selection]:
     """Circuits over the same independent rows at other points, where these are independent too."""
     return [
-        independent_rows.over(rows, kept).selection
+        independent_rows.over(rows, independent).selection
         for one, rows in found
-        if one.value == len(kept) and rank.rank(rows.take(list(kept))).value == len(kept)
+        if one.value == len(independent) and rank.rank(rows.take(list(independent))).value == len(independent)
     ]
 
 

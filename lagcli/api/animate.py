@@ -159,15 +159,15 @@ def _scene(
 ) -> Scene:
     found = _tracks(table, model)
     notes = [found.note] if found.note else []
-    held = [
+    multipliers = [
         (name.removeprefix("lambda."), values) for name, values in table.items() if name.startswith("lambda.")
     ]
-    largest = sorted(held, key=lambda pair: -float(np.nan_to_num(np.abs(pair[1])).max(initial=0.0)))[
+    largest = sorted(multipliers, key=lambda pair: -float(np.nan_to_num(np.abs(pair[1])).max(initial=0.0)))[
         :MOST_CURVES
     ]
-    kept = {name for name, _ in largest}
-    if len(held) > MOST_CURVES:
-        notes.append(f"the {MOST_CURVES} largest of {len(held)} multipliers are shown")
+    shown = {name for name, _ in largest}
+    if len(multipliers) > MOST_CURVES:
+        notes.append(f"the {MOST_CURVES} largest of {len(multipliers)} multipliers are shown")
     R = found.reactions(table) if parts["R"] else None
     drawn = model if model is not None and model.particle_names else None
     if model is not None and drawn is None:
@@ -178,7 +178,7 @@ def _scene(
         particles=found.track,
         R=None if R is None else np.nan_to_num(R),
         F=forces(drawn, table) if drawn is not None and parts["F"] else None,
-        curves=tuple(TimeCurve(name, values) for name, values in held if name in kept),
+        curves=tuple(TimeCurve(name, values) for name, values in multipliers if name in shown),
         notes=tuple(notes),
         rails=found.rails,
         ties=tuple(ties(drawn)) if drawn is not None else (),
@@ -242,7 +242,7 @@ def positions(model: Model, t: Floats, q: Floats) -> Floats:
 
 
 def ties(model: Model) -> list[links.Tie]:
-    """Distances that are kept whatever the coordinates are, of particles whose positions are functions of them."""
+    """Distances that are constant whatever the coordinates are, of particles whose positions are functions of them."""
     from lagcli.auditing.evidence.model_values import ModelIndex
 
     index = ModelIndex(model)

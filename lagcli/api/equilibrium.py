@@ -20,7 +20,7 @@ def equilibrium(
 
     With multipliers, constraint forces, the effective potential and the type by the bordered Hessian; contacts push.
     From the declared start and from `starts` others, the same for one `seed`; `limit` is the seconds to find the first
-    integrals of differential rows, whose leaf through the start is kept. Raises `ModelError`, `ValueError`.
+    integrals of differential rows, whose leaf through the start is fixed. Raises `ModelError`, `ValueError`.
     """
     static_points.require(starts, seed)
     model = as_model(model)

@@ -87,10 +87,10 @@ def sweep(
         raise ValueError("executor and jobs both say who computes; give one of them")
     for part in parts:
         sweep_plan.require_names(model, part, "points")
-    kept = [reductions.Reduction(name, text) for name, text in (reduce or {}).items()]
+    reduced = [reductions.Reduction(name, text) for name, text in (reduce or {}).items()]
     pattern = None if tables is None else point_task.require_folder(os.fspath(tables))
     chosen = sweep_plan.SweepSettings(changes, run_settings.seconds(limit), limit_each, pattern)
-    plan = sweep_plan.plan(model, parts, kept, chosen)
+    plan = sweep_plan.plan(model, parts, reduced, chosen)
     rows: list[PointRow] = []
     with engines.local(jobs) if executor is None else engines.given(executor) as engine:
         for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):

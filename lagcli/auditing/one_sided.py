@@ -58,14 +58,14 @@ class OneSidedParts:
         looked = sum(len(k) - 1 for k in self._looked_at)
         if looked == steps:
             return ()
-        held = int(self._cut.sum())
-        if not self._has_incidents and held:
+        cut = int(self._cut.sum())
+        if not self._has_incidents and cut:
             return (
-                f"{held} of {steps} steps between rows may hold an impact: they are not judged without --events"
+                f"{cut} of {steps} steps between rows may hold an impact: they are not judged without --events"
                 f" ({steps - looked} steps are left out of what is judged by differences)",
             )
         return (
-            f"{held} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too short for"
+            f"{cut} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too short for"
             " differences, or between them",
         )
 

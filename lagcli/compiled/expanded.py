@@ -13,7 +13,7 @@ from lagcli.compiled.parts import Parts
 
 
 class Expanded:
-    """rhs, position and landing of one system, as functions of (t, y, p)."""
+    """rhs, position and projection of one system, as functions of (t, y, p)."""
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
@@ -47,15 +47,16 @@ class Expanded:
         return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
 
     @cached_property
-    def landing(self) -> ca.Function:
-        """landing(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `status`, `sizes`.
+    def projection(self) -> ca.Function:
+        """projection(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `status`,
+        `sizes`.
 
         One factorization serves all, unless M depends on the velocity that is projected.
         """
         parts, (there, *results) = self._parts, self._projected
         sizes = shared.sizes(parts, there.v, there.h, there.M)
         status = shared.status(parts, self._watched[1], there.v, sizes)
-        return ca.Function("landing", parts.inputs, [*results, status, sizes.packed])
+        return ca.Function("projection", parts.inputs, [*results, status, sizes.packed])
 
     @cached_property
     def projected(self) -> ca.Function:

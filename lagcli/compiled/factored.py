@@ -21,7 +21,7 @@ SEED = 20063
 
 
 class Factored:
-    """rhs, position and landing of one system, as functions of (t, y, p)."""
+    """rhs, position and projection of one system, as functions of (t, y, p)."""
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
@@ -49,8 +49,8 @@ class Factored:
         return ca.Function("position", inputs, [after(*inputs, _solved(before, inputs))])
 
     @cached_property
-    def landing(self) -> ca.Function:
-        """landing(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `status` and `sizes`.
+    def projection(self) -> ca.Function:
+        """projection(t, y, p) -> y with velocity on B v + b = 0, y' and lambda there, `status` and `sizes`.
 
         The smallest angle is that of S with a unit diagonal, the least eigenvalue but for a factor that changes little:
         1 / |S^-1 z| of a fixed z of length one.
@@ -63,8 +63,8 @@ class Factored:
         t, _, p = inputs
         sizes = shared.sizes(parts, parts.v, parts.h, parts.M)
         status = shared.status(parts, 1 / ca.norm_2(lengths * x), parts.v, sizes)
-        evaluated = ca.Function("outcome", [*parts.inputs, x], [status, sizes.packed])
-        return ca.Function("landing", inputs, [*results, *evaluated(t, results[0], p, found[:, 1])])
+        evaluated = ca.Function("status", [*parts.inputs, x], [status, sizes.packed])
+        return ca.Function("projection", inputs, [*results, *evaluated(t, results[0], p, found[:, 1])])
 
     @cached_property
     def projected(self) -> ca.Function:

@@ -37,8 +37,8 @@ NEWTON_STEPS = 2
 # longer to build than a run takes, and a numeric factorization is no slower.
 EXPANDED_OPERATIONS = 3e5
 
-# How far integrals may move a landing state, weighed against its residual: of a state that lands where 1e-9 of its
-# size is left, by a hundredth of its size.
+# How far integrals may move a projected state, weighed against its residual: of a state that is projected where 1e-9 of
+# its size is left, by a hundredth of its size.
 THROWN = 1e-7
 
 
@@ -51,7 +51,7 @@ class NumericSystem:
         self.n: int = system.symbols.q.numel()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
-        """This system with first integrals held in these charts; its p goes on with the two constants of each."""
+        """This system with first integrals enforced in these charts; its p goes on with the two constants of each."""
         return NumericSystem(self._system, self._parts.holding(charts))
 
     @property
@@ -106,8 +106,8 @@ class NumericSystem:
         all of y' is.
         A state that g = 0 threw far off counts as not projected: it is on another branch.
         """
-        t, y, p = inputs = _inputs(self._way.landing)
-        projected, rate, _, status, sizes = self._way.landing(t, self._projected(t, y, p), p)
+        t, y, p = inputs = _inputs(self._way.projection)
+        projected, rate, _, status, sizes = self._way.projection(t, self._projected(t, y, p), p)
         residual = status[0]
         if self._parts.g.numel():
             thrown = ca.mmax(ca.fabs((projected - y)[: self.n] / sizes[: self.n]))

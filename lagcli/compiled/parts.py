@@ -36,7 +36,7 @@ class Parts:
     """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`.
 
     cartesian: how many of q are components of Cartesian particles; they come first.
-    g (k,), dg (k, n): what is held at zero besides f, first integrals of differential rows less their values at
+    g (k,), dg (k, n): what is enforced to be zero besides f, first integrals of differential rows less their values at
     the start, and the gradient by q. They enter the projection of positions and nothing else.
     contacts: the K rows after the C of B; those that are closed act as holonomic ones do.
     selection: the independent rows among all C + K; lambda is that of these rows, unless said otherwise.
@@ -77,7 +77,7 @@ class Parts:
 
     @cached_property
     def has_time(self) -> bool:
-        """True if t occurs in what moves the system: rows, integrals that are held, inertia, forces, power."""
+        """True if t occurs in what moves the system: rows, integrals that are enforced, inertia, forces, power."""
         entries = [self.B.nz[:], self.M.nz[:], self.dg.nz[:]]
         rest = [self.f, self.b, self.gamma, self.h, self.power, self.g, self.contacts.g]
         whole = ca.vertcat(*(ca.vec(each) for each in entries), *(ca.densify(each) for each in rest))
@@ -189,7 +189,7 @@ class Parts:
         return ca.Function("loads", [t, y, p, lam], [choice.loads(self.selection, gram(t, y, p), lam)])
 
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
-        """These parts with integrals held in these charts; p goes on with two constants for each, above and below.
+        """These parts with integrals enforced in these charts; p goes on with two constants for each, above and below.
 
         With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
         a period g = above - a less its whole periods.

@@ -1,6 +1,6 @@
 """Steps along fields that satisfy rows, A dz = B dq + b dt = 0, and their derivatives, for many points at once.
 
-A point is z = (q of some coordinates, t); what is held besides is built in as numbers. The field alone is written
+A point is z = (q of some coordinates, t); what is fixed besides is built in as numbers. The field alone is written
 out; a step of a Runge-Kutta scheme is a graph that calls it, so that its derivatives are short too.
 """
 
@@ -32,7 +32,7 @@ WRITTEN_OUT = 3e4  # operations of a step that is written out too
 
 @frozen
 class FixedValues:
-    """The configuration q (n,) and velocity (n,) that are held, the values of the parameters, and units (k + 1,)."""
+    """The configuration q (n,) and velocity (n,) that are fixed, the values of the parameters, and units (k + 1,)."""
 
     q: Floats
     v: Floats
@@ -41,9 +41,9 @@ class FixedValues:
 
 
 def rows(system: System, chosen: Numbers, coordinates: Numbers, fixed: FixedValues) -> tuple[ca.SX, ca.SX]:
-    """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are held.
+    """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are fixed.
 
-    z counts each coordinate and time in the units of `held.scale`.
+    z counts each coordinate and time in the units of `fixed.scale`.
     """
     symbols, p = system.symbols, system.p
     z = ca.SX.sym("z", len(coordinates) + 1)

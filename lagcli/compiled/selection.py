@@ -68,7 +68,7 @@ class Selection:
 
     def groups(self) -> Iterator[tuple[list[int], list[int]]]:
         """Rows left out and independent rows of dependencies that share rows; a row that vanishes belongs to none."""
-        head: dict[int, int] = {}  # of each kept row, one that stands for all of its group
+        head: dict[int, int] = {}  # of each independent row, one that stands for all of its group
 
         def top(row: int) -> int:
             while head.setdefault(row, row) != row:

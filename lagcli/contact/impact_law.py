@@ -26,7 +26,7 @@ SAFE = 8.0
 # The part of the energy at hand, and through contacts, which they may gain: speeds of gaps are no better known.
 GAINED = 1e-9
 # A contact of which the equality rows leave no more than this part cannot move: what is left is rounding.
-HELD = 1e-7
+IMMOBILE = 1e-7
 # Each refinement gains all the digits there are; the second finds nothing but rounding.
 REFINEMENTS = 2
 
@@ -153,8 +153,12 @@ class TouchingRows:
         self._lengths = np.where(lengths > 0, lengths, 1.0)
         self._unit = white / self._lengths[:, None]
         left, sigma, right = np.linalg.svd(self._unit[: self.equalities], full_matrices=False)
-        kept = sigma > DEPENDENT
-        self._left, self._sigma, self._right = left[:, kept], sigma[kept], right[kept]
+        is_independent = sigma > DEPENDENT
+        self._left, self._sigma, self._right = (
+            left[:, is_independent],
+            sigma[is_independent],
+            right[is_independent],
+        )
 
     @property
     def equalities(self) -> int:
@@ -194,7 +198,7 @@ class TouchingRows:
         for _ in range(2):
             bare = bare - (bare @ self._right.T) @ self._right
         lengths = np.linalg.norm(bare, axis=1)
-        return np.where((lengths > HELD)[:, None], bare, 0.0)
+        return np.where((lengths > IMMOBILE)[:, None], bare, 0.0)
 
     def _weights(self, u: Floats) -> Floats:
         """The shortest weights (C,) of the equality rows with B~^T weights = u, of u in their span."""

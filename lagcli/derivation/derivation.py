@@ -65,14 +65,14 @@ def _derived(built: System, options: Options) -> Derivation:
     signs = Signs(system)
     parts = Sections(system, signs)
     contacts = OneSided(system, signs, parts)
-    held = system.rows or system.contacts.rows
+    has_rows = system.rows or system.contacts.rows
     # The constraints come first on the page; lengths are only known when all else is written.
     drafts: list[tuple[str, Iterable[Line]]] = [
         ("Positions", parts.positions()),
         ("Constraints", parts.constraints()),
         ("Inequalities", contacts.conditions()),
         ("Rows", (*(parts.rows() if system.rows else ()), *contacts.rows())),
-        ("Constraint forces", parts.reactions() if held else ()),
+        ("Constraint forces", parts.reactions() if has_rows else ()),
         ("Energies", parts.energies()),
         ("Generalized forces", parts.forces()),
         ("Newton's equations", parts.newton()),

@@ -126,21 +126,21 @@ class EnergyJumps:
     @cached_property
     def crossings(self) -> Crossings | None:
         """The switches of all members, for a run; None where nothing can change its sign."""
-        kept: list[Subject] = []
+        subjects: list[Subject] = []
         values: list[ca.SX] = []
         found: list[tuple[int, jump_search.Switch]] = []
         for subject in self._subjects:
             value = subject.value(np.arange(subject.count))
             switches = jump_search.switches(value, self._inputs)
             if switches:
-                found += [(len(kept), switch) for switch in switches]
-                kept.append(subject)
+                found += [(len(subjects), switch) for switch in switches]
+                subjects.append(subject)
                 values.append(value)
-        if not kept:
+        if not subjects:
             return None
         arguments = ca.densify(ca.vertcat(*(switch.watched for _, switch in found)))
         return Crossings(
-            tuple(kept),
+            tuple(subjects),
             tuple(switch.word for _, switch in found),
             tuple(owner for owner, _ in found),
             ca.Function("switches", self._inputs, [arguments]),

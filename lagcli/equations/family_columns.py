@@ -78,7 +78,7 @@ def interleaved(parts: Sequence[ca.SX], count: int) -> ca.SX:
 
 
 def rate(value: ca.SX, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
-    """d/dt of a function of (q, t), its differential divided by dt, dense; of one that holds v too, with v held."""
+    """d/dt of a function of (q, t), its differential divided by dt, dense; of one that holds v too, with v fixed."""
     return ca.densify(ca.jtimes(value, q, v) + ca.jtimes(value, t, ca.SX(1)))
 
 

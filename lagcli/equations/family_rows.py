@@ -24,7 +24,7 @@ WORTH = 4
 
 
 class Rates(Protocol):
-    """The variables of rows: t, coordinates q and their rates v; gamma is -rate(B v + b) with v held."""
+    """The variables of rows: t, coordinates q and their rates v; gamma is -rate(B v + b) with v fixed."""
 
     @property
     def t(self) -> ca.SX:
@@ -39,7 +39,7 @@ class Rates(Protocol):
         """Their rates, (m, 1)."""
 
     def rate(self, value: ca.SX) -> ca.SX:
-        """d/dt of a function of q and t; of one that holds v too, with v held."""
+        """d/dt of a function of q and t; of one that holds v too, with v fixed."""
 
 
 class NotAlike(Exception):

@@ -58,7 +58,7 @@ class OutputValues:
         self._roll = MemberIndex([output.members for output in outputs])
         self._outputs = Columns(len(self._roll))
 
-    def keep(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:
+    def store(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:
         """An output that later outputs may use."""
         values = tuple(family_columns.column(part, count) for part in parts)
         self._outputs.fill(np.arange(count) + self._roll.first(entry), values)
@@ -172,7 +172,7 @@ def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
         if not output.members.count:
             continue
         parts = _located(output.expression, env, env.algebra(output.members.variables, results=named))
-        named.keep(entry, output.members.count, parts)
+        named.store(entry, output.members.count, parts)
         values.append(family_columns.interleaved(parts, output.members.count))
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 

@@ -21,13 +21,13 @@ def of_start(system: System) -> Indices:
     asks for nothing else."""
     contacts, rows = system.contacts, system.rows
     moving = [system.dynamics.M, rows.gamma, contacts.g, contacts.G, contacts.g_t, contacts.gamma]
-    return _held(system, _rows(system) + moving)
+    return _occurring(system, _rows(system) + moving)
 
 
 def of_rows(system: System) -> Indices:
     """The indices in `System.p` of numbers that the rows f, B, b hold, or that are named where they are written: the
     classification asks for nothing else."""
-    held = _held(system, _rows(system))
+    occurring = _occurring(system, _rows(system))
     named = _named(system.model)
     indices: list[int] = []
     first = 0
@@ -36,7 +36,7 @@ def of_rows(system: System) -> Indices:
         if parameter.name in named:
             indices += range(first, first + count)
         first += count
-    return np.union1d(held, np.array(indices, dtype=np.intp))
+    return np.union1d(occurring, np.array(indices, dtype=np.intp))
 
 
 def formulas(model: nouns.Model) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ def _rows(system: System) -> list[ca.SX]:
     return [system.f, system.rows.f, system.rows.B, system.rows.b]
 
 
-def _held(system: System, expressions: Iterable[ca.SX]) -> Indices:
+def _occurring(system: System, expressions: Iterable[ca.SX]) -> Indices:
     """The indices of symbols that occur: a number that only decides between pieces occurs too, without a derivative."""
     found = {symbol.element_hash() for each in expressions for symbol in ca.symvar(each)}
     p = ca.vertsplit(system.p) if system.p.numel() else []

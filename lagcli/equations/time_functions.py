@@ -136,8 +136,8 @@ class _Timed:
         for force in model.forces:
             if isinstance(force, nouns.ParticleForce):
                 # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
-                held = [part.tree for part in force.force.parts if self._holds(part)]
-                self.on_particles += [(part, force.members.variables) for part in held]
+                timed = [part.tree for part in force.force.parts if self._holds(part)]
+                self.on_particles += [(part, force.members.variables) for part in timed]
 
     def _holds(self, expression: nouns.Expression) -> bool:
         return not self.names.isdisjoint(_WORD.findall(expression.text))

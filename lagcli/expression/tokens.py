@@ -74,10 +74,10 @@ def tokenize(text: str) -> Tokens:
         raise _unexpected(text, words[index], starts[index])
     kinds = [kind_of[word] for word in words]
     if "space" in kind_of.values():
-        kept = [kind != "space" for kind in kinds]
-        words = list(itertools.compress(words, kept))
-        starts = [*itertools.compress(starts, kept), len(text)]
-        kinds = list(itertools.compress(kinds, kept))
+        is_token = [kind != "space" for kind in kinds]
+        words = list(itertools.compress(words, is_token))
+        starts = [*itertools.compress(starts, is_token), len(text)]
+        kinds = list(itertools.compress(kinds, is_token))
     return Tokens([*kinds, "end"], [*words, ""], starts)
 
 

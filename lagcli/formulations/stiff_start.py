@@ -50,7 +50,7 @@ def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> 
         q = q + moved
         if float(np.abs(moved).max(initial=0.0)) <= ARRIVED * size:
             break
-    for _ in range(2):  # a nearest point is found to the root of rounding; the rows are held to rounding
+    for _ in range(2):  # a nearest point is found to the root of rounding; the rows are satisfied to rounding
         f, B = _surface(numeric, start, q, row.index, offset)
         q = q + MetricRows(B, metric).correction(f)
     left, B = _surface(numeric, start, q, row.index, offset)

@@ -110,7 +110,7 @@ def _force(env: Environment, constraints: ConstraintRows, independent: Sequence[
     mu = env.v[n:] * ca.DM(own)
     A, b = constraints.B[s:, :], constraints.b[s:]
     momentum = A.T @ mu
-    # d/dt of A^T mu with mu held: mu is a part of v, which is held here too.
+    # d/dt of A^T mu with mu fixed: mu is a part of v, which is fixed here too.
     turned = ca.jtimes(momentum, q, v) + ca.jacobian(momentum, t)
     return ca.densify(ca.gradient(ca.dot(mu, A @ v + b), q) - turned)
 
@@ -166,9 +166,9 @@ def effective(built: system.System, start: VakonomicStart) -> Floats:
     What of a row follows from holonomic ones changes their lambda and nothing else.
     """
     s, count = built.holonomic_count, len(built.rows.rows)
-    is_kept = np.isin(np.arange(s, count), start.independent)
-    if not start.mu[~is_kept].any():
-        return np.where(is_kept, start.mu, 0.0)
+    is_independent = np.isin(np.arange(s, count), start.independent)
+    if not start.mu[~is_independent].any():
+        return np.where(is_independent, start.mu, 0.0)
     symbols = built.symbols
     at = ca.Function("rows", [symbols.t, symbols.q, built.p], [ca.densify(built.rows.B)])
     B = np.array(at(start.t, start.q, system.values(built))).reshape(count, -1)

@@ -142,8 +142,8 @@ class Reader:
         total = int(lengths.sum())
         earlier = np.repeat(np.arange(count), lengths)
         within = np.arange(total) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-        kept = {name: values[earlier] for name, values in variables.items()}
-        return {**kept, one.name: first[earlier] + within}, total
+        outer = {name: values[earlier] for name, values in variables.items()}
+        return {**outer, one.name: first[earlier] + within}, total
 
     def _filtered(
         self, node: yaml_tree.AnyNode, variables: dict[str, Integers], count: int
@@ -155,11 +155,11 @@ class Reader:
             condition = parser.parse_filter(node.value)
             if not self._formulas.affords(node, condition, count):
                 return None
-            kept = integers.holds(condition, self._formulas.scope.indexed.integer_lookup(variables))
+            holds = integers.holds(condition, self._formulas.scope.indexed.integer_lookup(variables))
         except ExpressionError as error:
             self._formulas.within(family.family("", (), variables)).trouble(node, error)
             return None
-        chosen = np.flatnonzero(np.broadcast_to(kept, count))
+        chosen = np.flatnonzero(np.broadcast_to(holds, count))
         return {name: values[chosen] for name, values in variables.items()}, chosen.size
 
     def _named(

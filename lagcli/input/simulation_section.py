@@ -14,7 +14,7 @@ from lagcli.model import model, settings
 from lagcli.model.family import MemberIndex
 
 Rolls = Mapping[namespace.Kind, MemberIndex]
-Kept = tuple[tuple[model.Particle, ...], Rolls]  # what `keep` may name
+KeepTargets = tuple[tuple[model.Particle, ...], Rolls]  # what `keep` may name
 
 
 def simulation(
@@ -44,9 +44,9 @@ def simulation(
     return simulation
 
 
-def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, kept: Kept) -> object:
+def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, targets: KeepTargets) -> object:
     if key == "keep":
-        return _keep(formulas, node, *kept)
+        return _keep(formulas, node, *targets)
     if key in ("method", "assemble"):
         text = entries.text(formulas, node).strip()
         if not isinstance(node, yaml_tree.Scalar):
@@ -86,18 +86,18 @@ def _keep(
             continue
         named = entries.references(formulas, name, ("coordinate", "particle"))
         for kind, numbers, _ in named or ():
-            kept = [rolls[kind].names[number] for number in numbers.tolist()]
+            members = [rolls[kind].names[number] for number in numbers.tolist()]
             if kind != "coordinate":
-                _require_own(formulas, name, kept, cartesian)
-            found += kept
+                _require_own(formulas, name, members, cartesian)
+            found += members
     return tuple(found)
 
 
 def _require_own(
-    formulas: Formulas, node: yaml_tree.Scalar, kept: Sequence[str], cartesian: set[str]
+    formulas: Formulas, node: yaml_tree.Scalar, members: Sequence[str], cartesian: set[str]
 ) -> None:
     """Report a particle that has no coordinates of its own."""
-    dependent = [name for name in kept if name not in cartesian]
+    dependent = [name for name in members if name not in cartesian]
     if dependent:
         message = f"the particle `{dependent[0]}` has no coordinates of its own"
         formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")

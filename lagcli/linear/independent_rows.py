@@ -63,8 +63,8 @@ def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
     first: list[int] = []
     if 0 < holonomic < rows.count:
         part = rows.take(list(range(holonomic)))
-        held = rank.rank(part).low
-        first = list(range(holonomic)) if held == holonomic else _independent(part, held, [])
+        rank_there = rank.rank(part).low
+        first = list(range(holonomic)) if rank_there == holonomic else _independent(part, rank_there, [])
     return over(rows, tuple(_independent(rows, count, first)))
 
 
@@ -82,7 +82,8 @@ def elsewhere(selection: Selection, rows: MetricRows, holonomic: int) -> Selecti
 
 
 def rebased(selection: Selection, independent: tuple[int, ...]) -> Selection | None:
-    """A selection that keeps other rows: dependencies that share rows are one set, whichever of its rows are kept.
+    """A selection that keeps other rows: dependencies that share rows are one set, whichever of its rows are
+    independent.
 
     None where the independent rows of such a set are more or fewer than before, for then one of the two is no choice.
     """
@@ -111,7 +112,7 @@ def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
 
 
 def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
-    """The dependence of rows on those kept, which are independent and span all of them."""
+    """The dependence of rows on those chosen, which are independent and span all of them."""
     rest = sorted(set(range(rows.count)) - set(independent))
     return Dependence(independent, tuple(rest), _combinations(rows, list(independent), rest))
 

@@ -89,7 +89,7 @@ class Metric:
         return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *shape)
 
     def unwhitened(self, u: Floats) -> Floats:
-        """M^-1/2 u (n,) for u (free,); zero where a coordinate is held."""
+        """M^-1/2 u (n,) for u (free,); zero where a coordinate is fixed."""
         moved = u / self._lengths[self._free]
         for block in self._blocks:
             moved[block.indices] = np.linalg.solve(block.lower.T, u[block.indices])
@@ -98,7 +98,7 @@ class Metric:
         return step
 
     def solved(self, force: Floats) -> Floats:
-        """M^-1 force (n,) on the free coordinates; zero where one is held."""
+        """M^-1 force (n,) on the free coordinates; zero where one is fixed."""
         free = force[self._free]
         moved = free / self._lengths[self._free] ** 2
         for block in self._blocks:

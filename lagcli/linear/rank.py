@@ -75,10 +75,10 @@ def _rank(rows: MetricRows) -> Rank:
 def _rank_of_many(rows: MetricRows) -> Rank:
     """The rank of very many rows over few coordinates, with one vector of weights."""
     left, sigma, _ = np.linalg.svd(rows.dense, full_matrices=False)
-    held = left[:, sigma > LARGE]
+    large = left[:, sigma > LARGE]
     weights = np.random.default_rng(0).standard_normal(rows.count)
-    weights -= held @ (held.T @ weights)
-    return Rank(held.shape[1], int((sigma > SMALL).sum()), weights[None])
+    weights -= large @ (large.T @ weights)
+    return Rank(large.shape[1], int((sigma > SMALL).sum()), weights[None])
 
 
 def null_basis(rows: Floats) -> Floats:

@@ -151,13 +151,13 @@ def cycle(orbit: FollowedMotion, T: float) -> Cycle:
     values, vectors = np.linalg.eig(found.rest)
     others = 1 + values
     order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
-    n, kept = orbit.here.q.size, found.null
+    n, null = orbit.here.q.size, found.null
     shapes = (
         found.full_vectors(values.astype(complex), vectors.astype(complex))
         if values.size
         else found.null[:, :0]
     )
-    every = np.hstack([kept.astype(complex), shapes[:, order]])
+    every = np.hstack([null.astype(complex), shapes[:, order]])
     multipliers = np.concatenate([np.ones(found.zeros, dtype=complex), others[order]])
     return Cycle(T, multipliers, (deviations[:n] @ every).T)
 

@@ -134,8 +134,8 @@ def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats
 def unit(rows: Floats) -> Floats:
     """Rows (k, n) with length one; those that vanish are left out."""
     lengths = np.linalg.norm(rows, axis=1)
-    kept = lengths > 0
-    return np.asarray(rows[kept] / lengths[kept, None])
+    is_nonzero = lengths > 0
+    return np.asarray(rows[is_nonzero] / lengths[is_nonzero, None])
 
 
 def null_basis(rows: Floats) -> Floats:

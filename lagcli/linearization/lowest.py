@@ -93,8 +93,8 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
         if is_complete or k == n - rank - 1:
             break
         k = min(2 * k, n - rank - 1)
-    kept = min(wanted, found if is_complete else squares.size)
-    squares, x = squares[:kept], x[:, :kept]
+    count_kept = min(wanted, found if is_complete else squares.size)
+    squares, x = squares[:count_kept], x[:, :count_kept]
     squares = np.where(np.abs(squares) <= ZERO * size, 0.0, squares)
     roots = np.sqrt(-squares + 0j)
     return Lowest(
@@ -144,10 +144,10 @@ def _of_states(linear: Linear, wanted: int) -> Lowest:
     M, C, K = linear.M, linear.C, linear.K
     n = M.shape[0]
     rows, one = sparse.vstack([linear.B, linear.A]), sparse.eye(n)
-    held = sparse.vstack([linear.B, linear.D])
+    constraints = sparse.vstack([linear.B, linear.D])
     slow = sparse.vstack([sparse.csc_array(linear.B.shape), linear.A])
     size = float(np.sqrt(np.abs(K.diagonal() / M.diagonal()).max())) or 1.0
-    A = sparse.bmat([[None, one, None], [-K, -C, rows.T], [held, slow, None]]).tocsc()
+    A = sparse.bmat([[None, one, None], [-K, -C, rows.T], [constraints, slow, None]]).tocsc()
     nothing = sparse.csc_array((rows.shape[0], rows.shape[0]))
     E = sparse.block_diag([one, M, nothing]).tocsc()
     sigma = SHIFT**0.5 * size
@@ -165,10 +165,10 @@ def _of_states(linear: Linear, wanted: int) -> Lowest:
     values = sigma + 1 / inverse
     values = np.where(np.abs(values) <= SHIFT * size, 0.0, values)
     values = np.where(np.abs(values.real) <= 1e-10 * size, 1j * values.imag, values)
-    kept = np.flatnonzero(values.imag >= 0)
-    kept = kept[np.argsort(np.abs(values[kept]), kind="stable")][:wanted]
+    chosen = np.flatnonzero(values.imag >= 0)
+    chosen = chosen[np.argsort(np.abs(values[chosen]), kind="stable")][:wanted]
     count = 2 * n - 2 * _rank(_unit(linear.B)) - _rank(_unit(linear.A))
-    return Lowest(values[kept], states[:n, kept], count, False, False, False)
+    return Lowest(values[chosen], states[:n, chosen], count, False, False, False)
 
 
 def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats], Floats]:

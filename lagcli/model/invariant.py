@@ -23,7 +23,7 @@ class LevelFunction:
 class FirstIntegral:
     """phi as it is shown, the differential rows whose combination it integrates, and charts, the best first.
 
-    Without a chart the integral is known and not held: the velocity row alone keeps it.
+    Without a chart the integral is known and not enforced: the velocity row alone keeps it.
     """
 
     text: str

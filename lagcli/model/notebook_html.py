@@ -28,9 +28,9 @@ def table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table; columns that are empty throughout are left out, and rows beyond a screen are counted."""
     if not rows:
         return ""
-    kept = [k for k in range(len(headers)) if any(row[k] for row in rows)]
-    lines = ["<table>", "<thead>", _row("th", [headers[k] for k in kept]), "</thead>", "<tbody>"]
-    lines += [_row("td", [row[k] for k in kept]) for row in rows[:MOST_ROWS]]
+    filled = [k for k in range(len(headers)) if any(row[k] for row in rows)]
+    lines = ["<table>", "<thead>", _row("th", [headers[k] for k in filled]), "</thead>", "<tbody>"]
+    lines += [_row("td", [row[k] for k in filled]) for row in rows[:MOST_ROWS]]
     lines += ["</tbody>", "</table>"]
     if len(rows) > MOST_ROWS:
         lines.append(f"<p>and {len(rows) - MOST_ROWS} others</p>")

@@ -13,7 +13,7 @@ EVERY = 30.0  # seconds
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class KeptRows:
+class SyncedRows:
     """Rows of a table that are on the disk before a checkpoint is.
 
     target: the table; step: the distance of its rows; has_event_rows: with rows of the instants of incidents.
@@ -43,8 +43,8 @@ class Keeper:
     def __init__(
         self,
         path: str | os.PathLike[str],
-        table: KeptRows | None = None,
-        events: KeptRows | None = None,
+        table: SyncedRows | None = None,
+        events: SyncedRows | None = None,
     ) -> None:
         self._path = Path(path)
         self._table, self._events = table, events
@@ -73,9 +73,9 @@ class Keeper:
         """Write the last point taken; whether there was one that the file does not hold yet. Raises OSError."""
         if self._last is None:
             return False
-        for kept in (self._table, self._events):
-            if kept is not None:
-                kept.rows.sync()
+        for rows in (self._table, self._events):
+            if rows is not None:
+                rows.rows.sync()
         atomic_file.write(self._path, checkpoint.encoded(self._last), durably=True)
         self._last = None
         return True

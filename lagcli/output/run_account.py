@@ -46,7 +46,7 @@ class Stats:
 
     steps: accepted ones; evaluations: of the right-hand side; seconds of wall time; position_drift and
     velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written, the first also over |g_j|
-    / |dg_j| of the first integrals that are held, g_j being the integral less its value at the start;
+    / |dg_j| of the first integrals that are enforced, g_j being the integral less its value at the start;
     energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies exchanged,
     or None where the work within a step was not found; indeterminate: rows whose multipliers are not unique;
     singular_times: times of singular configurations that were passed; stopped: why the run ended before its end;

@@ -74,21 +74,21 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], d
     wanted = found.flag.dims[-1]
     block = found.block
     basis = _Independent(block)
-    kept: list[sympy.Expr] = []
+    accepted: list[sympy.Expr] = []
     for i, (verdict, inside) in enumerate(zip(verdicts, found.flag.inside, strict=True)):
         # A row that says nothing on the surface may have an integral beside it.
-        if inside and i not in found.flag.vanishing and len(kept) < wanted:
+        if inside and i not in found.flag.vanishing and len(accepted) < wanted:
             phi = _of_row(found, i, verdict, deadline)
             if phi is not None and basis.takes(phi.xreplace(found.values)):
-                kept.append(phi)
-    if len(kept) < wanted:
+                accepted.append(phi)
+    if len(accepted) < wanted:
         names = tuple(f"form {i + 1}" for i in range(wanted))
         end = PfaffianBlock(names, block.variables, found.flag.integrable, block.parameters, block.surface)
         more = first_integrals.search(end, deadline, budget=SEARCH)
-        kept += [one.integral for one in more if basis.takes(one.integral)]
-    solved = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in kept)
+        accepted += [one.integral for one in more if basis.takes(one.integral)]
+    solved = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in accepted)
     unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]
-    return Solution(solved, tuple(unsolved[: wanted - len(kept)]))
+    return Solution(solved, tuple(unsolved[: wanted - len(accepted)]))
 
 
 def _of_row(
@@ -108,12 +108,14 @@ def without_flag(
     """As `solution`, from rows of which is known only how many integrals they have, `wanted`."""
     left, gone = elimination.eliminated(block)
     basis = _Independent(left)
-    kept = [v.integral for v in verdicts if v is not None and v.integral is not None]
-    kept = [phi for phi in kept if basis.takes(phi.xreplace(gone))]
-    if len(kept) < wanted:
+    accepted = [v.integral for v in verdicts if v is not None and v.integral is not None]
+    accepted = [phi for phi in accepted if basis.takes(phi.xreplace(gone))]
+    if len(accepted) < wanted:
         found = first_integrals.search(left, deadline, wanted, SEARCH)
-        kept += [one.integral for one in found if basis.takes(one.integral)]
-    return Solution(tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(gone))) for phi in kept[:wanted]), ())
+        accepted += [one.integral for one in found if basis.takes(one.integral)]
+    return Solution(
+        tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(gone))) for phi in accepted[:wanted]), ()
+    )
 
 
 def _as_text(block: PfaffianBlock, row: Iterable[sympy.Expr]) -> sympy.Expr:
@@ -135,19 +137,19 @@ class _Independent:
         self._points = _points(block)
         self._surface = [self._values(_gradient(block, f)) for f in block.surface]
         self._rows = [self._values(row) for row in block.rows]
-        self._kept: list[list[Floats | None]] = []
+        self._accepted: list[list[Floats | None]] = []
 
     def takes(self, phi: sympy.Expr) -> bool:
         """True if d phi is independent of those taken before; then it is taken."""
         values = self._values(_gradient(self._block, phi))
-        if self._spans([*self._surface, *self._kept], values):
+        if self._spans([*self._surface, *self._accepted], values):
             return False
-        self._kept.append(values)
+        self._accepted.append(values)
         return True
 
     def holds(self, row: Iterable[sympy.Expr]) -> bool:
         """True if a form is a combination of what was taken."""
-        return self._spans([*self._surface, *self._kept], self._values(row))
+        return self._spans([*self._surface, *self._accepted], self._values(row))
 
     def rows_of(self, phi: sympy.Expr) -> tuple[str, ...]:
         """The rows of the block whose combination d phi is."""

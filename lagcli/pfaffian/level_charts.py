@@ -1,4 +1,4 @@
-"""A first integral phi -> charts in which its level surfaces are held: quotients without poles and jumps.
+"""A first integral phi -> charts in which its level surfaces are enforced: quotients without poles and jumps.
 
 phi = const is above * below(0) - below * above(0) = 0 for every quotient above/below that is phi or a monotone
 function of it. So a pole of phi is a zero of `below` and no pole of the chart; roots, logarithms and angles are

@@ -61,10 +61,10 @@ class Assembly:
     declared: State
 
 
-def held(system: System, keep: tuple[str, ...]) -> Flags:
+def fixed_by(system: System, keep: tuple[str, ...]) -> Flags:
     """True for those of the n coordinates that `keep` names (`theta`, `a`, `a.x`)."""
-    names, kept = system.model.coordinate_names, frozenset(keep)
-    return np.array([name in kept or name.partition(".")[0] in kept for name in names], dtype=bool)
+    names, wanted = system.model.coordinate_names, frozenset(keep)
+    return np.array([name in wanted or name.partition(".")[0] in wanted for name in names], dtype=bool)
 
 
 def assemble(
@@ -73,12 +73,12 @@ def assemble(
     """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
 
     one_sided: also on the allowed side of the one-sided constraints, in position only: a gap that closes does so by an
-    impact. Kept coordinates hold their values and their rates. A model without inertia is measured with unit masses:
+    impact. Fixed coordinates hold their values and their rates. A model without inertia is measured with unit masses:
     it can be counted, not run. Raises `diagnostics.ModelError` where no state is found, naming the smallest set of
     rows that no configuration, or no velocity, was found for.
     """
     initial.residuals(system, numeric, state)  # a row may have no value there
-    search = Search(system, numeric, state, held(system, keep))
+    search = Search(system, numeric, state, fixed_by(system, keep))
     q = _configuration(search)
     if one_sided and system.contacts.count:
         from lagcli.start import gaps  # here, as most models have no one-sided constraints
@@ -100,7 +100,7 @@ def assemble(
 def configuration(system: System, numeric: NumericSystem, state: State) -> State:
     """The state with the nearest configuration, whatever its velocities. Raises `diagnostics.ModelError`."""
     initial.residuals(system, numeric, state)  # a row may have no value there
-    return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, held(system, ()))))
+    return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, fixed_by(system, ()))))
 
 
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:
@@ -261,11 +261,11 @@ def _conditions(search: Search, q: Floats) -> tuple[Sparse, Sparse, Floats, Floa
     """The terms of Newton's method for the nearest point: H (n, n), independent rows B, M (q - q0) (n,), and f."""
     state, step = search.state, q - search.state.q
     chosen = search.independent(range(search.system.holonomic_count), q)
-    kept = chosen[0] if chosen else []
-    f, B = search.surface(kept).rows(q)
+    active = chosen[0] if chosen else []
+    f, B = search.surface(active).rows(q)
     lines = MetricRows(B, search.metric)
     mu = np.zeros(search.system.holonomic_count)
-    mu[kept] = -lines.weights(LocalRows(B).times(step)) / lines.lengths
+    mu[active] = -lines.weights(LocalRows(B).times(step)) / lines.lengths
     H = search.M + search.numeric.hessian(state.t, q, mu, state.p)
     return H, B, LocalRows(search.M).times(step), f
 
@@ -303,7 +303,7 @@ def _nothing_left(system: System, rows: list[int]) -> diagnostics.ModelError:
 
 
 def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> diagnostics.ModelError:
-    """The error for rows that no velocity satisfies at the nearest configuration, or none with the rates kept."""
+    """The error for rows that no velocity satisfies at the nearest configuration, or none with the rates fixed."""
     from lagcli.start import conflict
 
     system = search.system
@@ -312,8 +312,8 @@ def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> di
         return initial.contradiction(system, parting, "at the nearest configuration")
     if search.fixed.any():
         free = ~search.fixed
-        kept = rows.times(np.where(free, 0.0, there.v)) + b
-        parting = conflict.least(rows.columns(np.flatnonzero(free).tolist()), kept)
+        fixed_rates = rows.times(np.where(free, 0.0, there.v)) + b
+        parting = conflict.least(rows.columns(np.flatnonzero(free).tolist()), fixed_rates)
         if parting:
             message = (
                 f"with the rates of the coordinates that `keep` holds, no velocity satisfies"

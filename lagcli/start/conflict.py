@@ -42,17 +42,17 @@ def least(rows: LocalRows, b: Floats) -> list[int]:
     Where more rows take part than are looked at densely all of them are given.
     """
     lengths = rows.divisors
-    kept = _taking_part(rows, b, lengths)
-    if len(kept) > metric_rows.DENSE:
-        return kept
-    B, b = np.array(rows.B[kept, :]) / lengths[kept, None], b[kept] / lengths[kept]
+    involved = _taking_part(rows, b, lengths)
+    if len(involved) > metric_rows.DENSE:
+        return involved
+    B, b = np.array(rows.B[involved, :]) / lengths[involved, None], b[involved] / lengths[involved]
     scale = float(np.abs(b).max(initial=0.0)) or 1.0
-    among = list(range(len(kept)))
-    for i in reversed(range(len(kept))):
+    among = list(range(len(involved)))
+    for i in reversed(range(len(involved))):
         fewer = [k for k in among if k != i]
         if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > APART * scale:
             among = fewer
-    return [kept[i] for i in among]
+    return [involved[i] for i in among]
 
 
 def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:

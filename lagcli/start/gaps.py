@@ -1,8 +1,8 @@
 """The one-sided constraints at a start: open, closed, or violated, which is refused with the depth or corrected.
 
 The nearest configuration on the allowed side of all of them, f = 0 and g >= 0, is found by an active set: constraints
-on whose forbidden side a configuration is are held at g = 0 like equations, and let go again where they would hold it
-back: at the nearest point M (q - q0) = B^T mu + G^T nu with nu >= 0.
+on whose forbidden side a configuration is are enforced at g = 0 like equations, and let go again where they would hold
+it back: at the nearest point M (q - q0) = B^T mu + G^T nu with nu >= 0.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def nearest(search: Search, q: Floats) -> Floats:
         pulling = None if new else _most_pulling(search, active, q)
         if not new and pulling is None:
             return q
-        # Where not all that are violated can be held together, one after another.
+        # Where not all that are violated can be enforced together, one after another.
         for more in (new, worst) if len(new) > 1 else (new,):
             chosen = sorted(j for j in (*active, *more) if j != pulling)
             reached = _reached(search, chosen, q)
@@ -222,16 +222,17 @@ def _most_pulling(search: Search, active: list[int], q: Floats) -> int | None:
     B = BoundarySurface(search, active).rows(q)[1]
     lines = MetricRows(B, search.metric)
     chosen = list(independent_rows.dependence(lines, rank.rank(lines).low).independent)
-    kept = MetricRows(B[chosen, :], search.metric)
+    enforced = MetricRows(B[chosen, :], search.metric)
     pushes = np.zeros(B.shape[0])
-    pushes[chosen] = kept.weights(LocalRows(B[chosen, :]).times(q - search.state.q))
+    pushes[chosen] = enforced.weights(LocalRows(B[chosen, :]).times(q - search.state.q))
     own = pushes[B.shape[0] - len(active) :]
     worst = int(np.argmin(own))
     return active[worst] if own[worst] < -PULLING * float(np.abs(pushes).max()) else None
 
 
 def _none_found(search: Search, found: Gaps, active: list[int]) -> diagnostics.ModelError:
-    """The error where no allowed configuration was found: a condition that is violated still, or one of those held."""
+    """The error where no allowed configuration was found: a condition that is violated still, or one of those
+    enforced."""
     rows = search.system.contacts.rows
     named = [rows[j] for j in (found.violated or active)][:3]
     names = ", ".join(f"`{row.name}`" for row in named)

@@ -103,7 +103,7 @@ def declared(system: System) -> State:
 
 
 def inertia(
-    system: System, numeric: NumericSystem, state: State, held: npt.NDArray[np.bool_] | None = None
+    system: System, numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_] | None = None
 ) -> Metric:
     """The mass metric at a state. Raises `diagnostics.ModelError`, by name, where M is not positive definite."""
     from lagcli.start import singular_inertia  # here, as counts need none of it
@@ -116,7 +116,7 @@ def inertia(
     faults = singular_inertia.without_inertia(M, names)
     if not faults:
         try:
-            return Metric(M, held)
+            return Metric(M, fixed)
         except NotDefiniteError:
             faults = [singular_inertia.indefinite(np.array(M), names)]
     raise diagnostics.ModelError(

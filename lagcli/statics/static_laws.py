@@ -79,15 +79,15 @@ def of_function(system: System, f: ca.SX, invariant_values: Sequence[EnforcedLev
     """The equations of a stationary point of f(q) on the holonomic surfaces and on levels, whose rows come last in
     B."""
     q = system.symbols.q
-    held = _column([level.expression for level in invariant_values])
-    B = ca.vertcat(system.rows.B[: system.holonomic_count, :], ca.jacobian(held, q))
+    levels = _column([level.expression for level in invariant_values])
+    B = ca.vertcat(system.rows.B[: system.holonomic_count, :], ca.jacobian(levels, q))
     return StaticLaws(
         system.symbols.t,
         q,
         system.p,
         ca.densify(-ca.gradient(f, q)),
         B,
-        ca.vertcat(system.f, held),
+        ca.vertcat(system.f, levels),
         ca.densify(system.contacts.g),
         system.contacts.G,
         f,

@@ -371,7 +371,9 @@ def test_an_integral_that_cannot_be_held_is_told() -> None:
         (pole, "it has no finite form at the start"),
     ):
         going, _ = run(text, (integral,), duration=1)
-        expected = f"the integral y**2/x is not held: {why}; the velocity row `row` keeps it to the tolerance"
+        expected = (
+            f"the integral y**2/x is not enforced: {why}; the velocity row `row` keeps it to the tolerance"
+        )
         assert expected in going.notes
         assert chart_of(going) == [None]
 
@@ -394,11 +396,11 @@ def test_a_chart_that_ends_is_left_for_another_or_for_the_velocity_row(first: st
     assert 0.2 < float(re.match(r"from t = (\S+) ", note)[1]) < 0.5  # on the way to the origin
     off = np.abs(columns["y"] - columns["x"] / 2).max()
     if then:
-        assert note.endswith("the integral y/x is held in another form")
+        assert note.endswith("the integral y/x is enforced in another form")
         assert chart_of(going) == [names.index("good")]
         assert off < 1e-14
     else:
-        assert "is held no longer; the velocity row `row` keeps it to the tolerance" in note
+        assert "is enforced no longer; the velocity row `row` keeps it to the tolerance" in note
         assert chart_of(going) == [None]
         assert 1e-15 < off < 1e-10
     assert np.abs(columns["lambda.row"] + 8 * 0.4).max() < 1e-9
@@ -468,7 +470,7 @@ differential: {one: d(x) = 0, two: d(y) = 0}
     going = ready(text, integrals[:2], duration=1)
     assert len(going.notes) == 1
     assert (
-        "x + y**2 is not held: it depends on other constraints at the start; the velocity rows `one`, `two` keep"
+        "x + y**2 is not enforced: it depends on other constraints at the start; the velocity rows `one`, `two` keep"
         in (going.notes[0])
     )
     assert not ready(text, integrals, duration=1).notes
@@ -510,7 +512,7 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
         telling.run(written_run.WrittenRun(going, request), request)
         told = capsys.readouterr().err
         assert ("note: from t = 0." in told) == (not quiet)
-        assert ("the integral y/x is held in another form\n" in told) == (not quiet)
+        assert ("the integral y/x is enforced in another form\n" in told) == (not quiet)
 
 
 def test_a_model_without_integrals_runs_on_the_functions_it_had() -> None:

@@ -87,7 +87,7 @@ def test_a_comparison_keeps_the_system_of_its_model_and_no_other() -> None:
     model = lagcli.load(MODELS / "pendulum-angle.yaml")
     found = lagcli.compare(model, duration=0.1, samples=3)
     assert "freed" in [one.name for one in found.formulations]
-    assert list(cache._kept) == [(model.path, model.fingerprint)]
+    assert list(cache._cached) == [(model.path, model.fingerprint)]
 
 
 def test_an_error_is_located_in_the_file_that_was_asked_for(tmp_path) -> None:

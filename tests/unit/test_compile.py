@@ -27,7 +27,7 @@ NAMES = (
 @pytest.fixture
 def always_factored(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", -1.0)
-    monkeypatch.setattr(cache, "_kept", type(cache._kept)())
+    monkeypatch.setattr(cache, "_cached", type(cache._cached)())
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -35,7 +35,7 @@ def test_a_run_with_numeric_factors_equals_one_with_expanded_factors(name, alway
     model = lagcli.load(MODELS / f"{name}.yaml")
     factored = lagcli.simulate(model, duration=1.0, samples=11)
     monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", 3e5)
-    monkeypatch.setattr(cache, "_kept", type(cache._kept)())
+    monkeypatch.setattr(cache, "_cached", type(cache._cached)())
     expanded = lagcli.simulate(model, duration=1.0, samples=11)
     scale = np.abs(expanded.rows).max(axis=0) + 1.0
     assert np.abs((factored.rows - expanded.rows) / scale).max() < 1e-10

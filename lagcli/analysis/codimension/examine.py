@@ -94,7 +94,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
 
     chosen = independent_rows.dependence(rows, found.value).selection
     case = _Case(system, numeric, state, _times(system, state))
-    kept = set(chosen.independent)
+    independent = set(chosen.independent)
     if len(chosen.dependencies) > MOST_DEPENDENCIES:
         left_out = tuple(dependency[0] for dependency in chosen.dependencies)
         such_as = initial.names_of(system, list(left_out[:1]))
@@ -104,24 +104,26 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         )
         return Codimension("undecided", found.value, None, left_out, reason=reason)
     groups = _connected(chosen.dependencies)
-    follow, failing = _followed(case, groups, kept)
+    follow, failing = _followed(case, groups, independent)
     if failing:  # of a group that does not follow as a whole some dependencies may
         several = {i for group in failing for i in group}
         dependencies = [
             sorted(dependency) for dependency in chosen.dependencies if several.issuperset(dependency)
         ]
         more, _ = _followed(
-            case, [dependency for dependency in dependencies if dependency not in failing], kept
+            case, [dependency for dependency in dependencies if dependency not in failing], independent
         )
         follow = sorted({*follow, *more})
-        # Where all that is left of a group is kept, all of it follows from that.
-        failing = [rest for group in failing if not kept.issuperset(rest := sorted(set(group) - set(more)))]
+        # Where all that is left of a group is independent, all of it follows from that.
+        failing = [
+            rest for group in failing if not independent.issuperset(rest := sorted(set(group) - set(more)))
+        ]
     dependent = sorted({i for dependency in chosen.dependencies for i in dependency})
     sets = [_Set("redundant", 0, 0, dependent, [], follow)]
     for among in _around(B, set(follow)) if failing else ():
         some = sorted({i for group in failing for i in group}.intersection(among))
         if some:
-            sets.append(_examined(case, among, some, kept))
+            sets.append(_examined(case, among, some, independent))
     flat = {dependency[0] for dependency in chosen.dependencies if len(dependency) == 1}
     return _joined(system, found.value, sets, flat)
 
@@ -162,8 +164,8 @@ def _connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
     return list(found.values())
 
 
-def _followed(case: _Case, groups: list[Rows], kept: set[int]) -> tuple[Rows, list[Rows]]:
-    """Rows that follow from the kept ones of their group alone, and the groups of which that is not shown.
+def _followed(case: _Case, groups: list[Rows], independent: set[int]) -> tuple[Rows, list[Rows]]:
+    """Rows that follow from the independent ones of their group alone, and the groups of which that is not shown.
 
     Several groups are looked at together as long as they are few: a model of many twin rods is one of many groups.
     """
@@ -172,21 +174,21 @@ def _followed(case: _Case, groups: list[Rows], kept: set[int]) -> tuple[Rows, li
     for several in _batches(groups):
         rows = sorted({i for group in several for i in group})
         is_small = len(rows) <= metric_rows.DENSE
-        if is_small and _is_regular(case.part(rows), len(kept.intersection(rows)), case.times):
-            follow += [i for i in rows if i not in kept]
+        if is_small and _is_regular(case.part(rows), len(independent.intersection(rows)), case.times):
+            follow += [i for i in rows if i not in independent]
         elif len(several) == 1:
             failing += several
         else:
-            some, others = _followed(case, several[: len(several) // 2], kept)
-            more, rest = _followed(case, several[len(several) // 2 :], kept)
+            some, others = _followed(case, several[: len(several) // 2], independent)
+            more, rest = _followed(case, several[len(several) // 2 :], independent)
             follow, failing = follow + some + more, failing + others + rest
     return sorted(follow), failing
 
 
-def _is_regular(part: ScaledPart, held: int, times: Sequence[float]) -> bool:
+def _is_regular(part: ScaledPart, row_rank: int, times: Sequence[float]) -> bool:
     from lagcli.analysis.codimension import manifold, scaled_equations
 
-    return scaled_equations.is_smooth(part) and manifold.is_regular(part, held, times)
+    return scaled_equations.is_smooth(part) and manifold.is_regular(part, row_rank, times)
 
 
 def _batches(groups: list[Rows]) -> list[list[Rows]]:
@@ -202,25 +204,27 @@ def _batches(groups: list[Rows]) -> list[list[Rows]]:
     return lots
 
 
-def _examined(case: _Case, among: Rows, some: Rows, kept: set[int]) -> _Set:
+def _examined(case: _Case, among: Rows, some: Rows, independent: set[int]) -> _Set:
     """Examine rows that share coordinates, of which `some` depend on one another."""
     from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
 
-    held = len(kept.intersection(among))
-    unknown = _Set("undecided", held, held, some, [], [])
+    row_rank = len(independent.intersection(among))
+    unknown = _Set("undecided", row_rank, row_rank, some, [], [])
     if len(among) > metric_rows.DENSE:
         return unknown
     part = case.part(among)
     unknown = dataclasses.replace(unknown, coordinates=part.coordinates)
     if not scaled_equations.is_smooth(part):
         return unknown
-    if manifold.is_regular(part, held, case.times):
-        return dataclasses.replace(unknown, kind="redundant", follow=[i for i in some if i not in kept])
-    dimension = second_order.dimension(part, held, case.times)
+    if manifold.is_regular(part, row_rank, case.times):
+        return dataclasses.replace(
+            unknown, kind="redundant", follow=[i for i in some if i not in independent]
+        )
+    dimension = second_order.dimension(part, row_rank, case.times)
     if dimension is not None:
         return dataclasses.replace(unknown, kind="deficient", codimension=len(part.coordinates) - dimension)
     found = branches.codimensions(part, case.times)
-    if len(found) == 1 and (codimension := found.pop()) is not None and codimension > held:
+    if len(found) == 1 and (codimension := found.pop()) is not None and codimension > row_rank:
         return dataclasses.replace(unknown, kind="singular", codimension=codimension)
     return unknown
 

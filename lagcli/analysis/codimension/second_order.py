@@ -98,10 +98,10 @@ def dimension(part: ScaledPart, rank: int, times: Sequence[float]) -> int | None
     _, B = part.at(part.begin, t)
     left, _, right = np.linalg.svd(B)
     stresses, tangent = left[:, rank:], right[rank:].T
-    held = _held(part, stresses, tangent)
-    if held is None:
+    rigid = _rigid_stress(part, stresses, tangent)
+    if rigid is None:
         return None
-    stress, kernel = held
+    stress, kernel = rigid
     deflated = Deflated(part, stress, stresses)
     found = manifold.along(deflated, deflated.begin, t, deflated.begin.size - kernel)
     if (
@@ -125,7 +125,7 @@ def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
     return float(np.abs((there - begin)[: len(deflated.part.coordinates)]).max(initial=0.0))
 
 
-def _held(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:
+def _rigid_stress(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:
     """A stress whose second derivatives are positive on ker B but for a kernel, and the dimension of that, or None.
 
     The kernel is the one that all stresses have in common: along Y stresses go on, and all vanish.
@@ -142,8 +142,8 @@ def _held(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, 
     across = _clearly(sigma)
     if across is None:
         return None
-    held = directions[:across].T
-    c = definite_combination(held.T @ basis @ held)
+    across_surface = directions[:across].T
+    c = definite_combination(across_surface.T @ basis @ across_surface)
     if c is None:
         return None
     stress = stresses @ (mixed[:, :count] @ (c / sizes[:count]))

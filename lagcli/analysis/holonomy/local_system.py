@@ -1,4 +1,4 @@
-"""The part of a system near one row: the coordinates that may move, the rest held where they start.
+"""The part of a system near one row: the coordinates that may move, the rest fixed where they start.
 
 A path of the part is a path of the whole. Points are z = (q of the part, t) in units of their own, and the
 rows the forms A dz = B dq + b dt (D.6) that touch the part; those that touch fixed coordinates only hold by themselves.
@@ -111,8 +111,8 @@ class LocalPart:
     @cached_property
     def expressions(self) -> tuple[Any, Any]:
         """z (k + 1,) and A (c, k + 1) as expressions in it."""
-        held = paths.FixedValues(self.state.q, self.state.v, self.state.p, self.scale)
-        return paths.rows(self.system, self.rows, self.coordinates, held)
+        fixed = paths.FixedValues(self.state.q, self.state.v, self.state.p, self.scale)
+        return paths.rows(self.system, self.rows, self.coordinates, fixed)
 
     def once(self, key: tuple[int, ...], build: Callable[[], paths.PathSteps]) -> paths.PathSteps:
         """Steps built when they are first asked for."""

@@ -27,9 +27,9 @@ NUDGE, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is N
 
 @dataclasses.dataclass(frozen=True)
 class PathOrbit:
-    """`tangent` (k + 1, a): an orthonormal basis; `kernel` (k, m): directions of the rows with t held.
+    """`tangent` (k + 1, a): an orthonormal basis; `kernel` (k, m): directions of the rows with t fixed.
 
-    `timed`: paths in time; otherwise t is held. `is_explored`: most random paths came back, so that a smaller
+    `timed`: paths in time; otherwise t is fixed. `is_explored`: most random paths came back, so that a smaller
     distance shows no more.
     """
 
@@ -86,7 +86,7 @@ def is_singular(part: LocalPart, point: Floats) -> bool:
 
 
 def _kernel(part: LocalPart, point: Floats) -> Floats | None:
-    """An orthonormal basis (k, m) of the displacements with t held; None where the rows are not finite."""
+    """An orthonormal basis (k, m) of the displacements with t fixed; None where the rows are not finite."""
     B = part.forms(point[None])[0][:, :-1]
     if not np.isfinite(B).all():
         return None

@@ -62,7 +62,7 @@ class Path:
 class Witness:
     """`coordinate` has moved by `amount`, known to `error`, and `back` have come back.
 
-    One path is a closed loop with t held; of two the second is the one on which the coordinates rest, and the
+    One path is a closed loop with t fixed; of two the second is the one on which the coordinates rest, and the
     amount is the difference of their ends. `follow` are coordinates that constraints tie to the one that moved.
     `row_residual`: the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure`
     the largest distance of a coordinate in `back` from where it should be. `is_drawn`: each move changes one free

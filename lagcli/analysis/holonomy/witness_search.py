@@ -108,7 +108,7 @@ def _base_states(
 def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: int) -> State | None:
     """A configuration on the surface in which particles are closer to those of a row, and holonomic rows turned.
 
-    Where a chain is straight no part of it can move between ends that are held; drawn together it has room. None
+    Where a chain is straight no part of it can move between ends that are fixed; drawn together it has room. None
     where no way back to the surface is found.
     """
     noise = np.random.default_rng(seed).standard_normal(state.q.size)
@@ -116,9 +116,13 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
         numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + PARAMETERS.nudge * noise)
     )
     row_of, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
-    kept = row_of < system.holonomic_count
+    is_holonomic = row_of < system.holonomic_count
     turned, lengths = (
-        np.sqrt(np.bincount(row_of[kept], np.array(x.nonzeros())[kept] ** 2, system.holonomic_count))
+        np.sqrt(
+            np.bincount(
+                row_of[is_holonomic], np.array(x.nonzeros())[is_holonomic] ** 2, system.holonomic_count
+            )
+        )
         for x in (there - here, here)
     )
     with np.errstate(all="ignore"):
@@ -197,7 +201,7 @@ def _base(part: LocalPart, size: float, shift: int) -> Floats | None:
 
 @dataclasses.dataclass(frozen=True)
 class _WitnessSearch:
-    """The search from one base, at one size, with t held or not."""
+    """The search from one base, at one size, with t fixed or not."""
 
     part: LocalPart
     base: Floats

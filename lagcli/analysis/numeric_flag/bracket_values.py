@@ -48,7 +48,7 @@ class BracketValues:
         if point.all.low != len(point.independent):
             raise undecided.Undecided("which of so many rows depend on others is not known")
         self.point, self._deadline, self._is_decimal = point, deadline, is_decimal
-        self.count = len(point.kept)
+        self.count = len(point.differential)
         self._random = np.random.default_rng(SEED)
         self.exact = in_digits(point, is_decimal)
         self._length = DOUBLES * point.block.size if self.exact is None else self.exact.length
@@ -96,7 +96,7 @@ class BracketValues:
         point, function = self.point, self._brackets.values(shape)
         neighbour = point.x + NUDGE * point.sizes * self._random.standard_normal(point.x.size)
         here, there = (np.array(function(x, point.p, U)).ravel() for x in (point.x, neighbour))
-        terms = point.terms[point.kept] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
+        terms = point.terms[point.differential] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
         sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / NUDGE), terms)
         if not np.isfinite(sizes).all():
             raise undecided.Undecided("a bracket is not finite")

@@ -83,7 +83,7 @@ class EvaluationPoint:
         return self.block.size - self.all.low
 
     @property
-    def kept(self) -> list[int]:
+    def differential(self) -> list[int]:
         """The differential ones of them, numbered from the first differential row."""
         s = len(self.block.holonomic)
         return [i - s for i in self.independent if i >= s]
@@ -107,14 +107,14 @@ class EvaluationPoint:
     @cached_property
     def turning(self) -> Floats:
         """Singular values of the brackets on the independent rows, relative to the size of what they are made of."""
-        kept = self.kept
-        if not kept or self.dimension < 2:
+        differential = self.differential
+        if not differential or self.dimension < 2:
             return np.zeros(0)
         random = np.random.default_rng(SEED)
-        free = random.standard_normal((2 * len(kept) + 2, self.block.size))
-        held = np.array([self.in_kernel(u) for u in free]) * self.sizes
-        pairs = [(a, b) for i, a in enumerate(held) for b in held[:i]]
-        values, size = self._of(self.block.curl, pairs)[kept], self.terms[kept]
+        free = random.standard_normal((2 * len(differential) + 2, self.block.size))
+        projected = np.array([self.in_kernel(u) for u in free]) * self.sizes
+        pairs = [(a, b) for i, a in enumerate(projected) for b in projected[:i]]
+        values, size = self._of(self.block.curl, pairs)[differential], self.terms[differential]
         with np.errstate(invalid="ignore"):  # looked for in the next line
             values = values / np.where(size > 0, size, 1.0)[:, None]
         if not np.isfinite(values).all():
@@ -151,6 +151,6 @@ def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Spars
     nothing = np.flatnonzero(is_nothing)
     if not (nothing >= s).any():
         return A
-    kept = A[:, :]  # a copy
-    kept[nothing[nothing >= s].tolist(), :] = 0.0
-    return kept
+    cleaned = A[:, :]  # a copy
+    cleaned[nothing[nothing >= s].tolist(), :] = 0.0
+    return cleaned

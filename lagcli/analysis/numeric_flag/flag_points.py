@@ -102,7 +102,7 @@ class Points:
     def generic(self) -> EvaluationPoint:
         """The point with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
-        if self.start.all.low < count or self.start.first < len(self.start.kept):
+        if self.start.all.low < count or self.start.first < len(self.start.differential):
             self.walk()
         return max(enumerate(self.visited), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
@@ -150,7 +150,7 @@ class ReachablePoints:
 
         Where the rank is lower at the point than beside it the field is one of the rows that are independent there.
         """
-        kept = point.independent
+        independent = point.independent
         ranges = self._ranges(point)
         u = self._random.standard_normal(self._block.size)
         size = initial.size(point.x[: len(self._block.columns)])
@@ -159,7 +159,7 @@ class ReachablePoints:
             A, _ = self._block.rows(x, point.p)
             if not np.isfinite(A.nonzeros()).all():
                 return None
-            return _projected(row_block.scaled(A[kept, :], ranges), u)
+            return _projected(row_block.scaled(A[independent, :], ranges), u)
 
         first = along(point.x)
         largest = 0.0 if first is None else float(np.abs(first).max(initial=0.0))

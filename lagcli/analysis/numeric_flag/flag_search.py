@@ -116,7 +116,7 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
     _require_one_branch(generic, start)
     if known.contradiction:
         return dataclasses.replace(known, is_certain=False, reason=CONDITION)
-    if generic.first == len(generic.kept):
+    if generic.first == len(generic.differential):
         if not points.both_sides_turn():
             raise undecided.Undecided(SIDES_DIFFER)
         return _open(known, start, generic)
@@ -142,7 +142,7 @@ def _on_piece(found: NumericFlag, points: Points, point: EvaluationPoint) -> Num
 
 def _open(known: NumericFlag, start: EvaluationPoint, point: EvaluationPoint) -> NumericFlag:
     """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
-    m = len(point.kept)
+    m = len(point.differential)
     exact = None if point.are_independent else bracket_values.in_digits(point, is_decimal=True)
     return dataclasses.replace(
         known,
@@ -205,7 +205,7 @@ def _staying(span: Span, point: EvaluationPoint) -> Floats:
     found = np.zeros((span.count - span.rank, len(point.block.differential)))
     for row, weights in zip(found, span.annihilators(), strict=True):
         largest = max(map(abs, weights))
-        row[point.kept] = [float(a / largest) for a in weights]
+        row[point.differential] = [float(a / largest) for a in weights]
     return found
 
 
@@ -214,15 +214,15 @@ def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
 
     What holonomic rows add does not matter. Raises `undecided.Undecided` where a row only nearly depends on others.
     """
-    kept, s = point.kept, len(point.block.holonomic)
+    differential, s = point.differential, len(point.block.holonomic)
     m = len(point.block.differential)
-    found = {row: unit(len(kept), k) for k, row in enumerate(kept)}
+    found = {row: unit(len(differential), k) for k, row in enumerate(differential)}
     others = [i for i in range(s + m) if i not in set(point.independent)]
     if others and exact is not None:
         _require_dependence(exact, others, point)
         found |= {i - s: [] for i in others if i >= s}
-        for k in range(len(kept)):
-            along = exact.rows_along([0] * point.block.size, unit(len(kept), k))
+        for k in range(len(differential)):
+            along = exact.rows_along([0] * point.block.size, unit(len(differential), k))
             for i in others:
                 weight = Decimal(0) if along.relative[i] <= WEIGHT_ROUNDOFF else along.values[i]
                 if i >= s:
@@ -237,19 +237,23 @@ def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
 def _require_dependence(exact: Exact, others: list[int], point: EvaluationPoint) -> None:
     """Raise `undecided.Undecided` where a row does not vanish on the kernel of the independent ones."""
     u = np.random.default_rng(SEED).integers(-(10**6), 10**6, point.block.size).tolist()
-    along = exact.rows_along(u, [Decimal(0)] * len(point.kept))
+    along = exact.rows_along(u, [Decimal(0)] * len(point.differential))
     if any(along.relative[i] > WEIGHT_ROUNDOFF for i in others):
         raise undecided.Undecided(NEARLY)
 
 
 def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
     """The weights of a row by least squares."""
-    dense, kept = point.rows.dense, len(point.kept)
+    dense, differential = point.rows.dense, len(point.differential)
     lengths = point.rows.lengths
     found = np.linalg.lstsq(dense[point.independent].T, dense[row], rcond=None)[0]
     scale = Decimal(float(np.abs(found).max(initial=0.0)))
     weights = []
-    for k, value in zip(point.independent[-kept:] if kept else [], found[-kept:].tolist(), strict=False):
+    for k, value in zip(
+        point.independent[-differential:] if differential else [],
+        found[-differential:].tolist(),
+        strict=False,
+    ):
         weight = Decimal(value)
         if ROUGH_WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
             raise undecided.Undecided(NEARLY)

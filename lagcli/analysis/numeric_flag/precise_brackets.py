@@ -54,7 +54,7 @@ class Exact:
         self._read = multiprecision.decimal_of if is_decimal else Decimal
         self._p = [self._read(a) for a in point.p.tolist()]
         self._sizes = [Decimal(size) for size in point.sizes.tolist()]
-        self._nothing = [Decimal(0)] * len(point.kept)
+        self._nothing = [Decimal(0)] * len(point.differential)
         self._still = [Decimal(0)] * block.size
         self._x = self._refined([self._read(a) for a in point.x.tolist()], surface)
 
@@ -121,7 +121,7 @@ class Exact:
         curl = self._run(self._curl, [x, self._p, Y, Z])
         return [
             multiprecision.subtract(multiprecision.subtract(a, b), curl[i])
-            for a, b, i in zip(*change, self._point.kept, strict=True)
+            for a, b, i in zip(*change, self._point.differential, strict=True)
         ]
 
     def _of(self, shape: Shape, x: list[Number], columns: list[list[Decimal]], tag: int) -> Field:
@@ -134,14 +134,14 @@ class Exact:
         """The point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
         block, point = self._point.block, self._point
         n, s = len(block.columns), len(block.holonomic)
-        held = [i for i in point.independent if i < s]
-        if not held:
+        holonomic = [i for i in point.independent if i < s]
+        if not holonomic:
             return x
-        rows = MetricRows(point.plain[held, :n], Metric.unit(n))
+        rows = MetricRows(point.plain[holonomic, :n], Metric.unit(n))
         goal = Decimal(10) ** (5 - DIGITS) * max((abs(a) for a in x[:n]), default=Decimal(0))
         for _ in range(REFINEMENTS):
             f = self._run(surface, [x, self._p])
-            f = [f[i] for i in held]
+            f = [f[i] for i in holonomic]
             # Each step with the factors of doubles brings some fourteen digits, fewer where the point is off.
             size = max(abs(a) for a in f)
             if not size:

@@ -9,9 +9,9 @@ from lagcli.api.models.compiled_model import CompiledModel
 from lagcli.equations import size_limits, system
 from lagcli.model.model import Model
 
-KEPT_SYSTEMS = 8  # compiled systems that stay for another run with other parameters
+MOST_CACHED = 8  # compiled systems that stay for another run with other parameters
 
-_kept: OrderedDict[tuple[str, str], CompiledModel] = OrderedDict()
+_cached: OrderedDict[tuple[str, str], CompiledModel] = OrderedDict()
 
 
 @progress.phase("building the equations")
@@ -19,14 +19,14 @@ def compiled(model: Model) -> CompiledModel:
     """The compiled system of a model. Other values of parameters or of the start need no new build."""
     size_limits.require_built(model)
     key = model.path, model.fingerprint  # a reported location contains the path
-    cached = _kept.pop(key, None)
+    cached = _cached.pop(key, None)
     result = (cached.with_values(model) if cached is not None else None) or CompiledModel(system.build(model))
-    _kept[key] = result
-    while len(_kept) > KEPT_SYSTEMS:
-        _kept.popitem(last=False)
+    _cached[key] = result
+    while len(_cached) > MOST_CACHED:
+        _cached.popitem(last=False)
     return result
 
 
 def forget() -> None:
     """Keep nothing of what was compiled before."""
-    _kept.clear()
+    _cached.clear()

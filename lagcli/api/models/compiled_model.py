@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class CompiledModel:
-    """A system with its functions, also with integrals held. What it keeps changes no answer."""
+    """A system with its functions, also with integrals enforced. What it keeps changes no answer."""
 
     def __init__(self, built: system.System, numeric: NumericSystem | None = None) -> None:
         self.system, self.numeric = built, numeric or NumericSystem(built)

@@ -27,7 +27,8 @@ MODERATE = 1e4  # levels of this size are not measured by it
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class StaticStart:
-    """A consistent start for searches, the levels of the integrals through it, and notes on those that are not held.
+    """A consistent start for searches, the levels of the integrals through it, and notes on those that are not
+    enforced.
 
     enforced: the differential rows whose integrals are enforced, by name.
     """
@@ -61,7 +62,7 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
     for integral in known.integrals:
         chart = next((c for c in _charts(built, integral.charts, state)), None)
         if chart is None:
-            notes.append(f"the integral {integral.text} is not held: no form of it serves at the start")
+            notes.append(f"the integral {integral.text} is not enforced: no form of it serves at the start")
         else:
             invariant_values.append(chart)
             enforced += integral.rows

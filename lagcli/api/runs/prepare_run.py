@@ -65,7 +65,7 @@ def start(
 ) -> SimulationRun:
     """A run from the start of the model.
 
-    known: the first integrals of the differential rows, which are held at their values at the start as far as that
+    known: the first integrals of the differential rows, which are enforced at their values at the start as far as that
     can be; without them they are searched for `limit` seconds. digits: with columns of errors, from the same run
     repeated; ends_only: the first and the last row are enough. Raises `diagnostics.ModelError`.
     """

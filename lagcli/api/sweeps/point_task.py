@@ -91,7 +91,7 @@ class PointRunner:
 
     def run(self, number: int, point: Point) -> PointRow:
         """The row of a point."""
-        kept = _Kept(self.task)
+        data = _RunData(self.task)
         nothing, most = (math.nan,) * len(self.task.reductions), self.task.limit_each
         try:
             model = self.model(point)
@@ -102,35 +102,35 @@ class PointRunner:
                 seconds = run_settings.seconds(self.task.limit)
                 with progress.phase("preparing the run"):
                     run = prepare_run.start(model, chosen, limit=seconds, ends_only=self.task.ends_only)
-                kept.begin(run, number)
+                data.begin(run, number)
                 try:
-                    self._go(run, kept)
-                    results = kept.results(run)
+                    self._go(run, data)
+                    results = data.results(run)
                 finally:
-                    kept.end()
+                    data.end()
         except diagnostics.ModelError as error:
             return PointRow(number, point, nothing, INVALID, _sentence(error), math.nan)
         except (OverrideError, run_settings.BadSetting, reductions.MissingColumn) as error:
             return PointRow(number, point, nothing, INVALID, _cut(str(error)), math.nan)
         except run_stop.RunStop as stop:
-            kept.reach(run)
-            return PointRow(number, point, nothing, STOPPED, _cut(stop.stop.reason), kept.t_end)
+            data.reach(run)
+            return PointRow(number, point, nothing, STOPPED, _cut(stop.stop.reason), data.t_end)
         except progress.OverTime:
-            where = "before its first row" if math.isnan(kept.t_end) else f"at t = {kept.t_end:.9g}"
+            where = "before its first row" if math.isnan(data.t_end) else f"at t = {data.t_end:.9g}"
             reason = f"it takes longer than {most:g} s and was ended {where}"
-            return PointRow(number, point, nothing, STOPPED, reason, kept.t_end)
+            return PointRow(number, point, nothing, STOPPED, reason, data.t_end)
         numbers = tuple(found if math.isfinite(found) else math.nan for found in results)
         infinite = [one.name for one, x in zip(self.task.reductions, results, strict=True) if math.isinf(x)]
         message = f"`{infinite[0]}` is infinite" if infinite else ""
-        return PointRow(number, point, numbers, DONE, message, kept.t_end)
+        return PointRow(number, point, numbers, DONE, message, data.t_end)
 
-    def _go(self, run: SimulationRun, kept: _Kept) -> None:
+    def _go(self, run: SimulationRun, data: _RunData) -> None:
         for block in run.blocks():
-            kept.take(run, block)
+            data.take(run, block)
             progress.require_time()
 
 
-class _Kept:
+class _RunData:
     """The columns of a run that reductions need, and its whole table in a file where that is wanted."""
 
     def __init__(self, task: PointTask) -> None:

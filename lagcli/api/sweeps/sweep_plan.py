@@ -81,13 +81,13 @@ def plan(
     columns, by_name = _columns(model, points)
     known = {**model.constants, **{p.name: p.value for p in model.parameters}}
     reductions.check(reduce, (*columns, *by_name), known)
-    kept = tuple(reduce) or reductions.of_last_row(columns)
+    reduced = tuple(reduce) or reductions.of_last_row(columns)
     file, given = origin.file, origin.changes
     task = PointTask(
-        file.data, file.path, given, dict(settings.runs), points.names, kept,
+        file.data, file.path, given, dict(settings.runs), points.names, reduced,
         settings.limit, settings.limit_each, settings.tables,
     )  # fmt: skip
-    names = tuple(one.name for one in kept)
+    names = tuple(one.name for one in reduced)
     planned = PlannedRows(_identity(task, points, model.sha256), points.names, names, points.count, *part)
     try:
         planned.columns  # noqa: B018 - two of one name

@@ -32,7 +32,7 @@ from lagcli.auditing.evidence.table_input import CHANGING, Incidents, Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
-KEPT = CheckedLaw("kept", "D.2, D.6", "f = 0 and B v(+) + b = 0 at every incident")
+ROWS_AFTER = CheckedLaw("kept", "D.2, D.6", "f = 0 and B v(+) + b = 0 at every incident")
 IMPACTS = CheckedLaw("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 0) >= 0, one of them 0")
 TOUCHED = CheckedLaw(
     "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
@@ -71,7 +71,7 @@ class ImpactEvidence:
         names = [f"p({name})" for name in one.names.q]
         return judge(JUMPS, names, self.incidents.t, p_after - p - one.values.pull, limit)
 
-    def kept(self) -> Check:
+    def rows_hold(self) -> Check:
         """The rows that are equations, before and after."""
         laws, t = self.laws, self.incidents.t
         own = [i for i in self.rows if i < laws.s]
@@ -79,7 +79,7 @@ class ImpactEvidence:
         residual = np.concatenate([positions, self.after.values.w[:, self.rows]], axis=1)
         limit = np.concatenate([self.before.noise("f")[:, own], self.after.noise("w")[:, self.rows]], axis=1)
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows)]
-        return judge(KEPT, names, t, residual, limit + self.tolerance.atol)
+        return judge(ROWS_AFTER, names, t, residual, limit + self.tolerance.atol)
 
     @property
     def _gaps(self) -> tuple[Array, Array]:
@@ -248,7 +248,7 @@ def impacts(e: Evidence) -> list[Check]:
         return []
     found = [impact.jumps(), impact.touched(), impact.impacts()]
     if impact.rows.size:
-        found.append(impact.kept())
+        found.append(impact.rows_hold())
     return [*found, impact.losses()]
 
 

@@ -119,8 +119,8 @@ def _write(model: Model, found: StiffLimit, options: LimitOptions) -> None:
         with safe_table.opened(plan, whence) as table:
             table.write(rows)
             if found.stopped:
-                kept = table.keep()
-                exits.print_err(f"lagcli: {kept}" if kept else "lagcli: a run stopped")
+                saved = table.keep()
+                exits.print_err(f"lagcli: {saved}" if saved else "lagcli: a run stopped")
             else:
                 table.complete()
     if options.plot is not None and found.rungs:

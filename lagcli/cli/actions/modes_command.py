@@ -111,8 +111,8 @@ def _print_report(found: Modes) -> None:
 def _reference_text(found: Modes) -> str:
     """The first columns of the state about which the equations are linear."""
     size = max((abs(value) for value in found.at.values()), default=0.0)
-    kept = {name: value if abs(value) > STATE_ROUNDOFF * size else 0.0 for name, value in found.at.items()}
-    named = [f"{name} = {value:.6g}" for name, value in kept.items()]
+    state = {name: value if abs(value) > STATE_ROUNDOFF * size else 0.0 for name, value in found.at.items()}
+    named = [f"{name} = {value:.6g}" for name, value in state.items()]
     more = f" and {len(named) - MOST_COORDINATES} more" if len(named) > MOST_COORDINATES else ""
     return f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}"
 
@@ -156,9 +156,9 @@ def _shape(found: Modes, k: int) -> str:
     """The largest entries of a shape by name."""
     shape = found.shapes[k]
     order = np.argsort(-np.abs(shape).round(9), kind="stable")
-    kept = sorted(int(i) for i in order[:MOST_COORDINATES] if shape[i])
-    words = [f"{found.coordinates[i]} {_entry(complex(shape[i]))}" for i in kept]
-    more = int(np.count_nonzero(shape)) - len(kept)
+    largest = sorted(int(i) for i in order[:MOST_COORDINATES] if shape[i])
+    words = [f"{found.coordinates[i]} {_entry(complex(shape[i]))}" for i in largest]
+    more = int(np.count_nonzero(shape)) - len(largest)
     return ", ".join(words) + (f" and {more} more" if more > 0 else "")
 
 

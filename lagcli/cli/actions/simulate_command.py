@@ -43,7 +43,7 @@ def _print_account(end: RunEnding) -> None:
         balance = f"to {stats.energy_imbalance:.1e} of the energy exchanged"
     exits.print_err(
         f"{head}: {stats.steps} steps ({stats.rejected} rejected) of {stats.method} in {stats.solve_seconds:.3g} s,"
-        f" {end.held_to};"
+        f" {end.tolerance_text};"
         f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
         f" energy balance {balance}"
     )

@@ -127,7 +127,7 @@ def lines(found: Witness) -> list[str]:
         lines.append("(beside the declared start, where no loop was found)")
     for label, path in zip("ab" if found.is_timed else " ", found.paths, strict=True):
         lines += [f"  {label.strip()}{k}. {move}" for k, move in enumerate(_moves(found, path), 1)]
-    lines.append(_outcome(found))
+    lines.append(_amount_text(found))
     if found.follow:
         lines.append(f"constraints tie {', '.join(found.follow)} to {found.coordinate}")
     surface = f", |f| <= {found.surface_residual:.1e}" if found.surface_residual else ""
@@ -151,7 +151,7 @@ def _list(names: tuple[str, ...]) -> str:
     return ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} others"
 
 
-def _outcome(found: Witness) -> str:
+def _amount_text(found: Witness) -> str:
     p = found.along(found.coordinate)
     ends = [path.corners[-1][p] for path in found.paths]
     uncertain = f"(+- {found.error:.1e})"

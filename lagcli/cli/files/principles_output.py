@@ -66,8 +66,8 @@ def write(model: Model, found: Comparison, options: PrinciplesOptions) -> None:
         with safe_table.opened(plan, whence) as table:
             table.write(vakonomic.table)
             if vakonomic.stopped:
-                kept = table.keep()
-                exits.print_err(f"lagcli: the vakonomic motion stopped; {kept}" if kept else "")
+                saved = table.keep()
+                exits.print_err(f"lagcli: the vakonomic motion stopped; {saved}" if saved else "")
             else:
                 table.complete()
     if options.plot is not None:

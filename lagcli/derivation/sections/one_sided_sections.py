@@ -118,7 +118,7 @@ class OneSided:
             " rows and all contacts with g = 0 take part; + is just after and - just before."
         )
         yield from self._jumps()
-        yield from self._kept()
+        yield from self._equality_rates()
         for row, impulse, e in zip(
             self._contacts.rows, self._contact_impulses, self._contacts.restitution, strict=True
         ):
@@ -184,7 +184,7 @@ class OneSided:
             right = sum((row.B[i] * impulse for row, impulse in pairs if i in row.B), ZERO)
             yield Line("", (signs.node(left), signs.node(right)), kind="jump")
 
-    def _kept(self) -> Iterator[Line]:
+    def _equality_rates(self) -> Iterator[Line]:
         """B v+ + b = 0 of the rows that are equations."""
         signs, system = self._signs, self._system
         for row in system.rows:
@@ -207,10 +207,10 @@ class OneSided:
         chosen = [*range(first), first + j]
         matrix = sympy.Matrix([[equation.S.get((r, k), ZERO) for k in chosen] for r in chosen])
         matrix = matrix.applyfunc(lambda value: tidy(multiplier_equations.put(self._system, value, dict(on))))
-        held = tidy(matrix[:first, :first].det(method="berkowitz")) if first else sympy.Integer(1)
-        if held == 0:
+        determinant = tidy(matrix[:first, :first].det(method="berkowitz")) if first else sympy.Integer(1)
+        if determinant == 0:
             return
-        pressed = tidy(tidy(matrix.det(method="berkowitz")) / held)
+        pressed = tidy(tidy(matrix.det(method="berkowitz")) / determinant)
         if pressed == 0 or pressed.count_ops() > multiplier_equations.MAX_OPERATIONS:
             return
         row, e = self._contacts.rows[j], self._contacts.restitution[j]

@@ -224,9 +224,9 @@ class Sections:
         number = "D.53" if bound else "D.34" if driven else "D.39"
         for i in system.lagrange:
             # h = Q - (what d/dt dL/dq' - dL/dq holds besides M a).
-            held = polynomial(system.Q.get(i, ZERO) - system.h[i], system.v)
+            inertial = polynomial(system.Q.get(i, ZERO) - system.h[i], system.v)
             accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
-            left = held + sum((m * a for m, a in accelerated if m != 0), ZERO)
+            left = inertial + sum((m * a for m, a in accelerated if m != 0), ZERO)
             right = system.Q.get(i, ZERO) + self._simulating(i)
             q, q_dot = signs.node(system.q[i]), signs.node(system.v[i])
             assert isinstance(q, f.Sign)

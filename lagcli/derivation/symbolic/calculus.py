@@ -41,7 +41,7 @@ class Calculus:
         self.known: dict[sympy.Symbol, Abbreviation] = {}
         # d -> (U . dU/dt, |dU/dt|^2) of a distance whose U is linear in positions.
         self.products: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
-        self.rates: dict[sympy.Symbol, sympy.Expr] = {}  # those of products of vectors, with velocities held
+        self.rates: dict[sympy.Symbol, sympy.Expr] = {}  # those of products of vectors, with velocities fixed
         # (U, W) -> the symbol of U . W, or of |U|; of another root, what is under it -> its symbol.
         self.by_vectors: dict[tuple[Key, Key] | sympy.Expr, sympy.Symbol] = {}
         self._symbols: dict[sympy.Symbol, frozenset[sympy.Symbol]] = {}
@@ -58,7 +58,7 @@ class Calculus:
         return frozenset(found)
 
     def partial(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
-        """dvalue/dx with everything else held."""
+        """dvalue/dx with everything else fixed."""
         total = self._plain(value, x) if x in value.free_symbols else ZERO
         for symbol in sorted(value.free_symbols & self.known.keys(), key=str):
             inner = self._of(symbol, x)
@@ -67,7 +67,7 @@ class Calculus:
         return total
 
     def rate(self, value: sympy.Expr) -> sympy.Expr:
-        """d/dt of a function of coordinates and time; of one that holds rates too, with the rates held."""
+        """d/dt of a function of coordinates and time; of one that holds rates too, with the rates fixed."""
         total = self._plain(value, TIME) if TIME in value.free_symbols else ZERO
         for x in sorted(value.free_symbols & self.moving.keys(), key=str):
             total += self._plain(value, x) * self.moving[x]

@@ -113,8 +113,8 @@ class _Substitution:
             known = zip(letters, point.numbers, strict=True)
             pairs = [pair for level in known for pair in zip(*level, strict=True)]
             self._zeros = {letter: ZERO for letter, number in pairs if number == 0}
-        held = multiplier_equations.surface(system)
-        self._held = {x: value for x, value in held.items() if TIME not in value.free_symbols}
+        on_surface = multiplier_equations.surface(system)
+        self._on_surface = {x: value for x, value in on_surface.items() if TIME not in value.free_symbols}
 
     def acceleration(self, j: int) -> sympy.Expr:
         """a_j, or 0."""
@@ -155,7 +155,7 @@ class _Substitution:
         part[index] = put
 
     def _put(self, value: sympy.Expr) -> sympy.Expr:
-        return tidy(tidy(self._plain(value)).xreplace(self._held).xreplace(self._zeros))
+        return tidy(tidy(self._plain(value)).xreplace(self._on_surface).xreplace(self._zeros))
 
     def _plain(self, value: sympy.Expr) -> sympy.Expr:
         """The value without abbreviations for products and roots of rates."""

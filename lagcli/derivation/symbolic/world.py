@@ -62,13 +62,13 @@ class World:
         elif isinstance(value, tuple):
             parts = notation.parameter(parameter)
             # A component that is zero is no quantity: it is left out.
-            kept = [part if number else ZERO for part, number in zip(parts, value, strict=True)]
-            self.parameters[name] = tuple(kept)
-            self.parameter_values |= {s: n for s, n in zip(kept, value, strict=True) if s != 0}
+            nonzero = [part if number else ZERO for part, number in zip(parts, value, strict=True)]
+            self.parameters[name] = tuple(nonzero)
+            self.parameter_values |= {s: n for s, n in zip(nonzero, value, strict=True) if s != 0}
             if all(value):
-                self.collapse.know(name, kept)
+                self.collapse.know(name, nonzero)
             else:
-                self.substituted[name] = tuple(kept)
+                self.substituted[name] = tuple(nonzero)
         else:
             self.parameters[name] = symbol = notation.parameter(parameter)
             self.parameter_values[symbol] = value

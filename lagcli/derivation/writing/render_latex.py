@@ -86,7 +86,7 @@ def _factor(node: f.FormulaNode) -> str:
     return _closed(latex(node)) if isinstance(node, f.SUMS) else latex(node)
 
 
-def _held(node: f.FormulaNode) -> str:
+def _grouped(node: f.FormulaNode) -> str:
     return _closed(latex(node)) if isinstance(node, f.COMPOSED) else latex(node)
 
 
@@ -143,8 +143,8 @@ def _slope(node: f.Slope) -> str:
 
 def _power(node: f.FormulaPower) -> str:
     base = node.base
-    held = sign(base) if isinstance(base, f.Sign) and not base.dots else _held(base)
-    return f"{{{held}}}^{{{latex(node.exponent)}}}"
+    grouped = sign(base) if isinstance(base, f.Sign) and not base.dots else _grouped(base)
+    return f"{{{grouped}}}^{{{latex(node.exponent)}}}"
 
 
 _WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {

@@ -73,7 +73,7 @@ def _factor(node: f.FormulaNode) -> str:
     return _closed(mathml(node)) if isinstance(node, f.SUMS) else mathml(node)
 
 
-def _held(node: f.FormulaNode) -> str:
+def _grouped(node: f.FormulaNode) -> str:
     return _closed(mathml(node)) if isinstance(node, f.COMPOSED) else mathml(node)
 
 
@@ -107,7 +107,7 @@ _WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
     f.FormulaSum: lambda node: _sum(node.terms),
     f.FormulaProduct: lambda node: _row(*_spaced(node.factors)),
     f.Fraction: lambda node: f"<mfrac>{mathml(node.above)}{mathml(node.below)}</mfrac>",
-    f.FormulaPower: lambda node: f"<msup>{_held(node.base)}{mathml(node.exponent)}</msup>",
+    f.FormulaPower: lambda node: f"<msup>{_grouped(node.base)}{mathml(node.exponent)}</msup>",
     f.Root: lambda node: f"<msqrt>{mathml(node.inner)}</msqrt>",
     f.Bars: lambda node: _row(_operator("|"), mathml(node.inner), _operator("|")),
     f.Apply: _apply,

@@ -51,7 +51,7 @@ def _write(node: f.FormulaNode) -> tuple[str, int]:
     return _WRITERS[type(node)](node)
 
 
-def _held(node: f.FormulaNode, least: int) -> str:
+def _grouped(node: f.FormulaNode, least: int) -> str:
     """In parentheses where it holds together less than that."""
     written, hold = _write(node)
     return written if hold >= least else f"({written})"
@@ -60,7 +60,7 @@ def _held(node: f.FormulaNode, least: int) -> str:
 def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
     parts = []
     for index, (sign_, term) in enumerate(terms):
-        written = _held(term, PRODUCT)
+        written = _grouped(term, PRODUCT)
         if index == 0:
             parts.append(f"−{written}" if sign_ < 0 else written)
         else:
@@ -79,7 +79,7 @@ def _product(factors: tuple[f.FormulaNode, ...]) -> str:
         elif isinstance(factor, f.Fraction) and index == 0 and _small(factor):
             parts.append(_write(factor)[0])
         else:
-            parts.append(_held(factor, APPLIED))
+            parts.append(_grouped(factor, APPLIED))
     return " ".join(parts)
 
 
@@ -97,15 +97,15 @@ def _small(node: f.Fraction) -> str | None:
 
 # Each part of a formula is written once: written twice at every level, a nested one would take 2^depth steps.
 def _fraction(node: f.Fraction) -> str:
-    return _small(node) or f"{_held(node.above, PRODUCT)}/{_held(node.below, APPLIED)}"
+    return _small(node) or f"{_grouped(node.above, PRODUCT)}/{_grouped(node.below, APPLIED)}"
 
 
 def _power(base: f.FormulaNode, exponent: f.FormulaNode) -> str:
-    held = _held(base, ATOM)
+    grouped = _grouped(base, ATOM)
     digits = text(exponent).replace("−", "-")
     if digits.lstrip("-").isdecimal() and digits.isascii():
-        return held + digits.translate(_SUPER)
-    return f"{held}^{_held(exponent, ATOM)}"
+        return grouped + digits.translate(_SUPER)
+    return f"{grouped}^{_grouped(exponent, ATOM)}"
 
 
 def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
@@ -138,12 +138,12 @@ _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
     f.FormulaProduct: lambda node: (_product(node.factors), PRODUCT),
     f.Fraction: lambda node: (_fraction(node), PRODUCT),
     f.FormulaPower: lambda node: (_power(node.base, node.exponent), ATOM),
-    f.Root: lambda node: (f"√{_held(node.inner, ATOM)}", ATOM),
+    f.Root: lambda node: (f"√{_grouped(node.inner, ATOM)}", ATOM),
     f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
     f.Apply: _apply,
     f.Triple: lambda node: (f"({', '.join(map(text, node.parts))})", ATOM),
     f.Slope: _slope,
-    f.Dot: lambda node: (f"{_held(node.left, PRODUCT)}·{_held(node.right, PRODUCT)}", PRODUCT),
+    f.Dot: lambda node: (f"{_grouped(node.left, PRODUCT)}·{_grouped(node.right, PRODUCT)}", PRODUCT),
 }
 
 

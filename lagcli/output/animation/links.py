@@ -36,13 +36,13 @@ MOST_JOINED, NEAREST = 6, 3
 # `tests/unit/test_drawing_thresholds.py::test_a_distance_that_varies_is_no_tie` fails at 1e-8 and 1e-10.
 TIE_ROUNDOFF = 1e-9
 MOST_TIED = 40  # particles whose pairs are looked at
-NEAREST_TIED = 3  # of the particles at a kept distance, so many are joined to each
+NEAREST_TIED = 3  # of the particles at a constant distance, so many are joined to each
 SAMPLES = 12  # instants at which a distance is compared
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Tie:
-    """A particle at a kept distance from another one, or from a fixed position (3,)."""
+    """A particle at a constant distance from another one, or from a fixed position (3,)."""
 
     particle: int
     other: int | Floats
@@ -81,7 +81,7 @@ class PointTable:
         return heavy or -sum(found.weights.values())
 
     def tie(self, tie: Tie) -> Link:
-        """A kept distance as a thin line."""
+        """A constant distance as a thin line."""
         other = tie.other if isinstance(tie.other, int) else self.point_at(tie.other)
         return Link("string", "", (tie.particle, other), tie.length)
 
@@ -246,7 +246,7 @@ def _vectors(rows: Iterable[PicturedRow]) -> Iterator[tuple[Weights, Floats, set
 
 
 def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
-    """The kept distances of particles with these numbers, at samples (S, K, 3)."""
+    """The constant distances of particles with these numbers, at samples (S, K, 3)."""
     if not 0 < len(numbers) <= MOST_TIED:
         return []
     found: list[Tie] = []
@@ -254,10 +254,10 @@ def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
     pairs: dict[int, list[tuple[float, int]]] = {}
     for i in range(len(numbers)):
         apart = np.linalg.norm(samples - samples[:, i : i + 1], axis=-1)
-        kept = np.flatnonzero(
+        constant = np.flatnonzero(
             (np.ptp(apart, axis=0) <= TIE_ROUNDOFF * size) & (apart[0] > TIE_ROUNDOFF * size)
         )
-        pairs[i] = sorted((float(apart[0, j]), int(j)) for j in kept)[:NEAREST_TIED]
+        pairs[i] = sorted((float(apart[0, j]), int(j)) for j in constant)[:NEAREST_TIED]
     joined = {(min(i, j), max(i, j)): length for i, near in pairs.items() for length, j in near}
     found += [Tie(int(numbers[i]), int(numbers[j]), length) for (i, j), length in sorted(joined.items())]
     for i in range(len(numbers)):

@@ -26,7 +26,7 @@ MARGIN = 0.12  # of the size of the scene, by which a surface reaches beyond wha
 
 
 @dataclasses.dataclass(slots=True, eq=False)
-class HeldPlane:
+class RowPlane:
     """The plane normal . r = offset; of an inequality normal . r >= offset is allowed. normal (1 or T, 3) of length 1,
     offset (1 or T,). rows: the names of those that it is drawn for."""
 
@@ -37,7 +37,7 @@ class HeldPlane:
     particles: set[int]
     rows: list[str] = dataclasses.field(default_factory=list)
 
-    def is_the_same_as(self, other: HeldPlane, size: float) -> bool:
+    def is_the_same_as(self, other: RowPlane, size: float) -> bool:
         """True where both are one plane, with the same side allowed."""
         if self.one_sided != other.one_sided or self.normal.shape != other.normal.shape:
             return False
@@ -59,7 +59,7 @@ def alone(form: Quadratic) -> int | None:
     return found.pop() if len(found) == 1 else None
 
 
-def plane(row: PicturedRow, particle: int) -> HeldPlane | None:
+def plane(row: PicturedRow, particle: int) -> RowPlane | None:
     """The plane of a row of the first degree."""
     form = row.form
     if not form.is_polynomial or form.quadratic:
@@ -71,7 +71,7 @@ def plane(row: PicturedRow, particle: int) -> HeldPlane | None:
     if not np.all(length > 0):
         return None
     offset = np.atleast_1d(-form.constant / length)
-    return HeldPlane(
+    return RowPlane(
         row.name,
         row.kind == "inequality",
         steady(normal / length[:, None]),
@@ -127,9 +127,9 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Draw
     )
 
 
-def merged(planes: Sequence[HeldPlane], size: float) -> list[HeldPlane]:
+def merged(planes: Sequence[RowPlane], size: float) -> list[RowPlane]:
     """Each plane once, with all its particles."""
-    found: list[HeldPlane] = []
+    found: list[RowPlane] = []
     for one in planes:
         same = next((other for other in found if other.is_the_same_as(one, size)), None)
         if same is None:
@@ -141,8 +141,8 @@ def merged(planes: Sequence[HeldPlane], size: float) -> list[HeldPlane]:
 
 
 def polygons(
-    planes: Sequence[HeldPlane], particles: Floats, radii: Floats, size: float
-) -> list[tuple[HeldPlane, DrawnSurface]]:
+    planes: Sequence[RowPlane], particles: Floats, radii: Floats, size: float
+) -> list[tuple[RowPlane, DrawnSurface]]:
     """The parts of planes that are drawn: around what moves on them, cut by walls that meet. particles (T, N, 3); radii
     (N,): of what touches them."""
     found = []
@@ -163,14 +163,14 @@ def polygons(
     return found
 
 
-def _radius(one: HeldPlane, radii: Floats) -> float:
+def _radius(one: RowPlane, radii: Floats) -> float:
     """The radius of the particles that touch a wall, where all have the same."""
     own = radii[sorted(one.particles)]
     known = one.one_sided and not np.isnan(own).any() and np.ptp(own) <= SAME * own.max()
     return float(own[0]) if known else 0.0
 
 
-def _polygon(one: HeldPlane, tracks: Floats, cut: tuple[list[HeldPlane], float], size: float) -> DrawnSurface:
+def _polygon(one: RowPlane, tracks: Floats, cut: tuple[list[RowPlane], float], size: float) -> DrawnSurface:
     walls, shift = cut
     low, high = tracks.min(axis=0), tracks.max(axis=0)
     middle = (low + high) / 2
@@ -210,11 +210,11 @@ def _cut(corners: Floats, normal: Floats, level: float) -> Floats:
     if np.linalg.norm(normal) <= SAME or not len(corners):
         return corners
     gap = corners @ normal - level
-    kept = []
+    clipped = []
     for k in range(len(corners)):
         a, b, this, last = corners[k], corners[k - 1], gap[k], gap[k - 1]
         if (this >= 0) != (last >= 0):
-            kept.append(b + (a - b) * last / (last - this))
+            clipped.append(b + (a - b) * last / (last - this))
         if this >= 0:
-            kept.append(a)
-    return np.array(kept).reshape(-1, 2)
+            clipped.append(a)
+    return np.array(clipped).reshape(-1, 2)

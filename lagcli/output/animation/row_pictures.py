@@ -14,7 +14,7 @@ from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.nets import Function
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import SquareDistance
-from lagcli.output.animation.rounds import HeldPlane
+from lagcli.output.animation.rounds import RowPlane
 from lagcli.output.animation.scene import DrawnSurface, Link, Viewpoint
 
 Floats = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ class RowPictures:
     the second degree; curved: particles whose curve is drawn; shown: the names of rows that are seen in the picture."""
 
     links: list[Link] = dataclasses.field(default_factory=list)
-    planes: list[HeldPlane] = dataclasses.field(default_factory=list)
+    planes: list[RowPlane] = dataclasses.field(default_factory=list)
     rounds: list[tuple[int, DrawnSurface]] = dataclasses.field(default_factory=list)
     pairs: list[SquareDistance] = dataclasses.field(default_factory=list)
     lines: list[tuple[int, int, float]] = dataclasses.field(default_factory=list)
@@ -151,7 +151,7 @@ def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoi
     return drawn
 
 
-def _is_face(one: HeldPlane, view: Viewpoint) -> bool:
+def _is_face(one: RowPlane, view: Viewpoint) -> bool:
     """True for the plane in which the whole motion lies."""
     return not one.one_sided and bool(np.all(np.abs(np.abs(one.normal @ view.towards) - 1.0) <= STILL))
 
@@ -162,10 +162,10 @@ def _flat_circle(ball: DrawnSurface, view: Viewpoint) -> DrawnSurface | None:
         return None
     normal = np.broadcast_to(view.towards, (len(ball.frames), 3))
     offset = np.full(len(ball.frames), float(view.centre @ view.towards))
-    return _circle(ball, HeldPlane(ball.name, ball.one_sided, normal, offset, set()))
+    return _circle(ball, RowPlane(ball.name, ball.one_sided, normal, offset, set()))
 
 
-def _circle(ball: DrawnSurface, one: HeldPlane) -> DrawnSurface | None:
+def _circle(ball: DrawnSurface, one: RowPlane) -> DrawnSurface | None:
     """The circle in which a sphere and a plane meet."""
     lengths = np.linalg.norm(ball.frames[:, :3], axis=-1)
     if np.ptp(lengths, axis=1).max() > rounds.SAME * lengths.max():

@@ -111,7 +111,7 @@ def of_file(path: str | os.PathLike[str]) -> ChartTable:
 
 @contextlib.contextmanager
 def of_stream(stream: BinaryIO, name: str) -> Iterator[ChartTable]:
-    """A table in CSV on a stream, which is kept in a file for as long as it is read. Raises as `of_file`."""
+    """A table in CSV on a stream, which is stored in a file for as long as it is read. Raises as `of_file`."""
     with tempfile.TemporaryDirectory(prefix="lagcli-") as folder:
         path = pathlib.Path(folder, "table.csv")
         with path.open("wb") as file:
@@ -212,8 +212,8 @@ def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series
     if most is None:
         x, y = decimate.path(x, y)
     else:
-        kept = decimate.extrema(y, most)
-        x, y = x[kept], y[kept]
+        chosen = decimate.extrema(y, most)
+        x, y = x[chosen], y[chosen]
     return Series(x.copy(), y.copy(), max(-low, high, 0.0), bool((values < 0).any()), zeros, len(values))
 
 

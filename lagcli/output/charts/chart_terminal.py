@@ -186,8 +186,8 @@ class _Area:
     def _thin(self, curve: ChartCurve) -> tuple[Floats, Floats]:
         y = np.log10(curve.y) if self._panel.is_log else curve.y
         if self._panel.shape == "time":
-            kept = decimate.extrema(y, 4 * self.width)
-            x, y = curve.x[kept], y[kept]
+            chosen = decimate.extrema(y, 4 * self.width)
+            x, y = curve.x[chosen], y[chosen]
         else:
             x, y = decimate.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
         return _part(x, self.x), _part(y, self._y)

@@ -38,14 +38,14 @@ class DecimatedRows:
         if not len(rows):
             return
         most = max(FEWEST_ROWS, NUMBERS // rows.shape[1])
-        self._keep(rows[-self._arrived % self._stride :: self._stride])
+        self._store(rows[-self._arrived % self._stride :: self._stride])
         self._arrived += len(rows)
         self._last = rows[-1].copy()
         while self._count > most:
-            kept = np.concatenate(self._blocks)[::2]
+            chosen = np.concatenate(self._blocks)[::2]
             self._stride *= 2
             self._blocks, self._count = [], 0
-            self._keep(kept)
+            self._store(chosen)
 
     def mark(self, incidents: NDArray[np.float64]) -> None:
         """Take in incidents (k, columns): their times, and their kinds by their indices in `KINDS`, come first."""
@@ -58,7 +58,7 @@ class DecimatedRows:
         ended = (self._arrived - 1) % self._stride == 0
         return np.concatenate([*self._blocks, *([] if ended else [self._last[None]])])
 
-    def _keep(self, rows: NDArray[np.float64]) -> None:
+    def _store(self, rows: NDArray[np.float64]) -> None:
         self._blocks.append(rows.copy())
         self._count += len(rows)
 
@@ -96,15 +96,15 @@ def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> t
     if len(x) <= most:
         return x, y
     while True:
-        kept, keys = _moved(x, y, cells)
-        if len(kept) <= most:
-            return x[kept], y[kept]
+        chosen, keys = _moved(x, y, cells)
+        if len(chosen) <= most:
+            return x[chosen], y[chosen]
         pieces = _new_pieces(keys)
         if len(pieces) <= most or cells <= FEWEST_CELLS:
             break
         cells //= 2
     # Noise goes to new cells for ever: every so many pieces of it look like all of them.
-    return _joined(x[kept], y[kept], pieces[:: -(-len(pieces) // most)])
+    return _joined(x[chosen], y[chosen], pieces[:: -(-len(pieces) // most)])
 
 
 def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
@@ -120,8 +120,8 @@ def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[
         keys = keys * cells + cell.astype(np.int64)
     keys[lost] = -1
     changes = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
-    kept = np.union1d(changes, [len(x) - 1])
-    return kept, keys[kept]
+    chosen = np.union1d(changes, [len(x) - 1])
+    return chosen, keys[chosen]
 
 
 def _new_pieces(keys: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -47,5 +47,5 @@ def of(incidents: Iterable[tuple[float, str]], span: tuple[float, float]) -> Seq
 def _decimated(times: NDArray[np.float64], span: tuple[float, float]) -> NDArray[np.float64]:
     """The first time in each of `MOST` parts of the axis."""
     first, last = span
-    _, kept = np.unique(np.floor((times - first) / ((last - first) or 1.0) * MOST), return_index=True)
-    return times[kept]
+    _, distinct = np.unique(np.floor((times - first) / ((last - first) or 1.0) * MOST), return_index=True)
+    return times[distinct]

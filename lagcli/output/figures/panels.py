@@ -94,8 +94,8 @@ class _Table:
 
     def curve(self, label: str, values: NDArray[np.float64], of: int) -> Curve:
         """The curve, decimated for a figure that shows ``of`` of them."""
-        kept = decimate.extrema(values, min(4000, max(200, _NUMBERS // of)))
-        return Curve(label, self.column("t")[kept], values[kept])
+        chosen = decimate.extrema(values, min(4000, max(200, _NUMBERS // of)))
+        return Curve(label, self.column("t")[chosen], values[chosen])
 
 
 def bands(

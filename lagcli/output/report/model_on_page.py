@@ -109,13 +109,13 @@ def _table(
     found = [tuple(_in_cell(cell) for cell in row) for row in rows]
     if not found:
         return
-    kept = [i for i in range(len(headers)) if any(row[i] for row in found)]
-    renumbered = {old: new for new, old in enumerate(kept)}
-    shown = [tuple(row[i] for i in kept) for row in found[:MOST_ROWS]]
+    filled = [i for i in range(len(headers)) if any(row[i] for row in found)]
+    renumbered = {old: new for new, old in enumerate(filled)}
+    shown = [tuple(row[i] for i in filled) for row in found[:MOST_ROWS]]
     if len(found) > MOST_ROWS:
         caption += f" (the first {MOST_ROWS} of {len(found)})"
     yield PageTable(
-        tuple(headers[i] for i in kept),
+        tuple(headers[i] for i in filled),
         tuple(shown),
         frozenset(renumbered[i] for i in code if i in renumbered),
         caption,

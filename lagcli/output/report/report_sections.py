@@ -45,7 +45,7 @@ class ReportParts:
     still: PageFigure | None
     curves: PageFigure | None
     checks: PageFigure | None
-    held_to: str
+    tolerance_text: str
 
 
 def contents(parts: ReportParts) -> ReportContents:
@@ -113,7 +113,10 @@ def _glance(parts: ReportParts) -> Iterator[tuple[str, str]]:
     yield "Constraints", ", ".join(f"{number} {kind}" for kind, number in kinds.items()) or "none"
     if len(run.rows):
         end = f"t = {run.t[0]:.9g} to {run.t[-1]:.9g} {time}".rstrip()
-        yield "Run", f"{end}, {len(run.rows)} rows, {stats.steps} steps of {stats.method}, {parts.held_to}"
+        yield (
+            "Run",
+            f"{end}, {len(run.rows)} rows, {stats.steps} steps of {stats.method}, {parts.tolerance_text}",
+        )
     if len(run.events):
         yield "Incidents", ", ".join(_counted(run.events))
     if stats.accuracy is not None and stats.accuracy.sentence:

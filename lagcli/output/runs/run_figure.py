@@ -32,18 +32,18 @@ def columns(names: tuple[str, ...], chosen: tuple[str, ...] | None) -> tuple[lis
     groups = {
         name.removesuffix(f".{name[-1]}") for name in chosen if name.startswith("R.") and name[-2] == "."
     }
-    kept = [
+    needed = [
         i
         for i, name in enumerate(names)
         if name.startswith(("lambda.", "R."))
         and (name in chosen or (name.startswith("R.") and name.rpartition(".")[0] in groups))
     ]
-    return ([names.index("t"), *kept], "") if kept else (everything, ALL_SHOWN)
+    return ([names.index("t"), *needed], "") if needed else (everything, ALL_SHOWN)
 
 
-def draw(path: str, run: SimulationRun, kept: DecimatedRows, picked: list[int]) -> None:
+def draw(path: str, run: SimulationRun, decimated: DecimatedRows, picked: list[int]) -> None:
     """Draw columns of the rows of a run into a file. Raises `write_guard.WriteError`."""
-    rows = kept.rows()
+    rows = decimated.rows()
     with write_guard.drawing(path):
         # matplotlib takes a third of a second to load.
         from lagcli.output.figures import figure
@@ -59,7 +59,7 @@ def draw(path: str, run: SimulationRun, kept: DecimatedRows, picked: list[int]) 
                 _zeros(run, rows),
                 dimension_facts.of(run.model),
                 len(picked) < len(run.columns),
-                kept.marks,
+                decimated.marks,
             ),
         )
 

@@ -119,11 +119,11 @@ class RunTables:
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is, and return where that is, if it is in files."""
-        kept = [each.keep() for each in self._tables]
+        saved = [each.keep() for each in self._tables]
         self._keep_checkpoint()
         for each in self._tables:
             each.leave_rows(is_complete=False)
-        return ", ".join(filter(None, kept))
+        return ", ".join(filter(None, saved))
 
     def _keep_checkpoint(self) -> None:
         if self._keeper is not None:

@@ -21,7 +21,7 @@ from lagcli.output.tables import cell_text, sinks, table_format
 
 if TYPE_CHECKING:
     # Rows are kept beside checkpoints, which most runs have none of.
-    from lagcli.output.checkpoint_file import KeptRows
+    from lagcli.output.checkpoint_file import SyncedRows
     from lagcli.output.tables.row_file import RowFile, SafeRows
 
 Floats = npt.NDArray[np.float64]
@@ -73,8 +73,8 @@ class TablePlan:
         texts = []
         for name, words in self.words.items():
             texts.append([words[int(i)] for i in block[:, self.names.index(name)]])
-        kept = [i for i, name in enumerate(self.names) if name not in self.words]
-        return block if not self.words else np.ascontiguousarray(block[:, kept]), texts
+        numeric = [i for i, name in enumerate(self.names) if name not in self.words]
+        return block if not self.words else np.ascontiguousarray(block[:, numeric]), texts
 
 
 @frozen_value
@@ -105,12 +105,12 @@ class SafeTable:
         """The file, None for standard output."""
         return self._plan.file
 
-    def keep_rows(self, first: RowsBefore | None) -> KeptRows | None:
+    def keep_rows(self, first: RowsBefore | None) -> SyncedRows | None:
         """Keep the rows beside the table, where it is a file, after those of the run before."""
         plan = self._plan
         if not self._sink.is_file or plan.file is None:
             return None
-        from lagcli.output.checkpoint_file import KeptRows
+        from lagcli.output.checkpoint_file import SyncedRows
         from lagcli.output.tables import row_file
 
         rows = row_file.path_of(plan.path)
@@ -120,7 +120,7 @@ class SafeTable:
             else:
                 row_file.require_ours(rows)
                 self._rows = row_file.RowFile(rows, plan.names)
-        return KeptRows(self._rows, plan.path, plan.step, plan.has_event_rows)
+        return SyncedRows(self._rows, plan.path, plan.step, plan.has_event_rows)
 
     def begin(self, first: RowsBefore, seen: Callable[[Floats], None]) -> None:
         """Begin with the rows of the run before, each block of which is also `seen`."""

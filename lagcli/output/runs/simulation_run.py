@@ -42,9 +42,9 @@ Integrals = tuple[FirstIntegral, ...]
 class PreparedRun:
     """All that a run goes with.
 
-    `start`: the state at its start, assembled where that was wanted; `integrals`: those that are held; `seconds`: the
-    time this took; `conditions`: hidden conditions among the rows; `resumed`: where an earlier run stood, if this one
-    goes on from there.
+    `start`: the state at its start, assembled where that was wanted; `integrals`: those that are enforced; `seconds`:
+    the time this took; `conditions`: hidden conditions among the rows; `resumed`: where an earlier run stood, if this
+    one goes on from there.
     """
 
     system: System
@@ -146,7 +146,7 @@ class SimulationRun:
 
     @property
     def numeric(self) -> NumericSystem:
-        """Its functions, whatever integrals are held."""
+        """Its functions, whatever integrals are enforced."""
         return self._numeric
 
     @property
@@ -239,7 +239,7 @@ class SimulationRun:
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks so far: multipliers that are not unique, singular configurations that were passed,
-        integrals that are not held all the time."""
+        integrals that are not enforced all the time."""
         return run_remarks.remarks(self._system, self._run.report)
 
     @property

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 class RunEnding(NamedTuple):
-    """The end of a run, whose files are written: its account, remarks on it, the tolerance that it was held to, a
+    """The end of a run, whose files are written: its account, remarks on it, the tolerance of its steps in words, a
     sentence on its digits, and why it stopped before its end; the last two may be nothing."""
 
     stats: Stats
     notes: tuple[str, ...]
-    held_to: str
+    tolerance_text: str
     digits: str
     reason: str
 
@@ -133,15 +133,15 @@ class WrittenRun:
         Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`; what there is of the run is in order then.
         """
         run, request = self._run, self._request
-        kept: DecimatedRows | None = None
+        decimated: DecimatedRows | None = None
         if request.plot is not None:
             from lagcli.output.figures.decimate import DecimatedRows
 
-            kept = DecimatedRows()
+            decimated = DecimatedRows()
         interrupts.leave()
         with interrupts.unwinding():
             try:
-                yield from self._tables(kept)
+                yield from self._tables(decimated)
             except (interrupts.Interrupted, WriteError, OSError) as error:
                 failed = self._account_of_ended(error)
                 if failed:
@@ -149,38 +149,38 @@ class WrittenRun:
                 raise
             stats = run.stats
             self._write_account(stats)
-            if kept is not None:
-                yield from self._figure(kept)
+            if decimated is not None:
+                yield from self._figure(decimated)
             interrupts.check()
         digits = stats.accuracy.sentence if stats.accuracy is not None else ""
-        held_to = step_tolerance.sentence(run.model.simulation)
-        yield RunEnding(stats, run.notes, held_to, digits, self._reason)
+        tolerance_text = step_tolerance.sentence(run.model.simulation)
+        yield RunEnding(stats, run.notes, tolerance_text, digits, self._reason)
 
-    def _tables(self, kept: DecimatedRows | None) -> Iterator[RunStep]:
+    def _tables(self, decimated: DecimatedRows | None) -> Iterator[RunStep]:
         """Write the tables, and keep what is drawn."""
         request = self._request
         with run_tables.opened(self._run, self._table, self._events) as tables:
             if request.checkpoint is not None:
                 tables.keep_checkpoints(request.checkpoint, self._first, self._happened)
             is_drawn = self._names == self._run.columns and self._first is not None
-            tables.begin(self._first, self._happened, kept if is_drawn else None)
+            tables.begin(self._first, self._happened, decimated if is_drawn else None)
             try:
-                yield from self._rows(tables, kept)
+                yield from self._rows(tables, decimated)
             except run_stop.RunStop as stop:
                 self._reason = stop.stop.reason
-                if kept_in := tables.keep():
-                    interrupts.leave(f"lagcli: interrupted; {kept_in}")
-                    yield f"lagcli: {kept_in}"
+                if saved_in := tables.keep():
+                    interrupts.leave(f"lagcli: interrupted; {saved_in}")
+                    yield f"lagcli: {saved_in}"
             except interrupts.Interrupted:
                 if tables.t_end == self._run.end:
                     tables.complete()
-                elif kept_in := tables.keep():
-                    yield f"lagcli: interrupted; {kept_in}"
+                elif saved_in := tables.keep():
+                    yield f"lagcli: interrupted; {saved_in}"
                 raise
             else:
                 tables.complete()
 
-    def _rows(self, tables: RunTables, kept: DecimatedRows | None) -> Iterator[float]:
+    def _rows(self, tables: RunTables, decimated: DecimatedRows | None) -> Iterator[float]:
         """Pass the blocks on as they come. Raises `run_stop.RunStop` where the run stops before its end.
 
         A checkpoint is taken when the rows before it have been written, so that they agree.
@@ -196,24 +196,24 @@ class WrittenRun:
             point = run.checkpoint() if request.checkpoint is not None else None
             tables.take(block, run.taken(block, self._picked), point, run.incidents)
             self._outcome.rows, self._outcome.t_end = run.outcome.rows, run.outcome.t_end
-            if kept is not None:
+            if decimated is not None:
                 # Jumps are drawn upright.
-                kept.add(
+                decimated.add(
                     block if request.event_rows else incident_table.with_event_rows(block, run.incidents)
                 )
-                kept.marks.extend((incident.t, incident.kind) for incident in run.incidents)
+                decimated.marks.extend((incident.t, incident.kind) for incident in run.incidents)
 
-    def _figure(self, kept: DecimatedRows) -> Iterator[str]:
+    def _figure(self, decimated: DecimatedRows) -> Iterator[str]:
         # matplotlib is loaded only where a figure is asked for.
         from lagcli.output.runs import run_figure
 
         run, request = self._run, self._request
-        if request.plot is None or not len(kept.rows()):
+        if request.plot is None or not len(decimated.rows()):
             return
         picked, note = run_figure.columns(run.columns, self._names if request.columns is not None else None)
         if note and not request.quiet:
             yield f"note: {note}"
-        run_figure.draw(request.plot, run, kept, picked)
+        run_figure.draw(request.plot, run, decimated, picked)
 
     def _account_of_ended(self, error: BaseException) -> str:
         """Write the account of the rows that are kept of a run that this has ended; what fails here does not hide it,

@@ -70,14 +70,14 @@ class SweepAccount:
             self.stopped += row.status == STOPPED
             self.invalid += row.status == INVALID
             if row.status == DONE:
-                for kept, value in zip(self._values.values(), row.results, strict=False):
-                    kept.append(value)
+                for results, value in zip(self._values.values(), row.results, strict=False):
+                    results.append(value)
 
     def spreads(self) -> dict[str, Spread]:
         """The distribution of each result that has a number at any point."""
         found = {}
-        for name, kept in self._values.items():
-            values = np.array(kept)
+        for name, results in self._values.items():
+            values = np.array(results)
             values = values[~np.isnan(values)]
             if values.size:
                 sd = float(values.std(ddof=1)) if values.size > 1 else 0.0

@@ -131,10 +131,10 @@ class WrittenSweep:
                 yield from self._take_all(journal.count, take)
                 journal.sync()
         except interrupts.Interrupted:
-            interrupts.leave(f"lagcli: interrupted; {self._keep(journal)}; --resume goes on after them")
+            interrupts.leave(f"lagcli: interrupted; {self._save(journal)}; --resume goes on after them")
             raise
 
-    def _keep(self, journal: SweepJournal) -> str:
+    def _save(self, journal: SweepJournal) -> str:
         """Write the rows so far into a file of their own; where they are, in words."""
         journal.sync()
         target = self._request.rows_so_far
@@ -185,17 +185,17 @@ def _finished_rows(path: Path, planned: PlannedRows, digest: str) -> list[PointR
             return None
         if not _is_silent(path, planned) and not _is_same(table, planned):
             return None
-        kept = sweep_table.rows(path, table, len(planned.names))
+        finished = sweep_table.rows(path, table, len(planned.names))
     except (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable):
         return None  # whatever it is, it is replaced as any file is
-    if [row.number for row in kept] != list(planned.numbers):
+    if [row.number for row in finished] != list(planned.numbers):
         return None
     if _is_silent(path, planned) and digest != sweep_journal.digest(path):
         raise BadRequest(
             f"--resume: {path} holds a row of every point, and nothing says that these are of this model and its"
             " settings; without --resume all are computed anew"
         )
-    return kept
+    return finished
 
 
 def _is_same(table: ReadTable, planned: PlannedRows) -> bool:

@@ -98,15 +98,15 @@ class CsvWriter:
 
 
 class _Lines:
-    """The lines of a CSV or TSV file, of bounded length; `held` counts the characters since the last row."""
+    """The lines of a CSV or TSV file, of bounded length; `length` counts the characters since the last row."""
 
     def __init__(self, path: Path, file: TextIO) -> None:
-        self._path, self._file, self.held = path, file, 0
+        self._path, self._file, self.length = path, file, 0
 
     def __iter__(self) -> Iterator[str]:
         while line := self._file.readline(MOST_LINE):
-            self.held += len(line)
-            if self.held >= MOST_LINE:
+            self.length += len(line)
+            if self.length >= MOST_LINE:
                 raise bad(self._path, f"a row has {MOST_LINE} characters or more")
             yield line
 
@@ -186,5 +186,5 @@ class CsvTable:
                     raise bad(self._path, error) from None
                 if row is None:
                     return
-                lines.held = 0
+                lines.length = 0
                 yield row

@@ -163,9 +163,9 @@ class IncidentTable(Sequence[IncidentRow]):
     def of(self, kind: str | None = None, name: str | None = None) -> IncidentTable:
         """The incidents of a kind, of a name, or of both."""
         pairs = zip(self.kinds, self.names, strict=True)
-        kept = [i for i, (k, n) in enumerate(pairs) if kind in (None, k) and name in (None, n)]
-        kinds, names = ([words[i] for i in kept] for words in (self.kinds, self.names))
-        return IncidentTable(self.columns, kinds, names, self.numbers[kept])
+        matching = [i for i, (k, n) in enumerate(pairs) if kind in (None, k) and name in (None, n)]
+        kinds, names = ([words[i] for i in matching] for words in (self.kinds, self.names))
+        return IncidentTable(self.columns, kinds, names, self.numbers[matching])
 
     def to_pandas(self) -> object:
         """The table as a `pandas.DataFrame`, a row an incident. Raises `ImportError` without pandas."""

@@ -73,8 +73,8 @@ class NpzWriter:
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
         self._buffer.add(rows)
-        for kept, cells in zip(self._texts.values(), texts, strict=True):
-            kept.extend(cells)
+        for column, cells in zip(self._texts.values(), texts, strict=True):
+            column.extend(cells)
 
     def finish(self) -> None:
         """Write the archive; its bytes depend on the table alone."""
@@ -120,10 +120,10 @@ class NpzWriter:
 
 def _comment(provenance: Mapping[str, object]) -> bytes:
     """The provenance as JSON; what makes it too long, thousands of parameters, is null then."""
-    kept = dict(provenance)
-    while len(text := json.dumps(kept, allow_nan=False).encode()) > _MOST_COMMENT:
-        longest = max(kept, key=lambda name: len(json.dumps(kept[name])))
-        kept[longest] = None
+    entries = dict(provenance)
+    while len(text := json.dumps(entries, allow_nan=False).encode()) > _MOST_COMMENT:
+        longest = max(entries, key=lambda name: len(json.dumps(entries[name])))
+        entries[longest] = None
     return text
 
 

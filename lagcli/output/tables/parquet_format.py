@@ -85,8 +85,8 @@ class ParquetTableWriter:
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
-        for kept, cells in zip(self._texts.values(), texts, strict=True):
-            kept.extend(cells)
+        for column, cells in zip(self._texts.values(), texts, strict=True):
+            column.extend(cells)
         self._buffer.add(rows)
 
     def finish(self) -> None:

@@ -47,9 +47,9 @@ def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[
     Found by comparing coefficients in the normal form. The last entry of a vector that is not zero is 1.
     Raises `normal_form.NoNormalFormError`.
     """
-    kept = _involved(columns, parameters)
-    size, vectors = len(columns), _null_vectors([columns[n] for n in kept], parameters)
-    return [tuple(_spread(vector, kept, size)) for vector in vectors]
+    involved = _involved(columns, parameters)
+    size, vectors = len(columns), _null_vectors([columns[n] for n in involved], parameters)
+    return [tuple(_spread(vector, involved, size)) for vector in vectors]
 
 
 def _spread(vector: Sequence[sympy.Expr], indices: Sequence[int], size: int) -> list[sympy.Expr]:

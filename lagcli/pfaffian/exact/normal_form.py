@@ -370,16 +370,16 @@ def _dependent(arguments: Iterable[sympy.Expr]) -> dict[sympy.Expr, sympy.Expr]:
     powers, numbers = zip(*(_factored(a) for a in listed), strict=True)
     columns = sorted(set().union(*powers), key=str)
     table = [[own.get(f, 0) for f in columns] for own in powers]
-    kept: list[int] = []
+    independent: list[int] = []
     found = {}
     for k, row in enumerate(table):
-        weights = _weights([table[i] for i in kept], row)
+        weights = _weights([table[i] for i in independent], row)
         if weights is None:
-            kept.append(k)
+            independent.append(k)
             continue
-        rest = numbers[k] / sympy.Mul(*(numbers[i] ** w for i, w in zip(kept, weights, strict=True)))
+        rest = numbers[k] / sympy.Mul(*(numbers[i] ** w for i, w in zip(independent, weights, strict=True)))
         if rest.is_Rational and rest.is_positive:
-            terms = (w * sympy.log(listed[i]) for i, w in zip(kept, weights, strict=True))
+            terms = (w * sympy.log(listed[i]) for i, w in zip(independent, weights, strict=True))
             found[listed[k]] = sympy.Add(sympy.log(rest), *terms)
     return found
 

@@ -79,7 +79,7 @@ class RandomSample(Sample):
         ordered = sorted(symbols, key=lambda s: s.name)
         super().__init__({s: generator.uniform(*span, count) for s in ordered}, count)
 
-    def kept(self, which: npt.NDArray[np.intp]) -> None:
+    def retain(self, which: npt.NDArray[np.intp]) -> None:
         """Keep the points `which` (indices) only."""
         self._known = {s: v[which] for s, v in self._known.items() if s.is_Symbol}
         self.count = len(which)
@@ -130,6 +130,6 @@ def draw(
             good = np.all([np.isfinite(sample.of(e)) for e in expressions], axis=0)
             which = np.flatnonzero(good)[:count]
             if len(which) == count:
-                sample.kept(which)
+                sample.retain(which)
                 return sample
     raise NoSampleError("no points with values")

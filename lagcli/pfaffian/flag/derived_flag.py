@@ -52,8 +52,9 @@ class Flag:
     beyond the df, solved for pivots, shape (dims[-1], n); contradiction: indices of rows of which a combination
     is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
     value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
-    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; held: rank of the df;
-    divisors: as those of `function_field.FunctionField`; conditions: what combinations of rows demand that are g dt.
+    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; holonomic_rank: rank of
+    the df; divisors: as those of `function_field.FunctionField`; conditions: what combinations of rows demand that are
+    g dt.
     """
 
     dims: tuple[int, ...]
@@ -168,10 +169,10 @@ class _FlagSearch:
                 c[pivot] = -entries[i]
             vanishing.append(c)
         n = len(self._block.variables)
-        kept = [
+        basis_rows = [
             [self._field.sum((c[i], here.rows[i][k]) for i in range(C)) for k in range(n)] for c in vanishing
         ]
-        return self._field.solved(kept, self._time), self._common(values, solved.count)
+        return self._field.solved(basis_rows, self._time), self._common(values, solved.count)
 
     def _pairs(self, here: SolvedForms, first: SolvedForms) -> list[tuple[Row, Row]]:
         """Pairs of a frame of ker `first` with one of ker `here`; each pair once where they are one."""
@@ -220,11 +221,11 @@ class _FlagSearch:
 
     def _beyond(self, last: SolvedForms, surface: SolvedForms) -> tuple[tuple[sympy.Expr, ...], ...]:
         """A basis of I^(oo) without the df: those of its forms that are independent of them."""
-        kept: list[tuple[FracElement, ...]] = list(surface.rows)
+        basis_rows: list[tuple[FracElement, ...]] = list(surface.rows)
         found = []
         for row in last.rows:
-            if self._field.solved([*map(list, kept), list(row)]).count > len(kept):
-                kept.append(row)
+            if self._field.solved([*map(list, basis_rows), list(row)]).count > len(basis_rows):
+                basis_rows.append(row)
                 found.append(tuple(self._field.expression(a) for a in row))
         return tuple(found)
 

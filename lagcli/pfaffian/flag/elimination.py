@@ -43,23 +43,23 @@ def eliminated(
     values: Substitutions = {}
     for x, value in reversed(steps):  # a value holds coordinates that were eliminated after it
         values[x] = _substituted(value, values)
-    kept = tuple(x for x in block.variables if x not in values)
-    rows = tuple(pulled_back(block.variables, row, values, kept) for row in block.rows)
+    remaining = tuple(x for x in block.variables if x not in values)
+    rows = tuple(pulled_back(block.variables, row, values, remaining) for row in block.rows)
     left = tuple(_substituted(f, values) for f in surface)
-    return dataclasses.replace(block, variables=kept, rows=rows, surface=left), values
+    return dataclasses.replace(block, variables=remaining, rows=rows, surface=left), values
 
 
 def pulled_back(
     variables: Sequence[sympy.Symbol],
     coefficients: Sequence[sympy.Expr],
     values: Mapping[sympy.Symbol, sympy.Expr],
-    kept: Sequence[sympy.Symbol],
+    remaining: Sequence[sympy.Symbol],
 ) -> tuple[sympy.Expr, ...]:
     """The form sum_k coefficients[k] d(variables[k]) (n,) with `values` put in for some of its variables.
 
-    Its coefficients for the variables `kept`, of which the values are functions.
+    Its coefficients for the variables `remaining`, of which the values are functions.
     """
-    total = dict.fromkeys(kept, sympy.Integer(0))
+    total = dict.fromkeys(remaining, sympy.Integer(0))
     for x, a in zip(variables, coefficients, strict=True):
         if a == 0:
             continue
@@ -130,11 +130,11 @@ def _slopes(
     slopes: dict[sympy.Symbol, sympy.Expr] = {}
     entangled: set[sympy.Symbol] = set()
     for term in sympy.Add.make_args(_expanded(f)):
-        held = {x for x in term.free_symbols if x in indices}
-        plain = [x for x in sympy.Mul.make_args(term) if x in held]
-        rest = term / plain[0] if len(plain) == 1 and len(held) == 1 else term
-        if rest.free_symbols & held:
-            entangled |= held
+        occurring = {x for x in term.free_symbols if x in indices}
+        plain = [x for x in sympy.Mul.make_args(term) if x in occurring]
+        rest = term / plain[0] if len(plain) == 1 and len(occurring) == 1 else term
+        if rest.free_symbols & occurring:
+            entangled |= occurring
         elif plain:
             slopes[plain[0]] = slopes.get(plain[0], sympy.Integer(0)) + rest
     return slopes, entangled
@@ -155,8 +155,8 @@ def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.E
 
 def _substituted(expression: sympy.Expr, values: Mapping[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """The expression with the values put in, multiplied out."""
-    held = {x: values[x] for x in expression.free_symbols if x in values}
-    return _expanded(expression.xreplace(held)) if held else expression
+    replaced = {x: values[x] for x in expression.free_symbols if x in values}
+    return _expanded(expression.xreplace(replaced)) if replaced else expression
 
 
 def _expanded(expression: sympy.Expr) -> sympy.Expr:
@@ -180,11 +180,11 @@ def in_angles(block: forms.PfaffianBlock) -> tuple[forms.PfaffianBlock, Substitu
             x: guarded.expand(x - u + A * sympy.cos(angle)),
             y: guarded.expand(y - v + B * sympy.sin(angle)),
         }
-        kept = [z for z in block.variables if z not in (x, y)]
-        kept.insert(len(kept) - any(z.name == TIME for z in kept), angle)
-        rows = tuple(pulled_back(block.variables, row, values, kept) for row in block.rows)
+        remaining = [z for z in block.variables if z not in (x, y)]
+        remaining.insert(len(remaining) - any(z.name == TIME for z in remaining), angle)
+        rows = tuple(pulled_back(block.variables, row, values, remaining) for row in block.rows)
         left = tuple(g for g in block.surface if g is not f)
-        block = dataclasses.replace(block, variables=tuple(kept), rows=rows, surface=left)
+        block = dataclasses.replace(block, variables=tuple(remaining), rows=rows, surface=left)
         scale = guarded.gcd(A, B)  # of whatever sign: it turns the angle by pi
         across = sympy.atan2(v * guarded.cancel(A / scale), u * guarded.cancel(B / scale))
         back |= {sympy.cos(angle): u / A, sympy.sin(angle): v / B, angle: across}
@@ -201,10 +201,10 @@ def _own_ellipse(block: forms.PfaffianBlock) -> Ellipse | None:
     moving = set(block.variables)
     for f in block.surface:
         taken = {s for g in block.surface if g is not f for s in g.free_symbols}
-        held = [x for x in block.variables if x in f.free_symbols and x.name != TIME and x not in taken]
+        occurring = [x for x in block.variables if x in f.free_symbols and x.name != TIME and x not in taken]
         if not f.is_polynomial(*(moving & f.free_symbols)):
             continue
-        for x, y in combinations(held, 2):
+        for x, y in combinations(occurring, 2):
             slopes = sympy.diff(f, x, 2) / 2, sympy.diff(f, y, 2) / 2
             if any(s == 0 or s.free_symbols & moving for s in slopes) or sympy.diff(f, x, y) != 0:
                 continue
@@ -229,8 +229,8 @@ def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
     sqrt(x**2 + y**2) is 1 where x**2 + y**2 = 1. To the algebra of `normal_form` a function of an argument is a letter
     of its own, whatever the surface says of the argument.
     """
-    held = [f for f in block.surface if f.is_polynomial(*block.variables)]
-    moving = {x for f in held for x in f.free_symbols & set(block.variables)}
+    polynomials = [f for f in block.surface if f.is_polynomial(*block.variables)]
+    moving = {x for f in polynomials for x in f.free_symbols & set(block.variables)}
     if not moving or not any(a.has(sympy.Function, sympy.Pow) for row in block.rows for a in row):
         return block
     variables = [x for x in block.variables if x in moving]
@@ -244,7 +244,7 @@ def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
         if u not in known:
             try:
                 if not ideal:
-                    ideal.append(guarded.groebner(held, *variables, order="grevlex"))
+                    ideal.append(guarded.groebner(polynomials, *variables, order="grevlex"))
                 rest = guarded.call(ideal[0].reduce, guarded.expand(u))[1]
             except SympyFailure:  # roots of parameters that are no field of constants
                 rest = u

@@ -199,10 +199,10 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
     count = along.shape[1]
     Q = np.zeros((len(rows), min(count, len(rows))))
     R = np.zeros((Q.shape[1], count))
-    kept: list[int] = []
+    independent: list[int] = []
     dependent: list[int] = []
     for k in range(count):
-        rest, n = rows[:, k].copy(), len(kept)
+        rest, n = rows[:, k].copy(), len(independent)
         for _ in range(2):
             part = Q[:, :n].T @ rest
             R[:n, k] += part
@@ -212,12 +212,12 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
             dependent.append(k)
         elif n < Q.shape[1]:
             Q[:, n], R[n, k] = rest / size, size
-            kept.append(k)
-    c = np.linalg.solve(R[: len(kept), kept], R[: len(kept), dependent])
+            independent.append(k)
+    c = np.linalg.solve(R[: len(independent), independent], R[: len(independent), dependent])
     found = []
     for n, k in enumerate(dependent):
         least = _SMALL * max(float(lengths[k]), 1e-300)
-        parts = ((i, -float(v)) for i, v in zip(kept, c[:, n], strict=True) if i < k)
+        parts = ((i, -float(v)) for i, v in zip(independent, c[:, n], strict=True) if i < k)
         found.append({i: v for i, v in parts if abs(v) * lengths[i] > least} | {k: 1.0})
     return found
 

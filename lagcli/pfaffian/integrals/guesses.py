@@ -179,9 +179,9 @@ def eliminations(search: IntegralSearch) -> Proposals:
         constants[constant] = f.integral
     if not values:
         return
-    kept = tuple(x for x in block.variables if x not in values)
-    rows = tuple(elimination.pulled_back(block.variables, row, values, kept) for row in block.rows)
-    smaller = forms.PfaffianBlock(block.names, kept, rows, (*block.parameters, *constants))
+    remaining = tuple(x for x in block.variables if x not in values)
+    rows = tuple(elimination.pulled_back(block.variables, row, values, remaining) for row in block.rows)
+    smaller = forms.PfaffianBlock(block.names, remaining, rows, (*block.parameters, *constants))
     for each in search.smaller(smaller):
         yield SearchResult(
             each.integral.xreplace(constants),
@@ -191,9 +191,9 @@ def eliminations(search: IntegralSearch) -> Proposals:
 
 def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Symbol, sympy.Expr] | None:
     """(x, value) with f = 0 where x = value; linear equations first."""
-    held = [x for x in variables if x in f.free_symbols and x.name != elimination.TIME]
+    occurring = [x for x in variables if x in f.free_symbols and x.name != elimination.TIME]
     ways = []
-    for x in held:
+    for x in occurring:
         slope = forms.partial(f, x)
         if x not in slope.free_symbols:
             ways.append(
@@ -201,7 +201,7 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
             )
     if ways:
         return min(ways, key=lambda w: w[:2])[2:]
-    for x in held:
+    for x in occurring:
         try:
             roots = guarded.solve(f, x, simplify=False, check=False)
         except SympyFailure:

@@ -67,9 +67,9 @@ def primitive(form: forms.Form) -> forms.Form:
 
 
 def _active_part(form: forms.Form) -> forms.Form:
-    keep = form.active()
+    active = form.active()
     x, a = form.variables, form.coefficients
-    return forms.Form(form.name, tuple(x[i] for i in keep), tuple(a[i] for i in keep), form.parameters)
+    return forms.Form(form.name, tuple(x[i] for i in active), tuple(a[i] for i in active), form.parameters)
 
 
 def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, str]]:

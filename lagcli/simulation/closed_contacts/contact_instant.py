@@ -280,7 +280,7 @@ class ContactInstant:
 
     @property
     def open_acceleration(self) -> Floats:
-        """The accelerations (n,) with all contacts open, and the equality rows held."""
+        """The accelerations (n,) with all contacts open, and the equality rows enforced."""
         return self._values.open_acceleration(self.state)
 
     @cached_property

@@ -17,7 +17,7 @@ from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, 
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
 from lagcli.start.initial import State
 
-# How far ahead is looked, as a part of the size of the motion; Newton's steps back onto the rows that are held.
+# How far ahead is looked, as a part of the size of the motion; Newton's steps back onto the rows that are enforced.
 FAR, STEPS = 1e-3, 5
 # Of the way ahead, what a gap may be off that stays closed. One that opens like a square is off by FAR of it.
 CLOSED = 1e-8
@@ -44,7 +44,7 @@ def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> Gaps
     """
     everything = np.ones(here.g.size, dtype=bool)
     tau, way = here.reach(x, FAR)
-    there = _held(here, here.later(tau, x), list(enforced)) if way > 0 else None
+    there = _on_contacts(here, here.later(tau, x), list(enforced)) if way > 0 else None
     if there is None:
         return GapsAhead(everything, ~everything)
     g = here.at(there).g
@@ -52,7 +52,7 @@ def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> Gaps
     return GapsAhead(np.abs(g) <= allowed, g < -allowed)
 
 
-def _held(here: ContactInstant, state: State, contacts: list[int]) -> State | None:
+def _on_contacts(here: ContactInstant, state: State, contacts: list[int]) -> State | None:
     """The state moved onto the holonomic equality rows and these contacts; None where there is none."""
     for _ in range(STEPS):
         instant = here.at(state)
@@ -187,7 +187,7 @@ class _ModeChoice:
         )
 
     def _with(self, enforced: tuple[int, ...], others: list[int]) -> ContactMode:
-        """The mode with contacts held, and others that stay closed with them: they share the load."""
+        """The mode with contacts enforced, and others that stay closed with them: they share the load."""
         among = np.zeros(self._here.g.size, dtype=bool)
         among[[*enforced, *others]] = True
         closed = contact_change.pressing(self._here, among).closed

@@ -303,8 +303,8 @@ class ContactChanges:
             kinds.append(("impact", np.flatnonzero(blow.struck).tolist()))
         if blow is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
-            kinds.append(("contact", sorted(reported.enforced - reported.held_before - ending)))
-            kinds.append(("release", sorted(reported.held_before - reported.enforced)))
+            kinds.append(("contact", sorted(reported.enforced - reported.enforced_before - ending)))
+            kinds.append(("release", sorted(reported.enforced_before - reported.enforced)))
         lines = InstantLines(reported.before, reported.after, impulses)
         for kind, contacts in kinds:
             for j in contacts:
@@ -321,13 +321,13 @@ class ContactChanges:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _ContactReport:
-    """Lines before and after a change, the impact, and contacts that were held closed and are, declared events that
-    jump over zero, and contacts whose rebounds are cut off."""
+    """Lines before and after a change, the impact, and contacts that were enforced as closed and are, declared events
+    that jump over zero, and contacts whose rebounds are cut off."""
 
     before: Floats
     after: Floats
     blow: Blow | None
-    held_before: set[int]
+    enforced_before: set[int]
     enforced: set[int]
     events: list[int]
     cut: set[int]

@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 NEAR = 1e-2
 # So close the law of impact may take them for dependent, and they then change the velocities that it gives by more
 # than this part.
-DEPENDENT, KEPT = 3e-5, 1e-5
+DEPENDENT, SATISFIED = 3e-5, 1e-5
 # By this part of a step ahead it is seen whether rows come closer to dependent ones.
 BESIDE = 1e-4
 
@@ -56,7 +56,7 @@ def require_projected(run: Stepper, wanted: Floats, before: Floats) -> None:
     units = np.array(sizes).ravel()[:n]
     off = float(np.abs((y[n : 2 * n] - wanted) / units).max(initial=0.0))
     size = float(np.abs(np.stack([wanted, before]) / units).max(initial=0.0))
-    if off > KEPT * size:
+    if off > SATISFIED * size:
         raise stop(run, "an impact of which the velocities are not determined")
 
 

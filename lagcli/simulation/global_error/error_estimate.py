@@ -124,12 +124,12 @@ def repeated(settings: Simulation) -> Simulation:
         settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
     rtol, atol, *_ = step_tolerance.of_steps(settings).tolist()
     if rtol < PARAMETERS.nearly * PARAMETERS.finest:
-        return _held_to(settings, PARAMETERS.looser * rtol, PARAMETERS.looser * atol)
+        return _tightened(settings, PARAMETERS.looser * rtol, PARAMETERS.looser * atol)
     finer = max(rtol / PARAMETERS.tighter, PARAMETERS.finest)
-    return _held_to(settings, finer, max(atol * finer / rtol, min(atol, PARAMETERS.finest_absolute)))
+    return _tightened(settings, finer, max(atol * finer / rtol, min(atol, PARAMETERS.finest_absolute)))
 
 
-def _held_to(settings: Simulation, rtol: float, atol: float) -> Simulation:
+def _tightened(settings: Simulation, rtol: float, atol: float) -> Simulation:
     """Settings whose steps are held to these: the inverse of `step_tolerance.of_steps`."""
     wanted = rtol if rtol < step_tolerance.PARAMETERS.finest else rtol * step_tolerance.PARAMETERS.tightening
     return dataclasses.replace(
@@ -194,7 +194,7 @@ class Errors:
             self._follow(rows[:, 0], errors > 10.0**-SURE * sizes)
         return errors
 
-    def accuracy(self, again: Run, held_to: float) -> Accuracy | None:
+    def accuracy(self, again: Run, tolerance: float) -> Accuracy | None:
         """The accuracy after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
         if math.isnan(self._last):
             return None
@@ -205,7 +205,7 @@ class Errors:
             tuple(errors.tolist()),
             tuple(self._sizes.tolist()),
             tuple(self._until),
-            held_to,
+            tolerance,
             statistics.steps,
             statistics.rejected,
             statistics.evaluations,

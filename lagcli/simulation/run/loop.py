@@ -100,8 +100,8 @@ class Run:
                 stop, going = self._stopped(failure), False
             block = writer.close()
             if len(block):
-                statistics.keep(block[:, -line_functions.BEYOND : -1])
-                statistics.keep_depth(self._gaps.deepest(block))
+                statistics.take_figures(block[:, -line_functions.BEYOND : -1])
+                statistics.take_depth(self._gaps.deepest(block))
                 self._row = self.grid.time(writer.next_row - 1)
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0

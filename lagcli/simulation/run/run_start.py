@@ -50,8 +50,8 @@ def start(
 ) -> Run:
     """A run from a consistent start.
 
-    held: the functions, with the integrals that are held there; notes: what was said about them; timed: what the model
-    says about t alone.
+    enforced: the functions, with the integrals that are enforced there; notes: what was said about them; timed: what
+    the model says about t alone.
     """
     origin = grids.origin(settings, enforced.has_time)
     grid = _grid(settings, origin)
@@ -77,7 +77,7 @@ def resume(
     columns: tuple[str, ...],
     timed: TimeFunctions | None = None,
 ) -> Run:
-    """A run that goes on from where another was marked; held: as it was there. Else as `start`."""
+    """A run that goes on from where another was marked; enforced: as it was there. Else as `start`."""
     grid = _grid(settings, run_state.origin)
     # The rows that another grid has between the last one handed out and the state are lost.
     after = grid.after(run_state.row)

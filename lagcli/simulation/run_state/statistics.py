@@ -147,12 +147,12 @@ class RunStatistics(Counts):
             return 0.0
         return found.imbalance / exchanged if exchanged else found.imbalance
 
-    def keep_depth(self, depth: float) -> None:
-        """Take the largest -g_j of rows that were kept."""
+    def take_depth(self, depth: float) -> None:
+        """Take the largest -g_j of rows that were written."""
         if self.extremes is not None and depth > self.extremes.penetration:
             self.extremes = dataclasses.replace(self.extremes, penetration=depth)
 
-    def keep(self, rows: Floats) -> None:
+    def take_figures(self, rows: Floats) -> None:
         """Take the figures of rows, (k, 5), in their order."""
         if self.extremes is None and len(rows):
             unbalanced = float(not self.is_balanced)

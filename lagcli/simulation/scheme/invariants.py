@@ -86,7 +86,7 @@ class Integrals:
         self._built: dict[tuple[int | None, ...], RunFunctions] = {}
         self.selection = plain.numeric.selection
         # What was built for each selection; not the integrals themselves, which would hold each other.
-        self._kept = {self.selection: (plain, self._built)}
+        self._by_selection = {self.selection: (plain, self._built)}
 
     @property
     def system(self) -> System:
@@ -109,11 +109,11 @@ class Integrals:
         """These integrals with a system stepped with other independent rows."""
         if selection == self.selection:
             return self
-        if selection not in self._kept:
-            self._kept[selection] = RunFunctions(self._plain.numeric.keeping(selection)), {}
+        if selection not in self._by_selection:
+            self._by_selection[selection] = RunFunctions(self._plain.numeric.keeping(selection)), {}
         other = copy.copy(self)
         other.selection = selection
-        other._plain, other._built = self._kept[selection]
+        other._plain, other._built = self._by_selection[selection]
         return other
 
     @cached_property
@@ -231,7 +231,8 @@ class _Forms:
 
 @frozen
 class EnforcedInvariants:
-    """The integrals that a run holds: a level of each of the integrals, or None where its velocity row alone keeps it.
+    """The integrals that a run enforces: a level of each of the integrals, or None where its velocity row alone keeps
+    it.
 
     p: the parameters of the system.
     """
@@ -266,7 +267,7 @@ class EnforcedInvariants:
 
     @property
     def plain(self) -> EnforcedInvariants:
-        """The invariants with none held."""
+        """The invariants with none enforced."""
         return dataclasses.replace(self, invariant_values=(None,) * len(self.invariant_values))
 
     @property
@@ -284,11 +285,12 @@ class EnforcedInvariants:
 
 
 def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str, ...]]:
-    """The integrals that can be held from a start, each in the best chart that serves there; notes on the others."""
+    """The integrals that can be enforced from a start, each in the best chart that serves there; notes on the
+    others."""
     number = len(found.found)
     chosen = _Choice(found, [state], (None,) * number, range(number))
     notes = tuple(
-        f"the integral {integral.text} is not held: {why}; {_kept(integral)}"
+        f"the integral {integral.text} is not enforced: {why}; {_velocity_note(integral)}"
         for integral, why in zip(found.found, chosen.reasons, strict=True)
         if why
     )
@@ -316,16 +318,16 @@ def let_go(
     for i in sorted(guilty):
         integral = enforced.integrals.found[i]
         what = (
-            f"is held no longer; {_kept(integral)}"
+            f"is enforced no longer; {_velocity_note(integral)}"
             if chosen.invariant_values[i] is None
-            else "is held in another form"
+            else "is enforced in another form"
         )
         notes.append(f"from t = {state.t:.9g} the integral {integral.text} {what}")
     return dataclasses.replace(enforced, invariant_values=chosen.invariant_values), tuple(notes), tried
 
 
-def _kept(integral: FirstIntegral) -> str:
-    """The fate of an integral that is not held."""
+def _velocity_note(integral: FirstIntegral) -> str:
+    """The end of the note on an integral that is not enforced."""
     names = ", ".join(f"`{row}`" for row in integral.rows)
     rows = f"the velocity row {names} keeps" if len(integral.rows) == 1 else f"the velocity rows {names} keep"
     return f"{rows} it to the tolerance"
@@ -339,8 +341,8 @@ class _Choice:
     """The levels of all integrals through a state, those that are `retained` as they are.
 
     A level goes through the first of `states`, and its chart serves at all of them. wanted: the integrals to be
-    held; tried: charts that are passed over; reasons: why an integral is not held, empty where it is, or follows
-    from what is enforced.
+    enforced; tried: charts that are passed over; reasons: why an integral is not enforced, empty where it is, or
+    follows from what is enforced.
     """
 
     def __init__(

@@ -70,7 +70,7 @@ def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
     off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)
     noise = step_end.PARAMETERS.time_rounding * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
     n = size // 2
-    own = numeric.sizes.numel_in(3)  # the constants of levels that are held come behind the parameters
+    own = numeric.sizes.numel_in(3)  # the constants of levels that are enforced come behind the parameters
     sizes = numeric.sizes(t, state[:n], state[n : 2 * n], p[:own])
     scale = step_end.scales((y, state), h, sizes, tolerance) + noise[: 2 * n]
     worst = ca.mmax(off[: 2 * n] / scale) if n else ca.MX(0)

@@ -46,7 +46,7 @@ class Method(Protocol):
         """See above."""
 
     def step(self, numeric: NumericSystem) -> Compiled:
-        """step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, outcome of `project`, the error of W),
+        """step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, status of `project`, the error of W),
         then stages (2n + 1,) each, any number, an output of its own so that none is copied where they are not wanted;
         k = y'(t, y), tolerance as `step_tolerance.of_steps`. `step_end.ended` does all but the stages.
 

@@ -186,10 +186,10 @@ def scales(
     # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
     # no size of q covers it, or at rest elsewhere, where no speed does.
     forced = ca.fmax(a, resting)
-    is_held, is_resting = q < PARAMETERS.enforced * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
+    is_small, is_resting = q < PARAMETERS.enforced * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
-        is_held, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.PARAMETERS.tiny))), 0)
+        is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.PARAMETERS.tiny))), 0)
     )
     balanced = PARAMETERS.balanced * lasting * forced
     # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.

@@ -57,7 +57,7 @@ class MonitorParameters:
 
 PARAMETERS = MonitorParameters()
 WIDE = math.sin(PARAMETERS.narrow) ** 2
-# Indices in the outcome of `project`.
+# Indices in the status of `project`.
 SMALLEST_ANGLE, SMALLEST_DIAGONAL = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
 

@@ -67,7 +67,7 @@ class Rejection(NamedTuple):
 
 
 def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float) -> StepFailure:
-    """Why no step can be taken; landing: the residual of a step that was projected."""
+    """Why no step can be taken; residual: that of a step that was projected."""
     system, numeric, here = enforced.system, enforced.functions.numeric, tried.here
     is_near, is_alone = tried.rank_margin < DEPENDENT, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
