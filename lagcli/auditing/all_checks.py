@@ -118,8 +118,7 @@ def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
 
 def _laws(model: nouns.Model, tolerance: Tolerance | None = None) -> ModelLaws:
     """The laws of a model with all its inequalities as rows."""
-    count = sum(law.members.count for law in model.inequality)
-    return ModelLaws(model, tolerance.jumps if tolerance else {}, range(count))
+    return ModelLaws(model, tolerance.jumps if tolerance else {}, range(len(model.contact_names)))
 
 
 def _of_smooth(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures]:

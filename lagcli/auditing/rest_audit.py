@@ -82,7 +82,7 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
 
 
 def _laws(model: nouns.Model) -> ModelLaws:
-    return ModelLaws(model, closed=range(sum(law.members.count for law in model.inequality)))
+    return ModelLaws(model, closed=range(len(model.contact_names)))
 
 
 class _RestValues:

@@ -130,9 +130,7 @@ class DependentForces:
         return self._known[base]
 
     def _laws(self, base: str) -> list[nouns.Law]:
-        model = self._model
-        laws: list[nouns.Law] = [*model.holonomic, *model.differential, *model.inequality]
-        return [law for law in laws if law.members.base == base and law.members.count]
+        return [law for law in self._model.laws if law.members.base == base and law.members.count]
 
     def _is_differential(self, base: str) -> bool:
         return any(law.members.base == base for law in self._model.differential)

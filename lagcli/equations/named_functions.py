@@ -45,7 +45,7 @@ def may_jump(model: nouns.Model) -> bool:
 
 def texts(model: nouns.Model) -> Iterator[str]:
     """The texts that rows, forces and positions of dependent particles are made of."""
-    yield from _laws((*model.holonomic, *model.differential, *model.inequality))
+    yield from _laws(model.laws)
     yield from (expression.text for expression in model.force_expressions())
     if model.lagrangian is not None:
         yield model.lagrangian.text

@@ -72,8 +72,7 @@ def _named(model: nouns.Model) -> frozenset[str]:
             uses[particle.members.base] = {
                 name for part in particle.position.parts for name in tree.names(part.tree)
             }
-    laws: tuple[nouns.Law, ...] = (*model.holonomic, *model.differential, *model.inequality)
-    waiting = {name for law in laws for name in tree.names(law.equation.tree)}
+    waiting = {name for law in model.laws for name in tree.names(law.equation.tree)}
     waiting |= set(uses) & set(model.particle_names if model.rigid else ())
     found: set[str] = set()
     while waiting:

@@ -152,9 +152,7 @@ def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, I
         if not isinstance(force, nouns.ParticleForce):
             expression = force.expression if isinstance(force, nouns.Potential) else force.force
             yield expression, force.members.variables
-    laws: tuple[nouns.Holonomic | nouns.Differential | nouns.Inequality, ...]
-    laws = (*model.holonomic, *model.differential, *model.inequality)
-    yield from ((law.equation, law.members.variables) for law in laws)
+    yield from ((law.equation, law.members.variables) for law in model.laws)
     yield from ((event.when, {}) for event in model.events)
 
 

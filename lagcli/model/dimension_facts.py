@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from lagcli.expression import dimensions, tree
 from lagcli.frozen import frozen_value
-from lagcli.model.model import Differential, Holonomic, Inequality, Model
+from lagcli.model.model import Model
 
 CIRCULAR = frozenset(("sin", "cos", "tan"))
 
@@ -48,12 +48,7 @@ def of(model: Model) -> DimensionFacts:
     trees = [expression.tree for expression in model.expressions()]
     angles = frozenset(_angles(trees, coordinates))
     lengths = {body.name: 1.0 for body in model.rigid}  # distances and places of its particles
-    laws: tuple[Holonomic | Differential | Inequality, ...] = (
-        *model.holonomic,
-        *model.differential,
-        *model.inequality,
-    )
-    for law in laws:
+    for law in model.laws:
         power = dimensions.of_relation(law.equation.tree, particles.__contains__, angles.__contains__)
         if power is not None:
             lengths[law.members.base] = power

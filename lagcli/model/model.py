@@ -442,6 +442,21 @@ class Model:
             else:
                 yield force.force if isinstance(force, GeneralizedForce) else force.expression
 
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The constraints that are written as an equation or a condition, in the order of the multipliers."""
+        return (*self.holonomic, *self.differential, *self.inequality)
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """The K contacts: the rows of the inequalities."""
+        return tuple(name for law in self.inequality for name in law.rows)
+
+    @property
+    def restitution(self) -> Floats:
+        """The coefficients e of all contacts, (K,)."""
+        return np.concatenate([np.zeros(0), *(law.restitution for law in self.inequality)])
+
     def constraints(self) -> Iterator[Holonomic | RigidBody | Differential | Inequality]:
         """All constraints in the order of the multipliers: holonomic, rigid, differential, inequality."""
         yield from self.holonomic

@@ -177,6 +177,8 @@ def of_holonomic(model: nouns.Model, row_names: tuple[str, ...]) -> tuple[Verdic
 
 def of_one_sided(model: nouns.Model) -> tuple[Verdict, ...]:
     """Verdicts of the one-sided constraints, in their order."""
-    rows = (row for law in model.inequality for row in law.rows)
     method = "declared as one-sided: not counted in s"
-    return tuple(Verdict(row, "inequality", "inequality", None, None, method, "symbolic") for row in rows)
+    return tuple(
+        Verdict(row, "inequality", "inequality", None, None, method, "symbolic")
+        for row in model.contact_names
+    )

@@ -138,7 +138,7 @@ class ImpactEvidence:
         g, limit_g = self._gaps
         impulse = self.incidents.impulses[:, self.contacts]
         before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
-        e = np.concatenate([np.zeros(0), *(law.restitution for law in self.laws.model.inequality)])
+        e = self.laws.model.restitution
         rebound = after + e * np.minimum(before, 0.0)
         limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
         limit = (

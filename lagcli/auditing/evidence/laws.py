@@ -84,7 +84,7 @@ class ModelLaws:
         for body, geometry in zip(model.rigid, self.bodies, strict=True):
             count = len(geometry.pairs) + 3 * len(geometry.further)
             self.holonomic += [f"{body.name}.{i}" for i in range(1, count + 1)]
-        self.contacts = tuple(name for law in model.inequality for name in law.rows)
+        self.contacts = model.contact_names
         self.holonomic += [self.contacts[j] for j in closed]
         self._closed = list(law_rows.members(model.inequality, np.array(closed, dtype=np.int64)))
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))

@@ -167,13 +167,12 @@ def _multipliers(rows: tuple[SymbolicRow, ...]) -> tuple[sympy.Symbol, ...]:
 def _contacts(world: World, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
     """The inequalities of a model, each as the row that it is while it is closed."""
     rows: list[SymbolicRow] = []
-    restitution: list[float] = []
     for law in world.model.inequality:
         for member, name in enumerate(law.rows):
             (g,) = world.difference(law.equation, view(law.members, member))
             rows.append(_holonomic(world, name, law.members.base, g, index))
-            restitution.append(float(law.restitution[member]))
-    return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), tuple(restitution))
+    restitution = tuple(world.model.restitution.tolist())
+    return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), restitution)
 
 
 def _components(name: str) -> tuple[str, ...]:

@@ -53,8 +53,7 @@ class ContactChanges:
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
         self.events = EventValues(stepper, self.log)
-        e = [law.restitution for law in system.model.inequality if law.members.count]
-        self._restitution = np.concatenate(e) if e else np.zeros(0)
+        self._restitution = system.model.restitution
         self._kinked = named_functions.switching_contacts(system.model)
         # Extents of gaps, as `ContactInstant.lowest`, in the step behind (K,).
         self._lowest = np.full(self._count, np.inf)
