@@ -270,7 +270,7 @@ def _is_steady(operation: Operation) -> bool:
 
 
 class _Leaves:
-    """The values of names; in the force of a particle `r` and `v` are its own vectors, whatever else is called so."""
+    """The values of names; in the force of a particle `m`, `r` and `v` are its own, whatever else is called so."""
 
     def __init__(self, model: nouns.Model, timed: set[str]) -> None:
         self._timed = timed
@@ -293,7 +293,7 @@ class _Leaves:
     def on_a_particle(self) -> _Leaves:
         """These values in the force of a particle."""
         same = copy.copy(self)
-        same._own = frozenset(("r", "v"))
+        same._own, same._particles = frozenset(("r", "v")), self._particles - {"m"}
         same._known = {name: value for name, value in self._known.items() if name not in ("m", "r", "v")}
         return same
 

@@ -669,3 +669,19 @@ simulation: {duration: 1}
     other = text.replace("r: {value", "rho: {value").replace("[r*cos(q), r*", "[rho*cos(q), rho*")
     runs = [lagcli.simulate(lagcli.loads(one)) for one in (text, other.replace("rope: r =", "rope: rho ="))]
     assert runs[0]["lambda.rope"] == pytest.approx(runs[1]["lambda.rope"], abs=1e-12)
+
+
+@pytest.mark.parametrize("force", ["[0, 0, -m*sin(t)]", "m*[0, 0, -sin(t)]", "[0, 0, -m*sin(m*t/2)]"])
+def test_a_particle_may_be_called_m_where_time_is_about(force: str) -> None:
+    """In the force of a particle `m` is its own mass, also where the whole model holds t."""
+    text = f"""
+lagcli: 1
+particles:
+  m: {{mass: 2, position: [1, 0, 0]}}
+  b: {{mass: 2, position: [0, 1, 0]}}
+forces: {{push: {{to: all, force: "{force}"}}}}
+simulation: {{duration: 1}}
+"""
+    run = lagcli.simulate(lagcli.loads(text))
+    assert run["b.z"][-1] == pytest.approx(math.sin(1) - 1, abs=1e-11)
+    assert run["m.z"][-1] == pytest.approx(math.sin(1) - 1, abs=1e-11)
