@@ -200,7 +200,7 @@ def _step(
     for part in (slice(0, d), slice(d, None)):
         moved = max(np.abs(values[part]).max(initial=0.0) for values in (y, new, h * rate))
         sizes[part] = np.maximum(sizes[part], moved)
-    scale = tolerance[1] + tolerance[0] * sizes + step_tolerance.PARAMETERS.tiny
+    scale = tolerance[1] + tolerance[0] * sizes + step_tolerance.TINY
     e5 = float(np.abs((E5 @ stages) / scale).max(initial=0.0))
     e3 = float(np.abs((E3 @ stages) / scale).max(initial=0.0))
     # Hypotenuse: squares of large estimates overflow.

@@ -30,7 +30,11 @@ Floats = npt.NDArray[np.float64]
 
 
 class SecondOrderParameters:
-    """The proof by second derivatives, in scaled coordinates, and the search for a positive definite combination."""
+    """The proof by second derivatives, in scaled coordinates, and the search for a positive definite
+    combination.
+
+    The tests are of `tests/unit/test_analysis_thresholds.py` and `tests/unit/test_numbers_of_codimension.py`.
+    """
 
     __slots__ = ()
 
@@ -41,23 +45,28 @@ class SecondOrderParameters:
     """Above this they are there; between the two nothing is decided.
     `test_a_second_derivative_is_there_or_not_with_a_gap` fails at 1e-6 and 1e-4."""
     balanced: float = 1e-13
-    """The distance, in units of the scaled coordinates, of the start from where the stress balances: rounding. From
-    farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point; smaller ones still do."""
+    """The distance, in units of the scaled coordinates, of the start from where the stress balances:
+    rounding. From farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point;
+    smaller ones still do. `test_a_start_is_where_the_stress_balances` fails at 1e-14 and 1e-12."""
     definite: float = 1e-6
     """Of matrices of norm one: a smallest eigenvalue below this is no proof that it is positive.
     `test_a_combination_is_positive_beyond_rounding` fails at 1e-7 and 1e-5."""
     growth: float = 8.0
-    """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1) / w."""
+    """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1)
+    / w. `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue` fails at 0.8 and 80."""
     centerings: int = 60
-    """The most times it grows."""
+    """The most times it grows. `test_the_weight_of_the_barrier_grows_sixty_times` fails at 6 and 600."""
     sufficient: float = 0.3
-    """An eigenvalue that is known to this part of itself is known well enough."""
+    """An eigenvalue that is known to this part of itself is known well enough.
+    `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue` fails at 0.03 and 3."""
     newton_steps: int = 50
-    """To the minimum of the barrier at one weight."""
+    """To the minimum of the barrier at one weight. `test_newton_steps_to_the_minimum_of_the_barrier` fails at
+    5 and 500."""
     decrement: float = 1e-3
-    """Newton's steps end where the barrier would fall by less."""
+    """Newton's steps end where the barrier would fall by less.
+    `test_newton_steps_to_the_minimum_of_the_barrier` fails at 0.0001 and 0.01."""
     halvings: int = 40
-    """Of one of these steps."""
+    """Of one of these steps. `test_newton_steps_to_the_minimum_of_the_barrier` fails at 4 and 400."""
 
 
 PARAMETERS = SecondOrderParameters()

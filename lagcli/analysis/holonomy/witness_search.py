@@ -65,11 +65,11 @@ class WitnessSearchParameters:
     """Rows of length one that are nearer to those before them depend on them."""
     least_pivot: float = 1e-9
     """Columns that are nearer to those before them are not solved for."""
-    seed: int = 2023
-    """A fixed one: the witness must not change from run to run."""
 
 
 PARAMETERS = WitnessSearchParameters()
+# Of random directions; a fixed one: the witness must not change from run to run.
+SEED = 2023
 
 
 def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> Witness | None:
@@ -306,7 +306,7 @@ class _WitnessSearch:
         """Choices of free coordinates, `along` being led; those that steer best first."""
         part = self.part
         frame = controlled_paths.Projected(part, found.kernel)
-        random = np.random.default_rng(PARAMETERS.seed)
+        random = np.random.default_rng(SEED)
         out = np.zeros((3, 1, found.kernel.shape[1] + 1))
         out[:, 0, :-1] = 0.3 * self.size * random.standard_normal(out[:, 0, :-1].shape)
         points = controlled_paths.ends(frame, self.base, out, 4)

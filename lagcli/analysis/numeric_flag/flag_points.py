@@ -71,13 +71,13 @@ class FlowParameters:
     on_kink: float = 1e-9
     """A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on neither
     side."""
-    seed: int = 20062
-    """Of random directions: a fixed one, so that a verdict does not change."""
     looks: int = 32
     """Points of a flow at which it is looked at whether it stays on its piece."""
 
 
 PARAMETERS = FlowParameters()
+# Of random directions: a fixed one, so that a verdict does not change.
+SEED = 20062
 
 
 class Points:
@@ -143,7 +143,7 @@ class ReachablePoints:
 
     def __init__(self, block: RowBlock, duration: float, deadline: float) -> None:
         self._block, self._deadline, self._duration = block, deadline, duration
-        self._random = np.random.default_rng(PARAMETERS.seed)
+        self._random = np.random.default_rng(SEED)
 
     def from_point(self, point: EvaluationPoint) -> EvaluationPoint | None:
         """The point at the end of a flow along a random field of the kernel of the rows, or None.

@@ -16,34 +16,45 @@ from lagcli.start.initial import State
 class GradientParameters:
     """When the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
 
     __slots__ = ()
 
     fallen: float = 1e-3
-    """A gradient that has fallen to this part of what it was a step before is looked at."""
+    """A gradient that has fallen to this part of what it was a step before is looked at.
+    `test_a_gradient_that_has_fallen_to_a_thousandth_is_looked_at` fails at 0.0001 and 0.01."""
     offset: float = 1e-10
-    """How far aside is looked."""
+    """How far aside is looked. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at
+    1e-11 and 1e-9."""
     times: float = 10.0
-    """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as its
-    root is known."""
+    """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as
+    its root is known. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at 1 and
+    100."""
     off: float = 0.5
-    """Of a gap whose gradient does not vanish the change there is known to this part."""
+    """Of a gap whose gradient does not vanish the change there is known to this part.
+    `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at 0.05 and 5."""
     closed: float = 10.0
-    """Two sides of a jump are so many times what counts as closed apart."""
+    """Two sides of a jump are so many times what counts as closed apart.
+    `test_sides_of_a_jump_are_ten_closed_gaps_apart` fails at 1 and 100."""
     farther: float = 100.0
-    """They are looked at again this much farther off."""
+    """They are looked at again this much farther off. `test_a_jump_stays_from_a_hundred_times_farther_off`
+    fails at 10 and 1000."""
     jump: float = 1e-3
-    """A gradient jumps by this part of itself."""
+    """A gradient jumps by this part of itself. `test_an_edge_is_a_jump_by_a_thousandth` fails at 0.0001 and
+    0.01."""
     stays: float = 0.1
-    """And it stays: close by it is this part of what it is farther off, or more."""
+    """And it stays: close by it is this part of what it is farther off, or more.
+    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at 0.01 and 1."""
     pairs: int = 3
-    """Pairs of points on both sides that are compared."""
+    """Pairs of points on both sides that are compared. `test_three_pairs_of_sides_are_compared` fails at 0
+    and 30."""
     near: float = 1e-6
-    """How far before and behind a state the edge is looked for that it could not pass."""
+    """How far before and behind a state the edge is looked for that it could not pass.
+    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at 1e-7 and 1e-5."""
     far: float = 1e-4
-    """The same, from farther off."""
+    """The same, from farther off. `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at
+    1e-5 and 0.001."""
 
 
 PARAMETERS = GradientParameters()

@@ -57,11 +57,7 @@ class BoundStep:
         self._blur.arguments[0][0] = t
         self._blur.trigger()
         found = step_tolerance.UNIT * float(self._blur.results[0][-1])
-        return (
-            max(found, step_tolerance.PARAMETERS.tiny)
-            if math.isfinite(found)
-            else step_tolerance.PARAMETERS.tiny
-        )
+        return max(found, step_tolerance.TINY) if math.isfinite(found) else step_tolerance.TINY
 
     def projected_at(self, t: float, y: Floats) -> list[Floats]:
         """The results of `NumericSystem.project`, in memory that the next call overwrites."""

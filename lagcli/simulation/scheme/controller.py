@@ -18,19 +18,25 @@ Floats = npt.NDArray[np.float64]
 
 
 class StepLengthParameters:
-    """The length of steps; parts are of no unit."""
+    """The length of steps; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_steps.py` and `tests/unit/test_step_length.py`.
+    """
 
     __slots__ = ()
 
     safety: float = 0.9
-    """The part of the step that the error asks for which is taken, so that the next one is seldom rejected."""
+    """The part of the step that the error asks for which is taken, so that the next one is seldom rejected.
+    `test_of_the_step_that_the_error_asks_for_a_tenth_is_left` fails at 0.09 and 9."""
     shrink: float = 0.2
     """A step is not shortened by more at once: the error of one that is far too long says little.
     At 0.02 `test_a_step_far_too_long_is_shortened_little_by_little` fails."""
     grow: float = 10.0
-    """A step is not made longer by more at once: it is not known what lies beyond."""
+    """A step is not made longer by more at once: it is not known what lies beyond.
+    `test_steps_grow_by_ten_at_once` fails at 1 and 100."""
     pace: int = 5000
-    """After so many steps a run is asked how many more it would take like this."""
+    """After so many steps a run is asked how many more it would take like this.
+    `test_a_run_that_would_take_days_lags` fails at 500 and 50000."""
     hopeless: float = 1e10
     """So many steps would take days: the run stops.
     At 1e9 `test_a_run_that_would_take_days_lags` fails."""
@@ -41,9 +47,11 @@ class StepLengthParameters:
     """Or this part of the time itself.
     At 1e-11 `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large` fails."""
     roundings: int = 256
-    """A step advances the time, which is a double, by so many of its roundings at least."""
+    """A step advances the time, which is a double, by so many of its roundings at least.
+    `test_a_step_is_a_few_hundred_roundings_of_the_time_or_more` fails at 25 and 2560."""
     look: float = 1e-3
-    """A look ahead by this part of the shortest of the times that are known at the start."""
+    """A look ahead by this part of the shortest of the times that are known at the start.
+    `test_forces_are_looked_at_a_thousandth_ahead` fails at 0.0001 and 0.01."""
     slow: float = 1e-8
     """Speeds that are less than this part of those that the accelerations make of rest are rounding.
     At 1e-7 `test_speeds_that_are_rounding_do_not_shorten_the_first_step` fails."""
@@ -51,8 +59,9 @@ class StepLengthParameters:
     """Accelerations that are this part of what the forces alone would make are the rounding of forces that balance.
     At 1e-12 `test_forces_that_balance_to_rounding_give_the_scale_of_time` fails."""
     part: float = 0.01
-    """The error of a step of this part of the shortest time, to the power of its order, is about as large as it may
-    be."""
+    """The error of a step of this part of the shortest time, to the power of its order, is about as large as
+    it may be. `test_the_first_step_has_the_error_of_a_hundredth_of_the_shortest_time` fails at 0.001 and
+    0.1."""
 
 
 PARAMETERS = StepLengthParameters()

@@ -19,36 +19,47 @@ from lagcli.simulation.scheme import step_tolerance as tolerances
 class StepEndParameters:
     """The end of a step, and what counts as its error; parts are of no unit.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
 
     __slots__ = ()
 
     moved: float = 100.0
-    """The projection may move a state by this many tolerances."""
+    """The projection may move a state by this many tolerances.
+    `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits` fails at 10 and 1000."""
     moved_rounding: float = 1e-10
-    """And by this part of its size."""
+    """And by this part of its size. `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`
+    fails at 1e-11 and 1e-9."""
     time_rounding: float = 2**-52
-    """Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change
-    over the step, divided by the step, in each of them. The same part of energies is rounding."""
+    """Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its
+    change over the step, divided by the step, in each of them. The same part of energies is rounding.
+    `test_the_work_of_forces_that_balance_is_judged_by_their_rounding` fails at 2.22e-17 and 2.22e-15."""
     jump: int = 1024
-    """A step of so many roundings of the time may hold a jump."""
+    """A step of so many roundings of the time may hold a jump.
+    `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump` fails at 102 and 10240."""
     negligible: float = 1e-9
-    """The part of a speed that is nothing there."""
+    """The part of a speed that is nothing there. `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump`
+    fails at 1e-10 and 1e-8."""
     enforced: float = 1e-6
-    """Positions that are this part of what the forces would make of them in a step are none."""
+    """Positions that are this part of what the forces would make of them in a step are none.
+    `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-7 and 1e-5."""
     balanced: float = 1e-14
-    """The rounding of such forces, as a part of them."""
+    """The rounding of such forces, as a part of them.
+    `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-15 and 1e-13."""
     resting: float = 1e-12
-    """A speed below this part of the one that the forces would give over the size of q, were they not balanced, is
-    made by their rounding."""
+    """A speed below this part of the one that the forces would give over the size of q, were they not
+    balanced, is made by their rounding. `test_speeds_that_balanced_forces_make_by_rounding_are_rest` fails at
+    1e-13 and 1e-11."""
     close: float = 1e-2
-    """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
-    tolerances are."""
+    """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger
+    than tolerances are. `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 0.001 and
+    0.1."""
     amplified: float = 1e-16
-    """About this part of them, over the cube of the angle."""
+    """About this part of them, over the cube of the angle.
+    `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 1e-17 and 1e-15."""
     written_out: int = 1000
-    """Numbers of a state up to which the step is written out in one graph."""
+    """Numbers of a state up to which the step is written out in one graph.
+    `test_steps_of_a_thousand_numbers_are_written_out` fails at 100 and 10000."""
 
 
 PARAMETERS = StepEndParameters()
@@ -108,7 +119,7 @@ def ended(
     # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
     # no more than that.
     q, v, a = (sizes[numeric.n + i] for i in range(3))
-    tiny = tolerances.PARAMETERS.tiny
+    tiny = tolerances.TINY
     part = ca.if_else(q < PARAMETERS.enforced * h * h * a, v / (v + PARAMETERS.enforced * h * a + tiny), 1)
     status = ca.vertcat(part * status[0], status[1:])
     # The doubles around t may be so far apart that the state is not known better.
@@ -128,7 +139,7 @@ def _amplified(n: int, smallest_angle: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
     """The rounding of a step (2n + 1,) on rows that are nearly dependent, nothing where they are not: their
     forces are known no better, however short it is."""
     units, a = sizes[:n], sizes[n + 2]
-    delta = ca.sqrt(smallest_angle + tolerances.PARAMETERS.tiny)
+    delta = ca.sqrt(smallest_angle + tolerances.TINY)
     gained = ca.if_else(delta < PARAMETERS.close, PARAMETERS.amplified / delta**3, 0.0) * h * a
     return gained * ca.vertcat(h * units, units, 0)
 
@@ -165,7 +176,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
     rounded = PARAMETERS.time_rounding * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
-        tolerance[0] * energy + rounded + tolerances.PARAMETERS.tiny
+        tolerance[0] * energy + rounded + tolerances.TINY
     )
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
     inputs: list[Expression] = [y, new, projected, h, sizes, tolerance, noise, blur]
@@ -189,7 +200,7 @@ def scales(
     is_small, is_resting = q < PARAMETERS.enforced * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
-        is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.PARAMETERS.tiny))), 0)
+        is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.TINY))), 0)
     )
     balanced = PARAMETERS.balanced * lasting * forced
     # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.
@@ -198,7 +209,7 @@ def scales(
         units * (part * h * speed + rounding * q + lasting * balanced + h * blur),
         units * (part * speed + rounding * q / h + balanced + blur),
     )
-    return rtol * largest + atol + floors + tolerances.PARAMETERS.tiny
+    return rtol * largest + atol + floors + tolerances.TINY
 
 
 def _largest(estimate: Expression, scale: Expression) -> Expression:

@@ -16,43 +16,57 @@ import numpy as np
 class MonitorParameters:
     """When a singular configuration is foreseen; times are parts of a step.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
 
     __slots__ = ()
 
     narrow: float = 0.9
-    """An angle (rad) between rows that is smaller is followed."""
+    """An angle (rad) between rows that is smaller is followed. `test_angles_that_are_wide_are_not_followed`
+    fails at 0.09 and 9."""
     ahead: float = 2.0
-    """A step across may be this many times longer than an ordinary one."""
+    """A step across may be this many times longer than an ordinary one.
+    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.2 and 20."""
     farther: float = 0.4
-    """For each digit of the tolerance beyond `digits` it may be longer by this part: its order is higher."""
+    """For each digit of the tolerance beyond `digits` it may be longer by this part: its order is higher.
+    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.04 and 4."""
     digits: int = 6
-    """The digits from which on it may."""
+    """The digits from which on it may. `test_a_step_across_begins_some_steps_before_the_instant` fails at 0
+    and 60."""
     amplified: float = 1e-16
-    """Rounding of positions is amplified by about this over the cube of the angle."""
+    """Rounding of positions is amplified by about this over the cube of the angle.
+    `test_a_step_across_begins_some_steps_before_the_instant` fails at 1e-17 and 1e-15."""
     earlier: float = 6.0
-    """Where it counts, a step across begins so many times farther off. Soon after the start of a run, where steps are
-    short for no reason of the motion, it is the square of that."""
+    """Where it counts, a step across begins so many times farther off. Soon after the start of a run, where
+    steps are short for no reason of the motion, it is the square of that.
+    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.6 and 60."""
     growing: float = 4.0
-    """A step that is this many times as long as the last one: steps grow."""
+    """A step that is this many times as long as the last one: steps grow.
+    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.4 and 40."""
     shorter: float = 0.6
-    """An ordinary step goes this part of the way to the instant."""
+    """An ordinary step goes this part of the way to the instant.
+    `test_an_ordinary_step_goes_part_of_the_way_to_the_instant` fails at 0.06 and 6."""
     close_start: float = 0.1
-    """Rows at a start at a smaller angle (rad) than this are looked at before the start, too."""
+    """Rows at a start at a smaller angle (rad) than this are looked at before the start, too.
+    `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it` fails at 0.01 and 1."""
     back: float = 0.1
-    """And that is this part of the first step earlier."""
+    """And that is this part of the first step earlier.
+    `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it` fails at 0.01 and 1."""
     looks: int = 4
-    """Points at which a minimum of the angle is looked for after the first three."""
+    """Points at which a minimum of the angle is looked for after the first three.
+    `test_a_minimum_is_looked_for_at_four_places_after_the_first` fails at 0 and 40."""
     farthest: float = 2.0
-    """How far it may lie, as a part of the time to the instant foreseen."""
+    """How far it may lie, as a part of the time to the instant foreseen.
+    `test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant` fails at 0.2 and 20."""
     shallow: float = 0.01
-    """A minimum of less than this part of the square as it is may be zero: a step so long is not exact."""
+    """A minimum of less than this part of the square as it is may be zero: a step so long is not exact.
+    `test_a_minimum_of_a_hundredth_of_the_square_is_no_zero` fails at 0.001 and 0.1."""
     certain: float = 0.1
-    """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are not
-    exact."""
+    """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are
+    not exact. `test_rows_that_are_close_to_dependent_are_searched_at_once` fails at 0.01 and 1."""
     apart: float = 0.02
-    """Looks that are closer than this part of the time to the instant say nothing new."""
+    """Looks that are closer than this part of the time to the instant say nothing new.
+    `test_looks_that_are_close_together_say_nothing_new` fails at 0.002 and 0.2."""
 
 
 PARAMETERS = MonitorParameters()

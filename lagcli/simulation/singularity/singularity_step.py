@@ -31,7 +31,11 @@ Floats = npt.NDArray[np.float64]
 
 
 class SingularStepParameters:
-    """Parts are of no unit; a distance delta is the angle between rows, in radians."""
+    """Parts are of no unit; a distance delta is the angle between rows, in radians.
+
+    The tests are of `tests/physics/test_contacts_at_poles.py` and `tests/physics/test_crossing.py` and
+    `tests/unit/test_numbers_of_steps.py`.
+    """
 
     __slots__ = ()
 
@@ -40,29 +44,34 @@ class SingularStepParameters:
     At 6 `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance` fails."""
     fewer_nodes: int = 8
     """Nodes of the step it is compared with; the difference is the estimate of its error.
-    No test of crossings fails at 4."""
+    `test_an_instant_is_found_again_until_it_is_centered` fails at 0 and 80."""
     roundoff: float = 1e-13
-    """What a step of this many nodes loses by rounding, as part of the sizes."""
+    """What a step of this many nodes loses by rounding, as part of the sizes.
+    `test_steps_agree_to_rounding_which_dependent_rows_amplify` fails at 1e-14 and 1e-12."""
     amplified_roundoff: float = 2e-17
-    """Over delta**3 the rounding of forces close to dependent rows: a step is as right as can be where it is this
-    exact.
-    No test of crossings fails at 2e-12."""
+    """Over delta**3 the rounding of forces close to dependent rows: a step is as right as can be where it is
+    this exact. `test_steps_agree_to_rounding_which_dependent_rows_amplify` fails at 2e-18 and 2e-16."""
     worst: float = 1e-9
     """However close the rows are to dependent ones, a step must be right to this part of the sizes.
     At 1e-13 `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance` fails."""
     centered: float = 0.04
-    """The instant is found again until it is off by this part of the time up to it."""
+    """The instant is found again until it is off by this part of the time up to it.
+    `test_an_instant_is_found_again_until_it_is_centered` fails at 0.004 and 0.4."""
     most_centerings: int = 6
-    """Looks for the instant before an ordinary step goes on."""
+    """Looks for the instant before an ordinary step goes on. `test_an_instant_is_looked_for_six_times` fails
+    at 0 and 60."""
     parts: tuple[float, ...] = (0.5, 0.13, 0.35, 0.04, 0.22)
     """Parts of a step at which the instant may lie: in its middle, or between the first nodes.
     With the middle alone `test_a_crossing_soon_after_the_start` fails."""
     too_close: float = 0.03
-    """The angle (rad) below which a step begins so close that all parts are tried."""
+    """The angle (rad) below which a step begins so close that all parts are tried.
+    `test_all_places_of_the_instant_are_tried_from_close_by` fails at 0.003 and 0.3."""
     far: tuple[float, float] = (0.15, 0.3)
-    """Points beside the instant, as parts of twice the time up to it, where the smallest angle is read first."""
+    """Points beside the instant, as parts of twice the time up to it, where the smallest angle is read first.
+    `test_the_instant_is_read_closer_and_closer` fails at a tenth and at ten times of it."""
     close: tuple[float, float] = (0.02, 0.04)
-    """The same closer by, about the zero that the first have found."""
+    """The same closer by, about the zero that the first have found.
+    `test_the_smallest_angle_is_a_line_through_zero` fails at a tenth and at ten times of it."""
     closest: tuple[float, float] = (0.001, 0.002)
     """The same once more, where rows can be followed so close: what a cubic leaves out falls with the fourth power.
     Without it `test_a_contact_whose_multiplier_has_a_pole_opens_there` fails."""
@@ -70,13 +79,14 @@ class SingularStepParameters:
     """The smallest angle is a line through zero there, but for this part.
     At 0.001 `test_a_crossing_soon_after_the_start` fails."""
     zero_steps: int = 6
-    """Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or more.
-    No test of crossings fails at 1."""
+    """Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or
+    more. `test_the_zero_of_a_cubic_is_found_to_rounding` fails at 0."""
     along_step: tuple[float, ...] = (0.02, 0.2, 0.4, 0.6, 0.8, 0.9)
-    """Parts of the time to the instant where the smallest angle must fall, and rise again after it."""
+    """Parts of the time to the instant where the smallest angle must fall, and rise again after it.
+    `test_the_smallest_angle_falls_all_the_way_to_the_instant` fails at a tenth and at ten times of it."""
     halvings: int = 30
     """A step from a singular start is halved at most so often.
-    No test of crossings fails at 1."""
+    `test_a_step_from_a_singular_start_is_halved_thirty_times` fails at 3 and 300."""
     same_velocity: float = 1e-5
     """The velocities of such a step at its begin are those of the start to this part.
     At 1e-14 `test_a_start_at_a_crossing_goes_on_along_the_branch_of_its_velocities` fails."""

@@ -18,28 +18,35 @@ Floats = npt.NDArray[np.float64]
 class DiagnosisParameters:
     """Why a run could not go on; distances along the motion are parts of the size of the configuration.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
 
     __slots__ = ()
 
     near: float = 1e-8
-    """How close the two sides of a point are looked at: a run stops within rounding of a jump."""
+    """How close the two sides of a point are looked at: a run stops within rounding of a jump.
+    `test_a_jump_is_seen_within_rounding_of_the_place` fails at 1e-9 and 1e-7."""
     far: float = 1e-5
-    """And from farther off: a run stops some way before the end of a function, where its steps have become too
-    short."""
+    """And from farther off: a run stops some way before the end of a function, where its steps have become
+    too short. `test_the_end_of_a_function_is_seen_from_farther_off` fails at 1e-6 and 0.0001."""
     reaches: tuple[float, ...] = (1.0, 1e2, 1e3, 1e4)
-    """So many times these distances, in turn."""
+    """So many times these distances, in turn. `test_the_end_of_a_row_is_looked_for_a_tenth_ahead` fails at a
+    tenth and at ten times of it."""
     part_of_run: float = 1e-3
-    """A configuration is as large as the way of this part of the run, or larger."""
+    """A configuration is as large as the way of this part of the run, or larger.
+    `test_a_jump_is_seen_within_rounding_of_the_place` fails at 0.0001 and 0.01."""
     jump: float = 1e-4
-    """The part of a row by which its sides must differ."""
+    """The part of a row by which its sides must differ. `test_sides_of_a_row_differ_by_a_part_of_it` fails at
+    1e-5 and 0.001."""
     stays: float = 0.3
-    """And the part of that from farther off which must stay: what draws near as the distance shrinks is no jump."""
+    """And the part of that from farther off which must stay: what draws near as the distance shrinks is no
+    jump. `test_what_draws_near_as_the_distance_shrinks_is_no_jump` fails at 0.03 and 3."""
     rounded: float = 1e-10
-    """What rounding leaves of f on its surface, as a part of the size of its terms."""
+    """What rounding leaves of f on its surface, as a part of the size of its terms.
+    `test_rounding_of_a_surface_is_no_jump` fails at 1e-11 and 1e-9."""
     grows: float = 10.0
-    """A pole grows by more than this where the distance shrinks from `far` to `near`."""
+    """A pole grows by more than this where the distance shrinks from `far` to `near`.
+    `test_a_pole_grows_by_more_than_ten` fails at 1 and 100."""
 
 
 PARAMETERS = DiagnosisParameters()

@@ -1,0 +1,256 @@
+"""The numbers of walks over a surface and of proofs by second derivatives: on either side of each another course."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
+from lagcli.analysis.codimension.manifold import Manifold
+from lagcli.api.models import cache
+from lagcli.start import initial
+
+
+class Residuals:
+    """One equation of one unknown with the gradient 1, whose values are given one after the other."""
+
+    rounding = 0.0
+    begin = np.zeros(1)
+    state = SimpleNamespace(t=0.0)
+
+    def __init__(self, *values):
+        self.values, self.calls = values, 0
+
+    def at(self, z, t):
+        value = self.values[min(self.calls, len(self.values) - 1)]
+        self.calls += 1
+        return np.array([value]), np.array([[1.0]])
+
+
+# Walks to points where the rank may be another
+
+
+def test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes(monkeypatch):
+    steps = []
+
+    def step(part, z, t, random, size):
+        steps.append(size)
+        return z
+
+    monkeypatch.setattr(branches, "_step", step)
+    monkeypatch.setattr(branches, "_at", lambda *_: 1)
+    part = SimpleNamespace(begin=np.zeros(1), state=SimpleNamespace(t=0.0), moved=lambda z, t: None)
+    assert branches.codimensions(part, ()) == {1}
+    of_walks, single = steps[:12], steps[12:]
+    assert of_walks == [size for size in (0.2, 0.1, 0.05, 0.025) for _ in range(3)]
+    assert single == [0.2, 0.1, 0.05, 0.025] * 3
+
+
+def test_a_step_along_a_branch_is_halved_seven_times(monkeypatch):
+    tried = []
+    monkeypatch.setattr(branches, "_nearby", lambda part, z, t: tried.append(float(np.abs(z).max())))
+    part = SimpleNamespace(at=lambda z, t: (np.zeros(1), np.array([[1.0, 0.0]])))
+    assert branches._step(part, np.zeros(2), 0.0, np.random.default_rng(0), 0.2) is None
+    assert tried == [0.2 / 2**k for k in range(7)]
+
+
+@pytest.mark.parametrize(("value", "is_on"), [(3e-14, True), (3e-13, False)])
+def test_a_place_is_on_a_surface_to_thirteen_digits(value, is_on):
+    part = Residuals(value)
+    if is_on:
+        assert branches._nearby(part, np.zeros(1), 0.0) is not None
+    else:
+        with pytest.raises(branches._Creeping):
+            branches._nearby(part, np.zeros(1), 0.0)
+
+
+@pytest.mark.parametrize(("ratio", "is_regular"), [(0.01, True), (0.05, False)])
+def test_the_last_step_to_a_regular_place_squares_the_residual(ratio, is_regular):
+    part = Residuals(1.0, 1e-12, ratio * 1e-12)
+    if is_regular:
+        assert branches._nearby(part, np.zeros(1), 0.0) is not None
+    else:
+        with pytest.raises(branches._Creeping):
+            branches._nearby(part, np.zeros(1), 0.0)
+
+
+@pytest.mark.parametrize(("left", "creeps"), [(3e-10, True), (3e-9, False)])
+def test_what_comes_near_a_surface_slowly_creeps(left, creeps):
+    part = Residuals(left)
+    if creeps:
+        with pytest.raises(branches._Creeping):
+            branches._nearby(part, np.zeros(1), 0.0)
+    else:
+        assert branches._nearby(part, np.zeros(1), 0.0) is None
+
+
+# Walks over a manifold
+
+
+class Walked:
+    """A manifold on which every walk is made; `steps` and `begins` count."""
+
+    equations = SimpleNamespace(at=lambda z, t: (np.zeros(1), None))
+
+    def __init__(self):
+        self.steps = self.begins = 0
+
+    def fails_far(self, *_):
+        return False
+
+    def holds_all(self, *_):
+        return True
+
+    def reached(self, z, t):
+        self.begins += 1
+        return z
+
+    def step(self, z, t, direction):
+        self.steps += 1
+        return z
+
+
+def test_three_walks_of_three_steps_are_made_over_a_manifold():
+    walked = Walked()
+    assert manifold.is_whole(walked, np.zeros(1), 0.0, ())
+    assert (walked.begins, walked.steps) == (3, 9)
+
+
+def test_a_step_over_a_manifold_is_halved_five_times(monkeypatch):
+    tried = []
+    monkeypatch.setattr(Manifold, "reached", lambda self, z, t: tried.append(float(np.abs(z).max())))
+    flat = SimpleNamespace(at=lambda z, t: (np.zeros(1), np.array([[1.0, 0.0]])))
+    assert Manifold(flat, np.eye(1)).step(np.zeros(2), 0.0, np.ones(2)) is None
+    assert tried == [0.5 / 2**k for k in range(5)]
+
+
+def test_twelve_newton_steps_lead_back_to_a_manifold():
+    never = Residuals(1.0)
+    assert Manifold(never, np.eye(1)).reached(np.zeros(1), 0.0) is None
+    assert never.calls == 12
+
+
+@pytest.mark.parametrize(("value", "looks"), [(3e-13, 1), (3e-12, 2)])
+def test_a_place_is_on_a_manifold_to_twelve_digits(value, looks):
+    part = Residuals(value, 0.0)
+    assert Manifold(part, np.eye(1)).reached(np.zeros(1), 0.0) is not None
+    assert part.calls == looks
+
+
+# Units
+
+
+def particle_part(*laws):
+    rows = "".join(f"  r{i}: {law} = 0\n" for i, law in enumerate(laws))
+    text = f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [0, 0, 0]}}}}\nholonomic:\n{rows}"
+    model = cache.compiled(lagcli.loads(text))
+    state = initial.declared(model.system)
+    return scaled_equations.part(model.system, model.numeric, state, list(range(len(laws))))
+
+
+@pytest.mark.parametrize(("radius", "is_unit"), [(3e-4, True), (3e-5, False)])
+def test_a_radius_of_curvature_is_a_unit_down_to_four_digits(radius, is_unit):
+    unit = particle_part(f"a.x + a.z**2/(2*{radius!r})").unit
+    assert unit == pytest.approx(np.full(2, radius if is_unit else 1.0), rel=1e-6)
+
+
+def test_coordinates_are_measured_alike_after_ten_rounds():
+    first = SimpleNamespace(changes=lambda unit: np.zeros((1, 2)))
+    symbols = SimpleNamespace(q=SimpleNamespace(numel=lambda: 2))
+    system = SimpleNamespace(symbols=symbols, model=SimpleNamespace(generalized_names=("x", "y")))
+    state = SimpleNamespace(q=np.zeros(2))
+    unit = scaled_equations._units(system, state, [0, 1], np.array([[1.0, 1e6]]), first)
+    # Each round takes the root of what they differ by.
+    assert 1e6 * unit[1] / unit[0] == pytest.approx(1e6 ** (1 / 2**10), rel=1e-6)
+
+
+@pytest.mark.parametrize(("jump", "answer"), [(3e-7, True), (3e-6, False)])
+def test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates(jump, answer):
+    mixed = np.random.default_rng(scaled_equations.SEED).standard_normal(1)
+
+    def at(z, t):
+        return np.zeros(1), np.array([[1.0 + jump / mixed[0] * bool(z[0])]])
+
+    part = SimpleNamespace(
+        coordinates=[0],
+        rows=[0],
+        begin=np.zeros(1),
+        state=SimpleNamespace(t=0.0),
+        hessian=lambda z, t, w: np.zeros((1, 1)),
+        at=at,
+        rounding=1e-8,
+    )
+    assert scaled_equations.is_smooth(part) is answer
+
+
+# Second derivatives
+
+
+@pytest.mark.parametrize(("shift", "is_proved"), [(3e-14, True), (3e-13, False)])
+def test_a_start_is_where_the_stress_balances(shift, is_proved, monkeypatch):
+    monkeypatch.setattr(second_order, "_held", lambda *_: (np.ones(1), 0))
+    monkeypatch.setattr(second_order.manifold, "along", lambda *_: "manifold")
+    monkeypatch.setattr(second_order.manifold, "is_whole", lambda *_: True)
+    monkeypatch.setattr(second_order, "_shift", lambda *_: shift)
+    part = Residuals(0.0)
+    part.part = SimpleNamespace()
+    part.coordinates = [0]
+    assert (second_order.dimension(part, 0, ()) is not None) is is_proved
+
+
+class Centers:
+    """Minima of the barrier, with the same least eigenvalue at every weight."""
+
+    def __init__(self, eigenvalue):
+        self.eigenvalue, self.weights = eigenvalue, []
+
+    def __call__(self, matrices, x, weight):
+        self.weights.append(weight)
+        return np.array([1.0, self.eigenvalue])
+
+
+def test_the_weight_of_the_barrier_grows_by_eight(monkeypatch):
+    centers = Centers(0.0)
+    monkeypatch.setattr(second_order, "_centered", centers)
+    assert second_order.definite_combination(np.ones((1, 1, 1))) is None
+    assert centers.weights == [8.0**k for k in range(8)]  # 2 / 8**7 is the first below 1e-6
+
+
+def test_the_weight_of_the_barrier_grows_sixty_times(monkeypatch):
+    centers = Centers(second_order.PARAMETERS.definite)
+    monkeypatch.setattr(second_order, "_centered", centers)
+    assert second_order.definite_combination(np.ones((1, 1, 1))) is None
+    assert len(centers.weights) == 60
+
+
+@pytest.mark.parametrize(("eigenvalue", "centers"), [(0.15, 3), (0.09, 4)])
+def test_a_combination_is_known_to_a_third_of_its_least_eigenvalue(eigenvalue, centers, monkeypatch):
+    found = Centers(eigenvalue)
+    monkeypatch.setattr(second_order, "_centered", found)
+    assert second_order.definite_combination(np.ones((1, 1, 1))) is not None
+    # It is known to 2, 1/4, 1/32, 1/256.
+    assert len(found.weights) == centers
+
+
+def barrier(decrement, falls=True):
+    """A barrier whose Newton steps promise so much, and that falls by it or not at all; `calls` are its values."""
+    calls = []
+
+    def value(matrices, x, weight):
+        calls.append(x)
+        found = second_order._Barrier(-2.0 * len(calls), np.array([decrement**0.5]), np.eye(1))
+        return found if falls or len(calls) == 1 else None
+
+    return value, calls
+
+
+@pytest.mark.parametrize(
+    ("decrement", "falls", "values"),
+    [(1.0, True, 1 + 50), (1.0, False, 1 + 40), (3e-4, True, 1), (3e-3, True, 51)],
+)
+def test_newton_steps_to_the_minimum_of_the_barrier(decrement, falls, values, monkeypatch):
+    value, calls = barrier(decrement, falls)
+    monkeypatch.setattr(second_order, "_barrier", value)
+    second_order._centered(np.ones((1, 1, 1)), np.zeros(1), 1.0)
+    assert len(calls) == values

@@ -1,0 +1,512 @@
+"""The numbers of flows along rows, and of the loops that show a row to be nonholonomic: on either side another course.
+
+Flows and words are given with known ends, so that each number decides alone.
+"""
+
+import itertools
+import math
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from lagcli.analysis.holonomy import loop_trial, loop_words, witness, witness_search
+from lagcli.analysis.holonomy.loop_trial import LoopTrial
+from lagcli.analysis.holonomy.loop_words import Goal
+from lagcli.analysis.numeric_flag import flag_points
+from lagcli.start.initial import State
+
+NONE = np.zeros(0, dtype=np.int64)
+
+# Flows along the fields of the rows
+
+
+@pytest.fixture
+def flow(monkeypatch):
+    """The substeps of a flow whose values by the midpoint rule are these times a size, and its error."""
+
+    def made(size, pattern=(1.0, -1.0)):
+        counts, values = [], itertools.cycle(pattern)
+
+        def midpoint(along, x, scale, count):
+            counts.append(count)
+            return np.array([size * next(values)])
+
+        monkeypatch.setattr(flag_points, "_midpoint", midpoint)
+        _, error = flag_points._flow(None, np.zeros(1), np.ones(1))
+        return counts, error
+
+    return made
+
+
+def test_a_flow_is_extrapolated_from_eight_numbers_of_substeps(flow):
+    counts, error = flow(1e-5)
+    assert counts == [2, 4, 6, 8, 10, 12, 14, 16]
+    assert error > 1e-12
+
+
+@pytest.mark.parametrize(("off", "count"), [(3e-4, 8), (3e-3, 3)])
+def test_a_flow_that_is_off_after_three_extrapolations_is_left(off, count, flow):
+    # The third extrapolation of 1, -1, 1 differs from the second by 8/15.
+    assert len(flow(off / (8 / 15))[0]) == count
+
+
+@pytest.mark.parametrize(("off", "count"), [(3e-13, 2), (3e-12, 8)])
+def test_a_flow_has_converged_to_twelve_digits(off, count, flow):
+    # The first extrapolation of 1, -1 differs from -1 by 2/3.
+    assert len(flow(off / (2 / 3))[0]) == count
+
+
+@pytest.mark.parametrize(("error", "is_there"), [(3e-6, True), (3e-5, False)])
+def test_a_flow_ends_somewhere_to_five_digits(error, is_there, places, monkeypatch):
+    monkeypatch.setattr(flag_points, "_flow", lambda along, x, scale: (x, error))
+    assert (places().from_point(Place()) is not None) is is_there
+
+
+class Place(SimpleNamespace):
+    """A place of one variable, with nothing to keep."""
+
+    def __init__(self, x=1.0):
+        super().__init__(x=np.array([x]), p=np.zeros(0), independent=[], error=0.0, is_finite=True)
+
+
+def block(**more):
+    """One coordinate without rows."""
+    given = {"columns": [0], "size": 1, "has_time": False, "kinds": np.zeros(1, dtype=int)}
+    given |= {"pieces": SimpleNamespace(count=0), "holonomic": [], "differential": []}
+    given |= {"rows": lambda x, p: (ca.DM(0, 1), ca.DM(0, 1))}
+    return SimpleNamespace(**{**given, **more})
+
+
+@pytest.fixture
+def places(monkeypatch):
+    """Reachable places of one coordinate along a field of length one."""
+
+    def made(**more):
+        monkeypatch.setattr(flag_points, "_projected", lambda A, u: np.ones(1))
+        monkeypatch.setattr(flag_points.row_block, "scaled", lambda A, ranges: A)
+        monkeypatch.setattr(flag_points, "met", lambda block, x, p, size: Place(float(x[0])))
+        monkeypatch.setattr(
+            flag_points, "EvaluationPoint", lambda block, x, p, error=0.0: SimpleNamespace(x=x, error=error)
+        )
+        return flag_points.ReachablePoints(block(**more), 2.0, math.inf)
+
+    return made
+
+
+def test_a_flow_is_made_shorter_eight_times_by_four(places, monkeypatch):
+    scales = []
+    monkeypatch.setattr(
+        flag_points, "_flow", lambda along, x, scale: scales.append(float(scale[0])) or (x, math.inf)
+    )
+    assert places().from_point(Place()) is None
+    assert scales == pytest.approx([0.1 / 4**k for k in range(8)])
+
+
+def test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration(places):
+    found = places(has_time=True, size=2)._ranges(Place(0.5))
+    assert found == pytest.approx([0.05, 0.02])
+
+
+def test_a_flow_is_looked_at_in_thirty_two_places(places, monkeypatch):
+    counts = []
+    monkeypatch.setattr(flag_points, "_path", lambda along, x, scale, count: counts.append(count))
+    there = places(pieces=SimpleNamespace(count=1))
+    assert there._leaves(None, Place(), np.ones(1))
+    assert counts == [32]
+
+
+def newton_steps(*lengths):
+    """The Newton steps of these lengths that lead to a place, and whether one is met."""
+    left, made = iter(lengths), []
+
+    def rows(x, p):
+        made.append(x)
+        return ca.DM([[1.0]]), ca.DM([next(left)])
+
+    found = flag_points.met(block(holonomic=[0], rows=rows), np.zeros(1), None, 1.0)
+    return len(made), found is not None
+
+
+@pytest.fixture
+def any_place(monkeypatch):
+    monkeypatch.setattr(flag_points, "EvaluationPoint", lambda *_: "place")
+
+
+@pytest.mark.usefixtures("any_place")
+class TestNewtonStepsBackToTheSurface:
+    """Their lengths are given."""
+
+    def test_they_are_ten_at_most(self):
+        assert newton_steps(*(0.85**k for k in range(200))) == (10, False)
+
+    @pytest.mark.parametrize(("ratio", "count"), [(0.85, 3), (0.95, 2)])
+    def test_they_become_shorter_by_a_tenth(self, ratio, count):
+        assert newton_steps(1.0, ratio, 1e-15, 1e-15)[0] == count
+
+    @pytest.mark.parametrize(("length", "count"), [(3e-14, 1), (3e-13, 2)])
+    def test_they_end_at_thirteen_digits(self, length, count):
+        assert newton_steps(length, length) == (count, True)
+
+    @pytest.mark.parametrize(("length", "is_met"), [(3e-10, True), (3e-9, False)])
+    def test_they_may_stall_at_nine_digits(self, length, is_met):
+        assert newton_steps(length, length)[1] is is_met
+
+
+def test_two_flows_follow_each_other():
+    points = flag_points.Points.__new__(flag_points.Points)
+    points.start = SimpleNamespace(rows=SimpleNamespace(is_large=False))
+    points.visited = [points.start]
+    points._orbit = SimpleNamespace(from_point=lambda place: place)
+    assert len(points.walk()) == 1 + 2
+
+
+@pytest.mark.parametrize(("value", "is_on"), [(3e-10, True), (3e-9, False)])
+def test_a_switch_within_nine_digits_of_zero_stands_on_neither_side(value, is_on, monkeypatch):
+    branches = []
+    kinked = block(has_kinks=True)
+    kinked.on_branch = lambda x, p, limit: branches.append(bool(abs(value) <= limit)) or kinked
+    monkeypatch.setattr(flag_points, "EvaluationPoint", lambda *_: SimpleNamespace(is_finite=True))
+    model = SimpleNamespace(simulation=SimpleNamespace(duration=1.0))
+    state = State(0.0, np.ones(1), np.zeros(1), np.zeros(0))
+    flag_points.Points(kinked, SimpleNamespace(model=model), state, math.inf)
+    assert branches == [is_on]
+
+
+# Words of moves
+
+
+def goal(size=1.0, closed=(1,)):
+    return Goal(np.zeros(3), 0, np.array(closed, dtype=np.int64), size)
+
+
+class Words(SimpleNamespace):
+    """Words with given ends: `offsets` (N, k) of the rough paths, `finer` of the fine ones."""
+
+    def __init__(self, ends, finer=None, moves=1):
+        super().__init__(basis=np.ones((1, moves, 1)), asked=[], ends=np.array(ends, dtype=float))
+        self.finer = self.ends if finer is None else np.array(finer, dtype=float)
+
+    def offsets(self, goal, X, steps):
+        self.asked.append(len(X))
+        found = self.finer if steps == loop_words.SURE else self.ends
+        return found[np.arange(len(X)) % len(found)]
+
+    def controls(self, X):
+        return X[:, :, None]
+
+
+@pytest.mark.parametrize(("reach", "is_wild"), [(20.0, False), (30.0, True)])
+def test_a_loop_reaches_twenty_five_sizes_at_most(reach, is_wild):
+    amount, _ = LoopTrial(goal(), Words([[1.0, reach, 0.0]]), np.ones((1, 1))).ends
+    assert math.isnan(amount[0]) is is_wild
+
+
+@pytest.mark.parametrize(("moved", "is_clear"), [(0.03, False), (0.05, True)])
+def test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size(moved, is_clear):
+    amount, _ = LoopTrial(goal(), Words([[moved, 0.0, 0.0]]), np.ones((1, 1))).ends
+    assert math.isfinite(amount[0]) is is_clear
+
+
+@pytest.mark.parametrize(("miss", "closes"), [(3e-6, True), (3e-5, False)])
+def test_a_coordinate_has_come_back_to_five_digits(miss, closes, monkeypatch):
+    monkeypatch.setattr(LoopTrial, "first", lambda trial, X, is_drawn: len(X) > 0)
+    assert LoopTrial(goal(), Words([[1.0, miss, 0.0]]), np.ones((1, 1))).closing() is closes
+
+
+@pytest.fixture
+def solved_for(monkeypatch):
+    """What is asked to be solved for."""
+    asked = []
+    monkeypatch.setattr(loop_words, "solved", lambda *given: asked.append(given) or np.zeros((0, 1)))
+    return asked
+
+
+@pytest.mark.parametrize(("miss", "is_near"), [(1.2, True), (2.0, False)])
+def test_words_that_miss_by_what_they_move_are_solved_for(miss, is_near, solved_for):
+    LoopTrial(goal(), Words([[1.0, miss, 0.0]]), np.ones((1, 1))).solved()
+    assert bool(solved_for) is is_near
+
+
+def test_the_lengths_of_eight_words_are_solved_for(solved_for):
+    words = Words([[1.0, 0.5, 0.5]] * 100, moves=0)
+    LoopTrial(goal(closed=(1, 2)), words, np.ones((100, 1))).solved()
+    assert len(solved_for[0][2]) == 8
+
+
+def test_the_simplest_of_two_shapes_is_taken(solved_for):
+    LoopTrial(goal(), Words([[1.0, 0.0, 0.0]]), np.ones((1, 1))).free()
+    assert solved_for[0][-1] == 2
+
+
+def test_two_hundred_closed_paths_are_looked_at(monkeypatch):
+    words = Words([[0.0, 0.0, 0.0]])
+    LoopTrial(goal(), words, np.ones((3000, 1))).first(np.ones((3000, 1)), True)
+    assert words.asked == [200, 200]
+
+
+@pytest.mark.parametrize(("change", "is_smooth"), [(3e-5, True), (3e-4, False)])
+def test_the_end_of_a_path_stays_with_finer_steps(change, is_smooth, monkeypatch):
+    proofs = []
+    monkeypatch.setattr(loop_trial.witness, "proved", lambda *given: proofs.append(given))
+    words = Words([[1.0, 0.0, 0.0]], [[1.0, change, 0.0]])
+    LoopTrial(goal(), words, np.ones((1, 1))).first(np.ones((1, 1)), True)
+    assert bool(proofs) is is_smooth
+
+
+# The proof of a path
+
+
+@pytest.fixture
+def followed(monkeypatch):
+    """The numbers of steps of a path whose end changes by so much each time."""
+
+    def made(change):
+        steps = []
+
+        def knots(frame, base, controls, count):
+            steps.append(count)
+            return np.full((2, 1), change * (len(steps) % 2))
+
+        monkeypatch.setattr(witness.controlled_paths, "knots", knots)
+        return witness._followed(None, None, None), steps
+
+    return made
+
+
+def test_a_path_is_followed_in_finer_steps_to_ninety_six(followed):
+    found, steps = followed(1e-9)
+    assert found is not None
+    assert steps == [6, 12, 24, 48, 96]
+
+
+@pytest.mark.parametrize(("change", "count"), [(1e-12, 2), (1e-11, 5)])
+def test_a_path_that_no_longer_changes_is_exact(change, count, followed):
+    assert len(followed(change)[1]) == count
+
+
+@pytest.mark.parametrize(("change", "steps"), [(3e-7, 96), (3e-6, 48)])
+def test_a_path_that_still_changes_at_forty_eight_steps_is_given_up(change, steps, followed):
+    found, taken = followed(change)
+    assert (found is None) is (steps == 48)
+    assert taken[-1] == steps
+
+
+class ProvedWords(SimpleNamespace):
+    """One word that moves a coordinate by one."""
+
+    def __init__(self):
+        row = SimpleNamespace(name="row")
+        part = SimpleNamespace(
+            names=("x", "y", "t"),
+            scale=np.ones(3),
+            system=SimpleNamespace(rows=SimpleNamespace(rows=[row])),
+            rows=np.array([0]),
+            row=0,
+            residual=lambda Z: 0.0,
+            whole=lambda Z: Z,
+            knows_time=False,
+        )
+        super().__init__(frame=SimpleNamespace(part=part), rest=None)
+
+    def controls(self, X):
+        return X[:, :, None]
+
+
+@pytest.fixture
+def proved(monkeypatch):
+    """The proof of a path with this residual and this error, and the moves of it."""
+
+    def made(residual=0.0, error=0.0, lengths=(1.0,)):
+        moves = []
+
+        def followed(frame, base, controls):
+            moves.extend(controls[:, 0].tolist())
+            points = np.linspace(np.zeros(3), np.array([1.0, 0.0, 0.0]), 12 * len(controls) + 1)
+            return points, np.full(3, error)
+
+        monkeypatch.setattr(witness, "_followed", followed)
+        monkeypatch.setattr(witness, "_row_residual", lambda *_: residual)
+        monkeypatch.setattr(witness, "_crosses", lambda *_: True)
+        return witness.proved(ProvedWords(), goal(), np.array(lengths), True), moves
+
+    return made
+
+
+@pytest.mark.parametrize(("residual", "holds"), [(3e-12, True), (3e-11, False)])
+def test_a_path_keeps_the_rows_to_eleven_digits(residual, holds, proved):
+    assert (proved(residual=residual)[0] is not None) is holds
+
+
+@pytest.mark.parametrize(("error", "is_known"), [(3e-8, True), (3e-7, False)])
+def test_an_amount_is_known_to_seven_digits(error, is_known, proved):
+    assert (proved(error=error)[0] is not None) is is_known
+
+
+@pytest.mark.parametrize(("length", "moves"), [(3e-11, 1), (3e-10, 2)])
+def test_a_move_of_ten_digits_less_is_left_out(length, moves, proved):
+    assert len(proved(lengths=(1.0, length))[1]) == moves
+
+
+def test_twelve_points_of_a_segment_are_kept(proved, monkeypatch):
+    found, _ = proved()
+    assert len(found.paths[0].points) == 13
+
+
+# The search for a loop
+
+
+class Part(SimpleNamespace):
+    """A part of k coordinates of one row, with the forms A (c, k + 1) everywhere."""
+
+    def __init__(self, k=3, A=None, **more):
+        self.A = np.ones((1, k + 1)) if A is None else np.array(A, dtype=float)
+        given = {"k": k, "row": 0, "start": np.zeros(k + 1), "scale": np.ones(k + 1), "knows_time": False}
+        super().__init__(**{**given, **more})
+
+    def forms(self, Z):
+        return np.repeat(self.A[None], len(Z), axis=0)
+
+
+def search(part=None, orbit=None):
+    part = part or Part()
+    found = witness_search._WitnessSearch(part, part.start, 1.0, False, {})
+    found.__dict__["_orbit"] = orbit
+    return found
+
+
+def test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside(monkeypatch):
+    monkeypatch.setattr(witness_search, "_bent", lambda *_: "bent")
+    found = list(witness_search._base_states(SimpleNamespace(holonomic_count=1), None, "start", 0))
+    assert found == [(0, "start"), *[(0, "bent")] * 3, (1, "start"), (2, "start"), (3, "start")]
+
+
+def test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones(monkeypatch):
+    tried = []
+    for stage in ("closing", "solved", "shaped", "freely"):
+        monkeypatch.setattr(
+            witness_search._WitnessSearch,
+            stage,
+            lambda search, stage=stage: tried.append((stage, search.size)),
+        )
+    monkeypatch.setattr(witness_search.path_orbit, "is_singular", lambda *_: False)
+    assert witness_search._found([Part()], True, 0) is None
+    usual = (1.0, 0.5, 0.2, 0.1)
+    assert tried == [
+        *((stage, size) for stage in ("closing", "solved", "shaped") for size in usual),
+        ("freely", 1.0),
+        ("freely", 0.5),
+        *(("closing", size) for size in (0.02, 10.0, 100.0, 1e-3)),
+    ]
+
+
+def test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time(monkeypatch):
+    counts = []
+    monkeypatch.setattr(witness_search, "_searches", lambda parts, *_: counts.append(len(parts)) or [])
+    witness_search._found([Part()] * 5, True, 0)
+    assert counts == [2, 2, 1]
+
+
+def bent_place(angle, q=(0.0, 0.0, 0.0), names=("x", "y", "z")):
+    """Where a configuration is bent to, of one row that turns by `angle` (of its first coordinate) at the start."""
+    places = []
+
+    def rows(t, q, v, p):
+        turn = angle(float(q[0]))
+        return ca.DM([[math.cos(turn), math.sin(turn)] + [1e-30] * (len(q) - 2)]), None
+
+    state = State(0.0, np.array(q), np.zeros(len(q)), np.zeros(0))
+    system = SimpleNamespace(holonomic_count=1, model=SimpleNamespace(generalized_names=names))
+    surface = SimpleNamespace(descend=lambda q: places.append(q) or SimpleNamespace(is_on=False))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(witness_search.projection, "Surface", lambda *_: surface)
+        patch.setattr(witness_search.initial, "metric_at", lambda *_: None)
+        witness_search._bent(system, SimpleNamespace(rows=rows), state, 0, 0)
+    return places[0], np.random.default_rng(0).standard_normal(len(q))
+
+
+def test_holonomic_rows_are_turned_by_half_a_radian():
+    place, noise = bent_place(lambda x: x)
+    # The first coordinate alone turns the row.
+    assert place * noise[0] / noise == pytest.approx(0.5 * np.sign(noise[0]), rel=1e-4)
+
+
+@pytest.mark.parametrize(("edge", "is_seen"), [(3e-7, True), (3e-6, False)])
+def test_the_turn_of_rows_is_seen_over_a_millionth(edge, is_seen):
+    edge *= np.random.default_rng(0).standard_normal(3)[0]
+    place, _ = bent_place(lambda x: x + 1e-3 * (x > edge))
+    assert bool(abs(place[0]) < 0.1) is is_seen
+
+
+def test_particles_are_drawn_together_to_seven_tenths():
+    start = np.array([1.0, 2.0, 3.0, 5.0, 7.0, 9.0])
+    place, noise = bent_place(lambda x: 0.0, start, ())
+    between = np.subtract(*(place - 0.5 * noise).reshape(2, 3))
+    assert between == pytest.approx(0.7 * np.subtract(*start.reshape(2, 3)))
+
+
+def test_three_coordinates_are_tried_as_the_one_that_moves():
+    orbit = SimpleNamespace(tangent=np.eye(7)[:, :1])
+    assert search(Part(6), orbit)._movable == [0, 1, 2]
+
+
+def frames(A, k, rank, along=0):
+    kernel = np.zeros((k, k - rank))
+    patch = pytest.MonkeyPatch()
+    with patch.context() as one:
+        paths = witness_search.controlled_paths
+        one.setattr(paths, "Projected", lambda *_: None)
+        one.setattr(paths, "ends", lambda frame, base, out, steps: np.zeros((3, k + 1)))
+        one.setattr(paths, "Axes", lambda part, chosen, led, free: tuple(led.tolist()))
+        return search(Part(k, A))._frames(SimpleNamespace(kernel=kernel), along)
+
+
+def test_four_choices_of_led_coordinates_are_tried():
+    A = np.zeros((2, 9))
+    A[0, 0], A[1, 1:8] = 1.0, np.arange(1, 8)
+    assert len(frames(A, 8, 2)) == 4
+
+
+@pytest.mark.parametrize(("angle", "count"), [(5e-6, 1), (5e-7, 0)])
+def test_led_coordinates_have_a_pole_from_a_condition_of_a_million(angle, count):
+    # The rows differ in the third coordinate; led are the first and the second, or the first and the third.
+    A = [[1.0, 1.0, 0.0, 0.0], [1.0, 1.0 + angle, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+    assert len(frames(A, 3, 3)) == count
+
+
+@pytest.mark.parametrize(("angle", "count"), [(3e-6, 1), (3e-7, 0)])
+def test_rows_of_which_a_millionth_is_left_depend_on_others(angle, count):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(witness_search.WitnessSearchParameters, "pole", 1e12)
+        assert len(frames([[1.0, 0.0, 0.0], [1.0, angle, 0.0]], 2, 2)) == count
+
+
+@pytest.mark.parametrize(("others", "count"), [(200, 2), (201, 0)])
+def test_up_to_two_hundred_sets_of_coordinates_all_are_tried(others, count, monkeypatch):
+    orbit = SimpleNamespace(tangent=np.zeros((others + 2, 2)), lift=lambda closed: np.ones((others + 2, 1)))
+    monkeypatch.setattr(witness_search._WitnessSearch, "_is_crossed", lambda search, lift: True)
+    assert len(list(search(Part(others + 1), orbit)._goals(orbit, 0, NONE))) == count
+
+
+@pytest.mark.parametrize(("missing", "count"), [(1, 2), (2, 1)])
+def test_of_one_condition_two_goals_are_tried_and_of_more_one(missing, count, monkeypatch):
+    orbit = SimpleNamespace(tangent=np.zeros((7, 1 + missing)), lift=lambda closed: np.ones((7, 1)))
+    monkeypatch.setattr(witness_search._WitnessSearch, "_is_crossed", lambda search, lift: True)
+    assert len(list(search(Part(6), orbit)._goals(orbit, 0, NONE))) == count
+
+
+@pytest.mark.parametrize(("length", "is_solved_for"), [(3e-10, False), (3e-9, True)])
+def test_a_column_of_nine_digits_less_is_not_solved_for(length, is_solved_for):
+    assert bool(witness_search._pivots(np.array([[length, 1.0]]), 0).size) is is_solved_for
+
+
+def test_a_loop_of_any_shape_has_four_pieces_or_six(monkeypatch):
+    pieces = []
+    monkeypatch.setattr(witness_search.controlled_paths, "Projected", lambda *_: None)
+    monkeypatch.setattr(
+        loop_words, "free_paths", lambda frame, size, timed, count: pieces.append(count) or (None, None)
+    )
+    monkeypatch.setattr(witness_search._WitnessSearch, "_any_goals", lambda *_: [goal()])
+    list(search(orbit=SimpleNamespace(kernel=None))._free_trials(0))
+    assert pieces == [4, 6]
