@@ -136,6 +136,28 @@ def test_gradients_lose_as_little_to_rounding_as_to_bends() -> None:
     assert np.abs(bent).max() < 1e-11
 
 
+def newton_values(function, steps) -> int:
+    """The number of times that a function is asked for by steps that never end."""
+    calls = []
+
+    def never(places: np.ndarray) -> np.ndarray:
+        calls.append(places)
+        return np.asarray(function(places[..., 0]))
+
+    steps(never, np.zeros((1, 1, 3)))
+    return len(calls)
+
+
+def test_a_curve_is_met_in_sixteen_newton_steps_or_not() -> None:
+    # Of a function without a zero, each step of which goes half as far as the picture is large.
+    assert newton_values(lambda x: np.exp(2 * x), lambda f, at: nets.nearest([f], at, 1.0)) == 16
+
+
+def test_a_net_is_laid_in_thirty_newton_steps_or_left_open() -> None:
+    # Each step asks for the value, and for two beside it.
+    assert newton_values(lambda x: np.exp(3 * x), lambda f, at: nets._lifted(f, at, 0, 1.0)) == 3 * 30
+
+
 @pytest.mark.parametrize(("apart", "left"), [(3e-7, 1), (3e-6, 2)])
 def test_heights_that_are_one_are_drawn_once(apart: float, left: int) -> None:
     found = nets._apart(np.array([[[0.0, 0, 0]], [[0, 0, apart]]]), 2, 1.0)
