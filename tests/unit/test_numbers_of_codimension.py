@@ -113,7 +113,7 @@ class Walked:
 
 def test_three_walks_of_three_steps_are_made_over_a_manifold():
     walked = Walked()
-    assert manifold.is_whole(walked, np.zeros(1), 0.0, ())
+    assert manifold.satisfies_all(walked, np.zeros(1), 0.0, ())
     assert (walked.begins, walked.steps) == (3, 9)
 
 
@@ -189,9 +189,9 @@ def test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates(jump, answer
 
 @pytest.mark.parametrize(("shift", "is_proved"), [(3e-14, True), (3e-13, False)])
 def test_a_start_is_where_the_stress_balances(shift, is_proved, monkeypatch):
-    monkeypatch.setattr(second_order, "_held", lambda *_: (np.ones(1), 0))
+    monkeypatch.setattr(second_order, "_rigid_stress", lambda *_: (np.ones(1), 0))
     monkeypatch.setattr(second_order.manifold, "along", lambda *_: "manifold")
-    monkeypatch.setattr(second_order.manifold, "is_whole", lambda *_: True)
+    monkeypatch.setattr(second_order.manifold, "satisfies_all", lambda *_: True)
     monkeypatch.setattr(second_order, "_shift", lambda *_: shift)
     part = Residuals(0.0)
     part.part = SimpleNamespace()
