@@ -28,11 +28,10 @@ from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
 from lagcli.output.sweeps.sweep_request import SweepRequest
 from lagcli.output.sweeps.sweep_table import STOPPED
 from lagcli.output.sweeps.written_sweep import SweepStep, WrittenSweep
-from lagcli.output.tables import read_table, table_format
+from lagcli.output.tables import read_table
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
 MOST_POINTS = 10_000_000
-UNREADABLE = (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -150,7 +149,7 @@ def _table(points: str) -> point_sources.TableOfPoints:
             raise BadRequest(f"--points: there is no file {points}") from None
         except OSError as error:
             raise BadRequest(f"--points: cannot read {points}: {error.strerror}") from None
-        except UNREADABLE as error:
+        except read_table.UNREADABLE as error:
             raise BadRequest(f"--points {str(error).replace(path, _shown(points))}") from None
     return point_sources.TableOfPoints(names, rows, label)
 

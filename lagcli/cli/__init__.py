@@ -7,8 +7,5 @@ Out: text or JSON on stdout, messages on stderr, an exit code
 before it:
 
 - `terminal`: streams, exit codes; `console` is the one place that uses rich
-- `requests`: what is asked for, checked before any work
-- `files`: tables, figures and new models on their way out
-- `actions`: what each command does
-- `commands`: a file a command with its options, and the list of all
+- `commands`: a file a command with its options and what it prints, what several of them share, and the list of all
 """

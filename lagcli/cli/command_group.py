@@ -101,7 +101,7 @@ class CommandGroup(TyperGroup):
         if cmd_name not in COMMANDS:
             return None
         if cmd_name not in self.commands:
-            declared = importlib.import_module(f"lagcli.cli.commands.{cmd_name}_options")
+            declared = importlib.import_module(f"lagcli.cli.commands.{cmd_name}_command")
             alone = typer.Typer(add_completion=False, **LOOKS)
             alone.command(cmd_name, cls=Command, short_help=COMMANDS[cmd_name])(getattr(declared, cmd_name))
             self.add_command(typer.main.get_command(alone), cmd_name)

@@ -129,10 +129,14 @@ class Comparison:
         return f"<Comparison of {names}: {verdict} (tolerance {self.tolerance:g})>"
 
     @property
+    def judged(self) -> tuple[Mapping[str, Agreement], ...]:
+        """The agreements that are judged: that the other principle differs is an answer."""
+        return self.agreements if self.principles is None else self.agreements[:-1]
+
+    @property
     def agree(self) -> bool | None:
         """True if all errors are within the tolerance; None where there is nothing to compare."""
-        own = self.agreements if self.principles is None else self.agreements[:-1]
-        errors = [one.error for each in own for one in each.values()]
+        errors = [one.error for each in self.judged for one in each.values()]
         return all(error <= self.tolerance for error in errors) if errors else None
 
     @property

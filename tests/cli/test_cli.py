@@ -1143,9 +1143,9 @@ def test_a_report_on_a_terminal_folds_and_loses_nothing(
     monkeypatch.setenv("TERM", "xterm")
     with monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
-        from lagcli.cli.actions import check_text
+        from lagcli.cli.commands import check_command
 
-        check_text.report(package.check(package.load("model.yaml")), heading=False)
+        check_command.print_report(package.check(package.load("model.yaml")), heading=False)
     lines = stream.getvalue().splitlines()
     assert max(map(len, lines)) <= columns
 

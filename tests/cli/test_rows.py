@@ -464,7 +464,7 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
     script = (
         "import os, signal, sys, time\n"
         "from lagcli import __main__ as entry\n"
-        "from lagcli.cli.actions import simulate_command\nfrom lagcli.output.files import interrupts\n"
+        "from lagcli.cli.commands import simulate_command\nfrom lagcli.output.files import interrupts\n"
         "when = sys.argv.pop(1)\n"
         "def then(number):\n"
         "    os.kill(os.getpid(), number)\n"

@@ -14,7 +14,7 @@ from lagcli.analysis.classification import integral_searches, known_integrals
 from lagcli.analysis.classification.case import Case
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run, run_settings
-from lagcli.cli.actions import simulate_command as telling
+from lagcli.cli.commands import simulate_command as telling
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
@@ -509,7 +509,7 @@ def test_notes_stand_in_the_account(capsys: pytest.CaptureFixture[str]) -> None:
     for quiet in (False, True):
         going = ready(LINE % (-1, 1, -0.5, 0.5), found, duration=1, samples=3)
         request = run_request.RunRequest(quiet=quiet)
-        telling.run(written_run.WrittenRun(going, request), request)
+        telling.carry_out(written_run.WrittenRun(going, request), request)
         told = capsys.readouterr().err
         assert ("note: from t = 0." in told) == (not quiet)
         assert ("the integral y/x is enforced in another form\n" in told) == (not quiet)

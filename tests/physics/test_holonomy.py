@@ -14,7 +14,7 @@ import pytest
 import lagcli
 from lagcli.analysis.holonomy import local_system, path_orbit, witness, witness_search
 from lagcli.api.models import cache
-from lagcli.cli.actions import witness_command as telling
+from lagcli.cli.commands import witness_text as telling
 from lagcli.start import initial
 from tests.helpers import in_process, reference_models
 

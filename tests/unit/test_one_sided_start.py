@@ -8,7 +8,7 @@ import pytest
 import lagcli
 from lagcli.analysis.check_report import Report
 from lagcli.api.models import cache
-from lagcli.cli.actions import check_text
+from lagcli.cli.commands import check_command
 from lagcli.equations import time_functions
 from lagcli.errors import diagnostics
 from lagcli.start import assembly, gaps, initial
@@ -76,7 +76,7 @@ def test_check_lists_inequalities_after_the_equations_and_dof_does_not_count_the
 
 
 def test_the_text_shows_the_side(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    check_text.report(checked(BALL + BOX, z=-1), heading=False)
+    check_command.print_report(checked(BALL + BOX, z=-1), heading=False)
     lines = capsys.readouterr().out.splitlines()
     assert next(line.split() for line in lines if line.startswith("floor")) == [
         "floor",
@@ -85,7 +85,7 @@ def test_the_text_shows_the_side(capsys: pytest.CaptureFixture[str], monkeypatch
     ]
     monkeypatch.setenv("COLUMNS", "50")
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    check_text.report(checked(BALL + BOX, z=0), heading=False)
+    check_command.print_report(checked(BALL + BOX, z=0), heading=False)
     assert "floor: inequality, closed at the start" in capsys.readouterr().out
 
 

@@ -12,10 +12,8 @@ import numpy as np
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import read_table
-from lagcli.output.tables.table_format import MissingExtra
 
 LAST = -1  # of the rows of a table
 _COLUMNS = {
@@ -78,7 +76,7 @@ def of_option(model: Model, text: str) -> Model:
         raise BadRequest(f"--from: there is no file {error.filename}") from None
     except OSError as error:
         raise BadRequest(f"--from: cannot read {text}: {error.strerror}") from None
-    except (NoSuchRow, formats.UnknownFormat, MissingExtra, read_table.UnreadableTable) as error:
+    except (NoSuchRow, *read_table.UNREADABLE) as error:
         raise BadRequest(f"--from {error}") from None
 
 

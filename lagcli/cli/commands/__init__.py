@@ -1,9 +1,9 @@
-"""The commands, a file each: its options, and what it hands them to.
+"""The commands, a file each: its options, what is refused about them, and how its answer is told.
 
 In: options
-Out: calls of the functions that carry the commands out
+Out: text on streams, files, `exits.Exit`
 
-A new command NAME is a file `NAME_options.py` with a function NAME, and a line here.
+A new command NAME is a file `NAME_command.py` with a function NAME, and a line here.
 """
 
 COMMANDS = {

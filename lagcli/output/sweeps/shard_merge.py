@@ -8,16 +8,15 @@ import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-from lagcli.output.files import formats, write_guard
+from lagcli.output.files import write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.sweeps import sweep_table
 from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
 from lagcli.output.sweeps.sweep_request import SweepRequest
 from lagcli.output.sweeps.sweep_table import PointRow, SweepTable
-from lagcli.output.tables import read_table, table_format
+from lagcli.output.tables import read_table
 
 MOST_LISTED = 5  # points that are named one by one
-UNREADABLE = (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable)
 
 
 class BadShards(ValueError):
@@ -41,7 +40,7 @@ def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
         raise BadRequest(f"--merge: there is no file {error.filename}") from None
     except OSError as error:
         raise BadRequest(f"--merge: cannot read {error.filename}: {error.strerror}") from None
-    except (*UNREADABLE, BadShards) as error:
+    except (*read_table.UNREADABLE, BadShards) as error:
         raise BadRequest(f"--merge: {error}") from None
     with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
         target = request.target

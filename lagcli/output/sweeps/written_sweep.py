@@ -186,7 +186,7 @@ def _finished_rows(path: Path, planned: PlannedRows, digest: str) -> list[PointR
         if not _is_silent(path, planned) and not _is_same(table, planned):
             return None
         finished = sweep_table.rows(path, table, len(planned.names))
-    except (formats.UnknownFormat, table_format.MissingExtra, table_format.UnreadableTable):
+    except read_table.UNREADABLE:
         return None  # whatever it is, it is replaced as any file is
     if [row.number for row in finished] != list(planned.numbers):
         return None

@@ -11,11 +11,14 @@ from pathlib import Path
 
 from lagcli.output.files import formats
 from lagcli.output.tables import table_format
-from lagcli.output.tables.table_format import CheckSize, Floats
+from lagcli.output.tables.table_format import CheckSize, Floats, MissingExtra
 from lagcli.output.tables.table_format import ReadTable as ReadTable
 from lagcli.output.tables.table_format import UnreadableTable as UnreadableTable
 
 MOST_NUMBERS = 5_000_000  # of the columns that are read: an audit of as many holds 2 GB (400 bytes a number)
+
+# What is raised for a file that is no table to be read here, but for OSError.
+UNREADABLE = (formats.UnknownFormat, MissingExtra, UnreadableTable)
 
 
 def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:

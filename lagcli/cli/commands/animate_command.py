@@ -1,0 +1,241 @@
+"""`lagcli animate`: the page or the film of a run."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, TypedDict
+
+import typer
+
+from lagcli.cli.commands import completing, model_reading
+from lagcli.cli.commands.options import (
+    AssembleOption,
+    DebugOption,
+    FromOption,
+    OutputStepOption,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
+from lagcli.cli.terminal import exits
+from lagcli.model import settings
+from lagcli.output.files import atomic_file, file_requests, formats, write_guard
+
+if TYPE_CHECKING:
+    from lagcli.output.animation.scene import Scene
+    from lagcli.output.trajectory import SimulationStopped
+
+
+@exits.command
+def animate(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL|FILE",
+            help="a model, which is simulated, or a table of a run",
+            autocompletion=completing.run_files,
+        ),
+    ],
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FILE", help="page: .html; film: .gif, .mp4; - for stdout"),
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="of a table: for masses, forces, rods and surfaces",
+            autocompletion=completing.model_files,
+        ),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    output_step: OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    max_step: Annotated[float | None, typer.Option("--max-step", help="no step is longer")] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    assemble: AssembleOption = False,
+    begin: FromOption = None,
+    changes: SetOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write the motion as one page that needs nothing else: particles, rods, surfaces, R and F, lambda beside it.
+
+    The page on standard output without -o. A model is simulated with its own settings. Exit 3 where the run stops
+    before its end: the page of what there is stands in FILE.partial, and FILE is as it was.
+    """
+    given: AnimatedRun = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None, "begin": begin,
+    }  # fmt: skip
+    options = AnimateOptions(source, output, model, tuple(changes or ()), quiet, verbose)
+    options.require(given)
+    carry_out(options, given)
+
+
+class AnimatedRun(TypedDict):
+    """The settings of the run, None where the file's stays."""
+
+    duration: float | None
+    output_step: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    method: str | None
+    assemble: bool | None
+    begin: str | None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class AnimateOptions:
+    """Options of `animate` besides the settings of the run; source: MODEL or FILE."""
+
+    source: str
+    output: str | None
+    model: str | None
+    changes: tuple[str, ...]
+    quiet: bool
+    verbose: bool
+
+    @property
+    def is_table(self) -> bool:
+        """True if the source is a table by its ending."""
+        return pathlib.Path(self.source).suffix.lower().removeprefix(".") in formats.TABLES
+
+    @property
+    def file(self) -> str | None:
+        """The file that is written; None for standard output."""
+        return None if self.output in (None, "-") else self.output
+
+    def require(self, given: AnimatedRun) -> None:
+        """Refuse what cannot be done. Raises `exits.UsageError`, `write_guard.WriteError`."""
+        if not self.is_table and self.model is not None:
+            raise exits.UsageError(f"--model is of a table, and {self.source} is a model")
+        if self.is_table:
+            own = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
+            if own:
+                option = own[0].replace("--begin", "--from")
+                raise exits.UsageError(f"{option} is of a run, and {self.source} is the table of one")
+            if self.changes and self.model is None:
+                raise exits.UsageError("--set is of a model; give that of the table with --model")
+        model_reading.require_models([self.source, *([self.model] if self.model else [])])
+        file_requests.require_endings((self.file, formats.ANIMATIONS))
+        if self.file is None and sys.stdout.isatty():
+            raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
+        if self.file is not None:
+            known = [
+                *file_requests.model_file(self.source),
+                *(file_requests.model_file(self.model) if self.model else ()),
+            ]
+            file_requests.require_writable(
+                known, [file_requests.File("--output", self.file, is_written=True)]
+            )
+
+
+def carry_out(options: AnimateOptions, given: AnimatedRun) -> None:
+    """Make the scene and write it. Raises `exits.Exit` with 3 where the run stopped before its end."""
+    from lagcli.output.animation.point_tracks import NothingToShow
+
+    write = writer(options.file)
+    stopped: SimulationStopped | None = None
+    try:
+        if options.is_table:
+            scene = _of_table(options)
+        else:
+            scene, stopped = _of_model(options, given)
+    except NothingToShow as error:
+        raise exits.UsageError(str(error)) from None
+    target = pathlib.Path(options.file) if options.file is not None else None
+    if stopped is not None and target is not None:
+        target = atomic_file.partial_of(target)
+    write(target, scene)
+    if not options.quiet:
+        print_report(target, scene)
+    if stopped is not None:
+        if target is not None:
+            exits.print_err(f"lagcli: what there is of the run is in {target}")
+        exits.print_err(f"lagcli: {stopped}")
+        raise exits.Exit(exits.STOPPED)
+
+
+def print_report(target: pathlib.Path | None, scene: Scene) -> None:
+    """The account of what was written."""
+    exits.print_err_all(f"note: {note}" for note in scene.notes)
+    if target is not None:
+        size = os.path.getsize(target)
+        exits.print_err(f"done: {target}, {size / 1e6:.2f} MB, {len(scene.t)} instants")
+
+
+def writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
+    """The function that writes a scene, by the ending; it is known before any work whether a film can be written.
+    Raises `exits.UsageError`."""
+    fmt = formats.of(pathlib.Path(file), formats.ANIMATIONS) if file is not None else "html"
+    if fmt == "html":
+        return _write_page
+    # matplotlib takes a third of a second to load: only where a film is asked for.
+    from lagcli.output.animation import film
+
+    try:
+        film.require(fmt)
+    except film.NoFilmWriter as error:
+        raise exits.UsageError(f"--output {file}: {error}") from None
+
+    def write_film(path: pathlib.Path | None, scene: Scene) -> None:
+        assert path is not None
+        with write_guard.drawing(str(path)):
+            film.write(path, scene, fmt)
+
+    return write_film
+
+
+def _write_page(path: pathlib.Path | None, scene: Scene) -> None:
+    from lagcli.output.animation import page
+
+    if path is None:
+        sys.stdout.write(page.text(scene))
+        return
+    with write_guard.writing(str(path)):
+        page.write(path, scene)
+
+
+def _of_table(options: AnimateOptions) -> Scene:
+    from lagcli.api import animate as animating
+    from lagcli.output.tables import read_table
+
+    model = model_reading.load(options.model, list(options.changes)) if options.model is not None else None
+    try:
+        return animating.of_file(options.source, model)
+    except read_table.UNREADABLE as error:
+        raise exits.UsageError(str(error)) from None
+    except OSError as error:
+        raise exits.UsageError(f"cannot read {options.source}: {error.strerror or error}") from None
+
+
+def _of_model(options: AnimateOptions, given: AnimatedRun) -> tuple[Scene, SimulationStopped | None]:
+    from lagcli.api import animate as animating
+    from lagcli.api.runs import run_settings, start_row
+    from lagcli.output.trajectory import SimulationStopped
+
+    model = model_reading.load(options.source, list(options.changes))
+    if options.verbose:
+        exits.print_err_all(warning.render() for warning in model.warnings)
+    if given["begin"] is not None:
+        model = start_row.of_option(model, given["begin"])
+    settings = {key: value for key, value in given.items() if key != "begin"}
+    try:
+        run_settings.chosen(model, settings)
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+    try:
+        return animating.of_model(model, settings), None
+    except SimulationStopped as stop:
+        return animating.of_run(model, dict(stop.trajectory)), stop

@@ -1,0 +1,158 @@
+"""`lagcli compare`: formulations side by side, with the digits to which they agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.terminal import console, exits
+from lagcli.output.files import file_requests, json_text
+
+if TYPE_CHECKING:
+    from lagcli.formulations.comparison import Comparison
+    from lagcli.model.model import Model
+
+OtherArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[OTHER]",
+        help="a second model, compared on shared columns",
+        autocompletion=completing.model_files,
+    ),
+]
+MuOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mu",
+        metavar="NAME=VALUE",
+        help="initial μ of a differential row (0); repeatable",
+        autocompletion=completing.multipliers,
+    ),
+]
+ComparedOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PATTERNS",
+        help="columns to compare, such as 'a.*,R.*'",
+        autocompletion=completing.columns,
+    ),
+]
+
+
+COLOURS = {"stopped": "red"}
+
+
+@exits.command
+def compare(
+    model: options.ModelArgument,
+    other: OtherArgument = None,
+    duration: options.RunsDurationOption = None,
+    output_step: options.OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
+    rtol: options.RunsRtolOption = None,
+    atol: options.RunsAtolOption = None,
+    max_step: options.RunsMaxStepOption = None,
+    assemble: options.AssembleOption = False,
+    columns: ComparedOption = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="largest difference that passes, as a part of the largest value (1e-8)"),
+    ] = None,
+    vakonomic: Annotated[
+        bool, typer.Option("--vakonomic", help="also the motion of the other principle, with multipliers μ")
+    ] = False,
+    mu: MuOption = None,
+    output: Annotated[
+        str | None,
+        typer.Option("-o", "--output", metavar="FILE", help="table of the vakonomic motion; - for stdout"),
+    ] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of the two motions: png, svg, pdf")
+    ] = None,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Run a model in every formulation that fits, or two models, and show to how many digits they agree.
+
+    Newton with multipliers, Lagrange with multipliers, reduced by the null space; with --vakonomic also the motion that
+    makes the action stationary among those that satisfy the rows, which in general is another one. Exit 1 where
+    formulations disagree, 3 where a run stops before its end.
+    """
+    paths = [model] if other is None else [model, other]
+    model_reading.require_models(paths)
+    if vakonomic:
+        if other is not None:
+            raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
+        file_requests.require_outputs(model, output, plot, as_json)
+    for option, value in (("--mu", mu), ("--output", output), ("--plot", plot)):
+        if value and not vakonomic:
+            raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
+    read = model_reading.reported(lambda: [model_reading.load(path, changes) for path in paths], as_json)
+    given: dict[str, object] = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "assemble": True if assemble else None, "columns": columns or "*",
+        "tolerance": tolerance, "vakonomic": vakonomic,
+    }  # fmt: skip
+    if verbose:
+        exits.print_err_all(warning.render() for one in read for warning in one.warnings)
+    given["mu"] = _initial_multipliers(mu or ())
+    found = model_reading.reported(lambda: _compared(read, given, (output, plot)), as_json)
+    _print_report(found, output == "-", as_json, quiet)
+
+
+def _initial_multipliers(given: Sequence[str]) -> dict[str, str]:
+    """The values of `--mu NAME=VALUE` by their names. Raises `exits.UsageError`."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not name:
+            raise exits.UsageError(
+                f"--mu {text}: write NAME=VALUE, the initial multiplier of a differential row"
+            )
+        if name in found:
+            raise exits.UsageError(f"--mu {name}: given twice")
+        found[name] = value
+    return found
+
+
+def _compared(
+    models: Sequence[Model], given: Mapping[str, object], files: tuple[str | None, str | None]
+) -> Comparison:
+    """The answer, the table and the figure of which are written. Raises `exits.UsageError`."""
+    from lagcli.api import compare_to_files
+
+    try:
+        found, lines = compare_to_files.compare_to_files(models, given, *files)
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+    exits.print_err_all(lines)
+    return found
+
+
+def _print_report(found: Comparison, is_stdout_taken: bool, as_json: bool, quiet: bool) -> None:
+    """Print the answer. Raises `exits.Exit` where formulations disagree or a run stopped."""
+    from lagcli.formulations import comparison_lines
+
+    lines = comparison_lines.of(found)
+    if as_json:
+        print(json_text.text(found.as_json()))
+    elif is_stdout_taken:
+        exits.print_err_all([lines.principles] if lines.principles else [])
+    else:
+        console.table(lines.headers, lines.rows, COLOURS)
+        for sentence in filter(None, (lines.agreement, lines.principles)):
+            print()
+            console.paragraph(sentence, "    ")
+    if not quiet:
+        exits.print_err_all(f"note: {note}" for note in found.notes)
+    if lines.disagreement:
+        exits.print_err(f"lagcli: {lines.disagreement}")
+        raise exits.Exit(exits.INVALID)
+    if lines.is_stopped:
+        raise exits.Exit(exits.STOPPED)

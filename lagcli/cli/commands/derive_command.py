@@ -1,0 +1,130 @@
+"""`lagcli derive`: the equations of motion of a model on standard output."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import sys
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.terminal import exits
+from lagcli.model import settings
+from lagcli.output.files import json_text
+
+if TYPE_CHECKING:
+    from lagcli.derivation import Derivation
+    from lagcli.model.model import Model
+
+
+# Text is at least and at most so wide on a terminal, and WIDTH where there is none.
+NARROW, WIDE, WIDTH = 60, 140, 100
+
+
+DERIVE_FORMATS = ("text", "latex", "markdown", "html", "json")
+
+
+@exits.command
+def derive(
+    model: options.ModelArgument,
+    form: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="text, latex, markdown, html or json")
+    ] = "text",
+    fragment: Annotated[
+        bool,
+        typer.Option("--fragment", help="with --format latex: the equations alone, aligned, for a paper"),
+    ] = False,
+    solve: Annotated[
+        bool, typer.Option("--solve", help="lambda and accelerations in closed form, up to four rows")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="every member of families and every term of sums")
+    ] = False,
+    values: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="parameters to put in as numbers, such as 'm,g'; all",
+            autocompletion=completing.parameters,
+        ),
+    ] = "",
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Print the equations of motion as they are written on paper, each line with its number in the text.
+
+    Constraints, rows, reactions, energies, Newton's and Lagrange's equations, the identity between them verified, and
+    the linear system for lambda.
+    """
+    form = "json" if as_json else form
+    asked = DeriveOptions(form, fragment, solve, everything, values, limit)
+    asked.require()
+    read = model_reading.read(model, changes, form == "json")
+    began = time.perf_counter()
+    page = model_reading.reported(lambda: derived(read, asked), form == "json")
+    write(page, form, fragment)
+    if not quiet:
+        exits.print_err_all(warning.render() for warning in (read.warnings if verbose else ()))
+    if verbose:
+        exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class DeriveOptions:
+    """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `fragment`: its equations alone, `values`: names of
+    parameters to put in as numbers."""
+
+    form: str
+    fragment: bool
+    solve: bool
+    everything: bool
+    values: str
+    limit: float
+
+    def require(self) -> None:
+        """Refuse a format there is not, and a fragment of one that has none."""
+        if self.form not in DERIVE_FORMATS:
+            raise exits.UsageError(f"--format {self.form}: the formats are {', '.join(DERIVE_FORMATS)}")
+        if self.fragment and self.form != "latex":
+            raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
+
+
+def derived(model: Model, options: DeriveOptions) -> Derivation:
+    """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
+    from lagcli.api import derive as deriving
+
+    names = [name.strip() for name in options.values.split(",") if name.strip()]
+    try:
+        return deriving.derive(
+            model, solve=options.solve, everything=options.everything, values=names, limit=options.limit
+        )
+    except ValueError as error:
+        raise exits.UsageError(f"--values: {error}") from None
+
+
+def write(page: Derivation, chosen: str, fragment: bool) -> None:
+    """Print it."""
+    match chosen:
+        case "latex":
+            print(page.latex(fragment))
+        case "markdown":
+            print(page.markdown())
+        case "html":
+            print(page.html())
+        case "json":
+            print(json_text.text(page.as_json()))
+        case _:
+            print(page.text(_width()))
+
+
+def _width() -> int:
+    if not sys.stdout.isatty():
+        return WIDTH
+    return min(WIDE, max(NARROW, shutil.get_terminal_size().columns - 1))

@@ -1,0 +1,192 @@
+"""`lagcli displacements`: what may move, and what forces between particles do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli.commands import model_reading, options
+from lagcli.cli.terminal import console, exits
+from lagcli.errors import diagnostics
+from lagcli.output.files import json_text
+
+if TYPE_CHECKING:
+    from lagcli.analysis.displacement_set import Components, Displacements
+    from lagcli.analysis.internal_forces import Internal
+    from lagcli.model.model import Model
+
+
+MOST_COLUMNS, MOST_LINES = 8, 40  # of a basis, as fit a terminal; and its lines
+METRICS = {
+    "mass": "orthonormal in the mass metric, dq M dq = 1",
+    "plain": "orthonormal with all coordinates weighed the same, as some have no inertia of their own",
+}
+
+
+@exits.command
+def displacements(
+    model: options.ModelArgument,
+    at: Annotated[
+        float | None, typer.Option(metavar="T", help="the time to run to; by default the start")
+    ] = None,
+    assemble: options.AssembleOption = False,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Print bases of the allowed and virtual displacements, the dependent and independent components, and whether the
+    forces between particles act along lines.
+
+    Exit 3 where the motion stops before T.
+    """
+    read = model_reading.read(model, changes, as_json)
+    model_reading.reported(lambda: carry_out(read, at, assemble, as_json, quiet), as_json)
+
+
+def carry_out(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bool) -> None:
+    """Run to the time and print the displacements. Raises `exits.UsageError`, `exits.Exit` where the motion does not
+    get there."""
+    from lagcli.api import find_displacements
+    from lagcli.output.trajectory import SimulationStopped
+
+    try:
+        found = find_displacements.displacements(model, at, assemble=True if assemble else None)
+    except ValueError as error:
+        raise exits.UsageError(f"--{error}" if str(error).startswith("at: ") else str(error)) from None
+    except SimulationStopped as stop:
+        exits.print_err(f"lagcli: {stop}")
+        raise exits.Exit(exits.STOPPED) from None
+    if as_json:
+        print(json_text.text(found.as_json()))
+    else:
+        _print_report(found)
+    if quiet:
+        return
+    exits.print_err_all(found.assembled.lines(model.units) if found.assembled else ())
+    exits.print_err_all(f"note: {note}; displacements do not depend on velocities" for note in found.notes)
+    if not found.bases.is_certain:
+        exits.print_err("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
+
+
+def _print_report(found: Displacements) -> None:
+    bases, parts = found.bases, found.components
+    n = len(parts.names)
+    label = "3N" if n == 3 * len(found.particles) else "n"
+    console.paragraph(
+        f"t = {found.t:.9g}: {_number(n, 'coordinate')}, {_number(bases.rows, 'row')} of rank {bases.rank};"
+        f" {label} - rank = {n} - {bases.rank} = {_number(bases.dimension, 'virtual displacement')}",
+        "    ",
+    )
+    print()
+    _table(found)
+    print()
+    console.paragraph(
+        f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
+    )
+    shortest = "the shortest in that metric; adding virtual ones gives all allowed displacements (D.6)"
+    moving = f"allowed: a displacement over dt = 1, {shortest}"
+    at_rest = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
+    console.paragraph(moving if bases.allowed.any() or found.allowed_r.any() else at_rest, "    ")
+    console.paragraph(
+        f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
+        "    ",
+    )
+    if bases.dimension > MOST_COLUMNS:
+        console.paragraph(f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    ")
+    print()
+    _components(parts)
+    print()
+    _internal(found.internal)
+
+
+def _table(found: Displacements) -> None:
+    """Displacements of the coordinates, and of particles that have none of their own."""
+    bases, names = found.bases, found.components.names
+    shown = min(bases.dimension, MOST_COLUMNS)
+    rows = [
+        [names[i], *(_entry(x) for x in (*bases.virtual[i, :shown], bases.allowed[i]))]
+        for i in range(len(names))
+    ]
+    own = {name.rpartition(".")[0] for name in names}
+    for k, particle in enumerate(found.particles):
+        if particle not in own:
+            for j, axis in enumerate("xyz"):
+                values = (*found.virtual_r[k, j, :shown], found.allowed_r[k, j])
+                rows.append([f"{particle}.{axis}", *(_entry(x) for x in values)])
+    console.table(["", *(f"δ{i}" for i in range(1, shown + 1)), "allowed"], rows, {})
+
+
+def _components(parts: Components) -> None:
+    """The independent components, and the others by them."""
+    for label, indices in (("independent", parts.independent), ("dependent", parts.dependent)):
+        names = [_component(parts, i) for i in indices[:MOST_LINES]]
+        more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
+        console.paragraph(diagnostics.printable(f"{label}: {', '.join(names) or 'none'}{more}"), "    ")
+    for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
+        terms = [
+            (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
+        ]
+        line = f"    d{parts.names[index]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
+        console.paragraph(diagnostics.printable(line), "        ")
+
+
+def _component(parts: Components, index: int) -> str:
+    """`x_3 = a.z`, or the name of a generalized coordinate."""
+    number = parts.numbers[index]
+    return parts.names[index] if number is None else f"x_{number} = {parts.names[index]}"
+
+
+def _sum(terms: list[tuple[float, str]]) -> str:
+    text = ""
+    for value, name in terms:
+        if value:
+            sign = (" - " if value < 0 else " + ") if text else ("-" if value < 0 else "")
+            size = f"{abs(value):.6g} "
+            text += f"{sign}{'' if size == '1 ' else size}{name}"
+    return text or "0"
+
+
+def _internal(found: tuple[Internal, ...]) -> None:
+    """The forces between particles."""
+    if not found:
+        print("no forces between particles are declared")
+        return
+    rows = [
+        [
+            ", ".join(one.laws),
+            ", ".join(one.particles),
+            f"{one.force / 2 if one.is_pair else one.force:.6g}",
+            f"{one.unbalanced:.1e}",
+            f"{one.off_line:.1e}",
+            _verdict(one),
+        ]
+        for one in found[:MOST_LINES]
+    ]
+    headers = ["internal force", "between", "size", "F_ij + F_ji", "off the line", "verdict"]
+    console.table(headers, rows, {})
+    if len(found) > MOST_LINES:
+        print(f"{len(found) - MOST_LINES} more are given with --json")
+    if any(not one.is_central for one in found):
+        print()
+        console.paragraph(
+            "forces that are not central do virtual work on a rigid body: the limit of stiff springs does not"
+            " apply to them",
+            "    ",
+        )
+
+
+def _verdict(one: Internal) -> str:
+    if one.is_pair:
+        return "central" if one.is_central else "not central"
+    return "of several; balanced" if one.is_central else "of several; not balanced"
+
+
+def _entry(value: float) -> str:
+    return "0" if abs(value) < 1e-14 else f"{value:.6g}"
+
+
+def _number(count: int, thing: str) -> str:
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

@@ -1,0 +1,57 @@
+"""`lagcli dof`: the number of degrees of freedom."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli.commands import model_reading, options
+from lagcli.cli.terminal import exits
+from lagcli.model import settings
+from lagcli.output.files import json_text
+
+if TYPE_CHECKING:
+    from lagcli.analysis.dof import DofCount
+
+
+@exits.command
+def dof(
+    model: options.ModelArgument,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    explain: Annotated[bool, typer.Option("--explain", help="show the count line by line")] = False,
+    limit: options.LimitOption = settings.LIMIT,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Print the number of degrees of freedom, 3N - s (n - s with generalized coordinates).
+
+    Exit 4 and nothing on standard output where it is not decided.
+    """
+    from lagcli.api import count_dof
+
+    read = model_reading.read(model, changes, as_json)
+    counted = model_reading.reported(lambda: count_dof.dof(read, limit=limit), as_json)
+    if as_json:
+        print(json_text.text(counted.as_json()))
+    elif explain:
+        print("\n".join(_lines(counted)))
+    elif counted.configuration_dof is not None:
+        print(counted.configuration_dof)
+    if not quiet and not explain:
+        exits.print_err_all(f"note: {note}" for note in counted.notes)
+    if verbose:
+        exits.print_err_all(warning.render() for warning in read.warnings)
+        exits.print_err_all(() if explain else _lines(counted))
+    if counted.configuration_dof is None:
+        low, high = counted.bounds
+        exits.print_err(f"lagcli: undecided, between {low} and {high}: {counted.reason}")
+        raise exits.Exit(exits.UNDECIDED)
+
+
+def _lines(counted: DofCount) -> list[str]:
+    from lagcli.analysis import check_lines  # here, as a number alone needs none of them
+
+    return check_lines.count(counted)

@@ -1,0 +1,49 @@
+"""`lagcli explain`: what a code or an equation means."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.commands import completing, options
+from lagcli.cli.terminal import console, exits
+from lagcli.errors import diagnostics
+
+
+@exits.command
+def explain(
+    code: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="CODE", help="the word in brackets of a message, or D.24", autocompletion=completing.codes
+        ),
+    ] = None,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
+    from lagcli.errors import catalogue, equation_list
+
+    if code is None:
+        print("\n".join(catalogue.lines(console.width() if sys.stdout.isatty() else None)))
+        if not quiet:
+            exits.print_err("`lagcli explain CODE` explains one at length, `lagcli explain D.24` an equation")
+        return
+    try:
+        equation = equation_list.line(code)
+    except ValueError:
+        raise exits.UsageError(f"the equations are D.1 to D.{equation_list.LAST}") from None
+    if equation is not None:
+        print(textwrap.fill(equation, 80), textwrap.fill(equation_list.TEXT, 80), sep="\n\n")
+        return
+    page = catalogue.page(code)
+    if page is None:
+        hint = (
+            diagnostics.nearest(code, catalogue.codes())
+            or "`lagcli explain` lists all codes with their meaning"
+        )
+        raise exits.UsageError(f"unknown error code `{code}`; {hint}")
+    print(catalogue.render(page))

@@ -1,0 +1,156 @@
+"""`lagcli report`: the page of a model in a file or on standard output."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+from typing import TYPE_CHECKING, Annotated, TypedDict
+
+import typer
+
+from lagcli.cli.commands import model_reading
+from lagcli.cli.commands.options import (
+    AssembleOption,
+    DebugOption,
+    LimitOption,
+    ModelArgument,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+)
+from lagcli.cli.terminal import exits
+from lagcli.model import settings
+from lagcli.output.files import file_requests, write_guard
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+
+
+@exits.command
+def report(
+    model: ModelArgument,
+    output: Annotated[
+        str,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="the page: .html, .md, .pdf; - for HTML on stdout"
+        ),
+    ] = "-",
+    title: Annotated[str | None, typer.Option(help="title of the page; by default the model's")] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows of the run, both ends counted")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
+    max_step: Annotated[float | None, typer.Option("--max-step", help="no step of the run is longer")] = None,
+    assemble: AssembleOption = False,
+    digits: Annotated[
+        bool, typer.Option("--digits", help="how many digits are right, from the run repeated")
+    ] = False,
+    pdf: Annotated[
+        str | None,
+        typer.Option(
+            "--pdf",
+            metavar="MAKER",
+            help="what makes a .pdf: browser or latex; by default a browser, or else latex",
+            autocompletion=lambda: ["browser", "latex"],
+        ),
+    ] = None,
+    limit: LimitOption = settings.LIMIT,
+    changes: SetOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write one page about a model: verdicts with proofs, count, equations, motion, audit, provenance.
+
+    The page is written where the run stops (exit 3) and where the audit fails (exit 1) too, and says so at its top.
+    """
+    options = ReportOptions(output, title, digits, limit, quiet, pdf)
+    options.require(model)
+    read = model_reading.read(model, changes, False, verbose)
+    given: ReportedRun = {
+        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
+        "assemble": True if assemble else None,
+    }  # fmt: skip
+    carry_out(read, given, options)
+
+
+class ReportedRun(TypedDict):
+    """The settings of the run, None where the file's stays."""
+
+    duration: float | None
+    samples: int | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ReportOptions:
+    """Options of `report` besides the settings of the run; `output`: a file, or `-` for standard output."""
+
+    output: str
+    title: str | None
+    digits: bool
+    limit: float
+    quiet: bool
+    pdf: str | None = None
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL, before any work."""
+        from lagcli.output.report import pdf_programs, report_page
+
+        model_reading.require_models([model])
+        is_pdf = pathlib.Path(self.output).suffix.lower() == ".pdf"
+        if self.pdf is not None and not is_pdf:
+            raise exits.UsageError(f"--pdf {self.pdf}: the page is no PDF; write -o report.pdf")
+        if self.output == "-":
+            return
+        file_requests.require_endings((self.output, report_page.FORMATS))
+        target = pathlib.Path(self.output)
+        files = [file_requests.File("--output", self.output, is_written=True)]
+        file_requests.require_writable(file_requests.model_file(model), files)
+        if target.suffix.lower() == ".md":
+            folder = report_page.figure_folder(target)
+            if folder.exists() and not folder.is_dir():
+                raise exits.UsageError(
+                    f"--output {self.output}: {folder} is needed for figures, and is no folder"
+                )
+        if is_pdf:
+            try:
+                pdf_programs.require(self.pdf)
+            except pdf_programs.NoPdf as error:
+                raise exits.UsageError(f"--output {self.output}: {error}") from None
+            except ValueError as error:
+                raise exits.UsageError(f"--pdf: {error}") from None
+
+
+def carry_out(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
+    """Write the page. Raises `exits.Exit` with 1 where the audit fails, with 3 where the run stopped before its end."""
+    from lagcli.api import report as reporting
+    from lagcli.output.report import pdf_programs
+
+    try:
+        page = reporting.report(
+            model, title=options.title, digits=options.digits, limit=options.limit, **settings
+        )
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+    if options.output == "-":
+        print(page.html(), end="")
+    else:
+        try:
+            with write_guard.drawing(options.output):
+                files = page.save(options.output, options.pdf)
+        except pdf_programs.NoPdf as error:
+            raise write_guard.WriteError(f"cannot write {options.output}: {error}") from None
+        if not options.quiet:
+            exits.print_err(f"written: {', '.join(map(os.fspath, files))}")
+    if page.stopped is not None:
+        exits.print_err(f"lagcli: {page.stopped}")
+    if not page.passed:
+        exits.print_err("lagcli: the audit fails; the page says which checks")
+        raise exits.Exit(exits.INVALID)
+    if page.stopped is not None:
+        raise exits.Exit(exits.STOPPED)

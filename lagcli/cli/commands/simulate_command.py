@@ -1,0 +1,138 @@
+"""`lagcli simulate`: a run into files, and what is printed of it."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.terminal import console, exits
+from lagcli.model import settings
+
+if TYPE_CHECKING:
+    from lagcli.output.run_account import Stats
+    from lagcli.output.runs.run_request import RunRequest
+    from lagcli.output.runs.written_run import RunEnding, WrittenRun
+
+
+@exits.command
+def simulate(
+    model: options.ModelArgument,
+    output: options.OutputOption = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    output_step: options.OutputStepOption = None,
+    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    max_step: Annotated[
+        float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=" or ".join(settings.METHODS),
+            autocompletion=completing.methods,
+        ),
+    ] = None,
+    assemble: options.AssembleOption = False,
+    columns: options.ColumnsOption = None,
+    events: options.EventsOption = None,
+    event_rows: options.EventRowsOption = False,
+    stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
+    checkpoint: options.CheckpointOption = None,
+    resume: options.ResumeOption = None,
+    begin: options.FromOption = None,
+    digits: options.DigitsOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
+    ] = False,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table.
+
+    CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
+    so far are in FILE.partial, and FILE is as it was.
+    """
+    from lagcli.api import simulate_to_files
+    from lagcli.output.runs import run_request
+
+    asked = run_request.RunRequest(
+        output, plot, stats, columns, as_json, quiet, verbose,
+        checkpoint, resume, limit, digits, events, event_rows,
+    )  # fmt: skip
+    asked.require(model)
+    read = model_reading.read(model, changes, as_json)
+    given = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None,
+    }  # fmt: skip
+    written = model_reading.reported(lambda: simulate_to_files.begin(read, given, asked, begin), as_json)
+    carry_out(written, asked)
+
+
+def carry_out(written: WrittenRun, request: RunRequest) -> None:
+    """Integrate, write files and print messages. Raises `exits.Exit` with 3 where the run stopped before its end."""
+    exits.print_err_all(written.messages)
+    # Rows and a bar on one terminal would overwrite each other.
+    is_silent = request.quiet or (written.is_stdout_taken and sys.stdout.isatty())
+    with console.progress(written.start, written.end, is_silent) as bar:
+        for step in written.steps():
+            if isinstance(step, float):
+                bar.at(step)
+                continue
+            bar.close()
+            if isinstance(step, str):
+                exits.print_err(step)
+            else:
+                _print_end(step, request.quiet)
+
+
+def _print_end(end: RunEnding, quiet: bool) -> None:
+    if not quiet:
+        exits.print_err_all(f"note: {note}" for note in end.notes)
+        _print_account(end)
+    if end.reason:
+        exits.print_err(f"lagcli: {end.reason}")
+        raise exits.Exit(exits.STOPPED)
+
+
+def _print_account(end: RunEnding) -> None:
+    stats, head = end.stats, "stopped" if end.reason else "done"
+    balance = "not known: the power of rows or forces oscillates too often within a step"
+    if stats.energy_imbalance is not None:
+        balance = f"to {stats.energy_imbalance:.1e} of the energy exchanged"
+    exits.print_err(
+        f"{head}: {stats.steps} steps ({stats.rejected} rejected) of {stats.method} in {stats.solve_seconds:.3g} s,"
+        f" {end.tolerance_text};"
+        f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
+        f" energy balance {balance}"
+    )
+    if happened := _incidents(stats):
+        exits.print_err(f"incidents: {happened}")
+    if end.digits:
+        exits.print_err(f"digits: {end.digits}")
+
+
+def _incidents(stats: Stats) -> str:
+    """The incidents that are counted, and the event that ended the run, or nothing."""
+    counted = (
+        (stats.impacts, "impact", "impacts"),
+        (stats.accumulations, "accumulation of impacts", "accumulations of impacts"),
+        (stats.releases, "release", "releases"),
+    )
+    parts = [f"{count} {one if count == 1 else several}" for count, one, several in counted if count]
+    if stats.largest_penetration > 0:
+        parts.append(f"largest penetration {stats.largest_penetration:.1e}")
+    if stats.ended_by is not None and stats.t_end is not None:
+        parts.append(f"ended by the event {stats.ended_by} at t = {stats.t_end:.9g}")
+    return ", ".join(parts)

@@ -1,0 +1,101 @@
+"""The answers of `stationary` and `equilibrium`: a table on the terminal, JSON, a file."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from typing import TYPE_CHECKING
+
+from lagcli.cli.terminal import console, exits
+from lagcli.errors import diagnostics
+from lagcli.output.files import file_requests, json_text, write_guard
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+    from lagcli.statics.static_report import StaticReport
+
+MOST_COLUMNS, MOST_ROWS = 12, 60  # what fits a screen; -o has all
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class PointOptions:
+    """Options of `stationary` and `equilibrium`."""
+
+    output: str | None
+    starts: int
+    seed: int
+    limit: float
+    as_json: bool
+    quiet: bool
+
+    def require(self, model: str) -> None:
+        """Refuse what cannot be done with this MODEL."""
+        file_requests.require_outputs(model, self.output, None, self.as_json)
+
+
+def print_report(model: Model, found: StaticReport, options: PointOptions) -> None:
+    """Write the points where they are asked for. Raises `exits.Exit` with 4 where there are none."""
+    if options.output is not None and found.points:
+        _write(model, found, options)
+    if options.as_json:
+        print(json_text.text(found.as_json()))
+    elif options.output != "-":
+        _print_report(found)
+    if not options.quiet:
+        exits.print_err_all(f"note: {note}" for note in found.notes)
+    if not found.points:
+        best = (
+            ""
+            if found.best_residual is None or found.best_residual == float("inf")
+            else (f"; the least residual met is {found.best_residual:.6g}")
+        )
+        what = "stationary point" if found.called == "value" else "point of rest"
+        exits.print_err(f"lagcli: no {what} was found from {_starts(found)}{best}")
+        raise exits.Exit(exits.UNDECIDED)
+
+
+def _starts(found: StaticReport) -> str:
+    return "1 start" if found.starts == 1 else f"{found.starts} starts"
+
+
+def _write(model: Model, found: StaticReport, options: PointOptions) -> None:
+    from lagcli.output.tables import provenance, sinks
+
+    assert options.output is not None
+    numbers, types = found.table()
+    target = sys.stdout.buffer if options.output == "-" else options.output
+    name = "standard output" if options.output == "-" else options.output
+    whence = provenance.of(model).as_json()
+    with (
+        write_guard.writing(name),
+        sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
+    ):
+        sink.write(numbers, [types])
+
+
+def _print_report(found: StaticReport) -> None:
+    if not found.points:
+        return
+    first = found.points[0]
+    names = [*first.at, *(f"lambda.{name}" for name in first.multipliers)]
+    shown = names[:MOST_COLUMNS]
+    rows = []
+    for number, point in enumerate(found.points[:MOST_ROWS]):
+        values = [*point.at.values(), *point.multipliers.values()][: len(shown)]
+        kind = point.type or "-"
+        if point.dimension:
+            kind += f", continuum of dimension {point.dimension}"
+        index = "-" if point.index is None else str(point.index)
+        value = "-" if point.value is None else _entry(point.value)
+        rows.append([str(number), value, kind, index, *map(_entry, values), f"{point.residual:.1e}"])
+    console.table(["", found.called, "type", "index", *shown, "residual"], rows, {})
+    hidden = len(names) - len(shown)
+    if hidden or len(found.points) > MOST_ROWS:
+        console.paragraph("more columns and rows are given with --json and -o FILE", "    ")
+    count = "1 point" if len(found.points) == 1 else f"{len(found.points)} points"
+    proved = "; it is proved that there are no others" if found.complete else "; there may be others"
+    console.paragraph(diagnostics.printable(f"{count} from {_starts(found)}{proved}"), "    ")
+
+
+def _entry(value: float) -> str:
+    return "0" if abs(value) < 1e-14 else f"{value:.9g}"

@@ -1,0 +1,166 @@
+"""`lagcli sweep`: many runs of one model, a row each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.terminal import console, exits
+from lagcli.model import settings
+from lagcli.output.files import json_text
+
+if TYPE_CHECKING:
+    from lagcli.output.sweeps.sweep_account import SweepEnding
+    from lagcli.output.sweeps.written_sweep import SweepStep
+
+
+ModelsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="MODEL",
+        help="model file; - for standard input; with --merge the files",
+        autocompletion=completing.model_files,
+    ),
+]
+OverOption = Annotated[
+    list[str] | None,
+    typer.Option("--over", metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"),
+]
+PointsOption = Annotated[
+    str | None,
+    typer.Option("--points", metavar="FILE", help="a table, a point a row; - for standard input, CSV"),
+]
+UncertainOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--uncertain", metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"
+    ),
+]
+DrawsOption = Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")]
+SamplingOption = Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")]
+ReduceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--reduce", metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"
+    ),
+]
+OutputOption = Annotated[
+    str | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="a table, FOLDER/ for a Parquet dataset; - for stdout"
+    ),
+]
+TablesOption = Annotated[
+    str | None,
+    typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
+]
+JobsOption = Annotated[int, typer.Option(min=1, help="processes of this machine")]
+SchedulerOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
+]
+ShardOption = Annotated[str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")]
+MergeOption = Annotated[
+    bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
+]
+LimitEachOption = Annotated[
+    float | None,
+    typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
+]
+YesOption = Annotated[bool, typer.Option("--yes", help="also for more than ten million points")]
+SamplesOption = Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")]
+MethodOption = Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))]
+
+
+@exits.command
+def sweep(
+    models: ModelsArgument,
+    over: OverOption = None,
+    points: PointsOption = None,
+    uncertain: UncertainOption = None,
+    draws: DrawsOption = 1024,
+    seed: options.SeedOption = 0,
+    sampling: SamplingOption = "sobol",
+    reduce: ReduceOption = None,
+    output: OutputOption = None,
+    tables: TablesOption = None,
+    jobs: JobsOption = 1,
+    scheduler: SchedulerOption = None,
+    shard: ShardOption = None,
+    merge: MergeOption = False,
+    resume: ResumeOption = False,
+    limit_each: LimitEachOption = None,
+    yes: YesOption = False,
+    duration: options.RunsDurationOption = None,
+    output_step: options.OutputStepOption = None,
+    samples: SamplesOption = None,
+    rtol: options.RunsRtolOption = None,
+    atol: options.RunsAtolOption = None,
+    max_step: options.RunsMaxStepOption = None,
+    method: MethodOption = None,
+    assemble: options.AssembleOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
+    as_json: options.JsonOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
+) -> None:
+    """Run a model at many points and write a row for each: the point, what is kept of the run, how it ended.
+
+    The points are a grid (--over), a table (--points), draws (--uncertain), or every one of the former with every
+    draw. Each row is that of `simulate --set`, to the last bit, whatever computes it. Exit 1 where a point is invalid,
+    else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
+    """
+    from lagcli.api import sweep_to_files
+    from lagcli.output.sweeps import shard_merge, sweep_request
+
+    request = sweep_request.SweepRequest(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
+    if merge:
+        asked = (over, points, uncertain, reduce, tables, shard, scheduler, changes)
+        if any(asked) or resume:
+            raise exits.UsageError("--merge puts tables together that are there: it goes with -o FILE alone")
+        _end(shard_merge.write(models, request), quiet)
+    if len(models) > 1:
+        raise exits.UsageError(
+            "a sweep is of one MODEL; with --merge the arguments are the tables of its shards"
+        )
+    request.require(models[0], points)
+    given = {
+        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
+        "max_step": max_step, "method": method, "assemble": True if assemble else None,
+    }  # fmt: skip
+    computed = sweep_to_files.AskedSweep(
+        tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes,
+        tuple(reduce or ()), given, limit, limit_each,
+    )  # fmt: skip
+    read = model_reading.read(models[0], changes, as_json)
+    steps = sweep_to_files.steps(read, computed, request)
+    _end(model_reading.reported(lambda: _followed(steps, quiet), as_json), quiet)
+
+
+def _followed(steps: Iterator[SweepStep], quiet: bool) -> SweepEnding:
+    """The ending of a sweep that is carried out, with a bar on the terminal."""
+    ending: SweepEnding | None = None
+    with console.progress(0.0, 1.0, quiet) as bar:
+        for step in steps:
+            if isinstance(step, float):
+                bar.at(step)
+            elif isinstance(step, str):
+                exits.print_err(step)
+            else:
+                ending = step
+    assert ending is not None
+    return ending
+
+
+def _end(ending: SweepEnding, quiet: bool) -> NoReturn:
+    """Tell the ending. Raises `exits.Exit` with 1 or 3 where a point is not done."""
+    if ending.account is not None:
+        print(json_text.text(ending.account))
+    exits.print_err_all(() if quiet else ending.told)
+    raise exits.Exit(ending.code)
