@@ -41,7 +41,8 @@ class PolynomialParameters:
     """Terms of a numerator or denominator: a basis of larger ones takes minutes.
     At 40 and 4000 `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails."""
     most_degree: int = 14
-    """Their total degree. At 1 and at 140 that test fails too."""
+    """Their total degree. At 1 and at 140
+    `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails too."""
     most_turns: int = 6
     """Whole multiples of an angle, each of which raises the degree.
     At 1 and at 60 `test_six_turns_of_an_angle_are_a_polynomial_and_seven_are_not` fails."""

@@ -29,42 +29,61 @@ Numbers = npt.NDArray[np.int64]
 
 
 class WitnessSearchParameters:
-    """The order of the search and its ends."""
+    """The order of the search and its ends.
+
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
+    """
 
     __slots__ = ()
 
     usual: tuple[float, ...] = (1.0, 0.5, 0.2, 0.1)
-    """Sizes of loops, in the order in which they are tried."""
+    """Sizes of loops, in the order in which they are tried.
+    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones` fails at a tenth and at ten times of it."""
     far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
-    """Sizes that come last, with round lengths alone: few systems need them."""
+    """Sizes that come last, with round lengths alone: few systems need them.
+    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones` fails at a tenth and at ten times of it."""
     shifts: int = 4
-    """Configurations tried, the start first."""
+    """Configurations tried, the start first.
+    `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside` fails at 0 and 40."""
     bends: int = 3
-    """Bent configurations tried between the start and the configurations beside it."""
+    """Bent configurations tried between the start and the configurations beside it.
+    `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside` fails at 0 and 30."""
     bent: float = 0.5
-    """The angle by which holonomic rows are turned in them, rad."""
+    """The angle by which holonomic rows are turned in them, rad.
+    `test_holonomic_rows_are_turned_by_half_a_radian` fails at 0.05 and 5."""
     drawn: float = 0.7
-    """The part that is left of the distances of particles from those of the row."""
+    """The part that is left of the distances of particles from those of the row.
+    `test_particles_are_drawn_together_to_seven_tenths` fails at 0.07 and 7."""
     nudge: float = 1e-6
-    """Of a difference quotient, in the units of the model."""
+    """Of a difference quotient, in the units of the model. `test_the_turn_of_rows_is_seen_over_a_millionth`
+    fails at 1e-7 and 1e-5."""
     together: int = 2
-    """Parts among which the simplest witness is looked for."""
+    """Parts among which the simplest witness is looked for.
+    `test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time` fails at 0 and 20."""
     movable: int = 3
-    """Coordinates that are tried as the one that moves."""
+    """Coordinates that are tried as the one that moves.
+    `test_three_coordinates_are_tried_as_the_one_that_moves` fails at 0 and 30."""
     choices: int = 4
-    """Choices of led coordinates tried for one goal."""
+    """Choices of led coordinates tried for one goal. `test_four_choices_of_led_coordinates_are_tried` fails
+    at 0 and 40."""
     combinations: int = 200
-    """Sets of coordinates up to which all are tried."""
+    """Sets of coordinates up to which all are tried.
+    `test_up_to_two_hundred_sets_of_coordinates_all_are_tried` fails at 20 and 2000."""
     many: int = 1
-    """Conditions up to which all words of round lengths are tried."""
+    """Conditions up to which all words of round lengths are tried.
+    `test_of_one_condition_two_goals_are_tried_and_of_more_one` fails at 0 and 10."""
     segments: tuple[int, ...] = (4, 6)
-    """Pieces of a loop of any shape."""
+    """Pieces of a loop of any shape. `test_a_loop_of_any_shape_has_four_pieces_or_six` fails at a tenth and
+    at ten times of it."""
     pole: float = 1e6
-    """The condition of the led coordinates from which on they have a pole."""
+    """The condition of the led coordinates from which on they have a pole.
+    `test_led_coordinates_have_a_pole_from_a_condition_of_a_million` fails at 100000 and 1e7."""
     least_row: float = 1e-6
-    """Rows of length one that are nearer to those before them depend on them."""
+    """Rows of length one that are nearer to those before them depend on them.
+    `test_rows_of_which_a_millionth_is_left_depend_on_others` fails at 1e-7 and 1e-5."""
     least_pivot: float = 1e-9
-    """Columns that are nearer to those before them are not solved for."""
+    """Columns that are nearer to those before them are not solved for.
+    `test_a_column_of_nine_digits_less_is_not_solved_for` fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = WitnessSearchParameters()

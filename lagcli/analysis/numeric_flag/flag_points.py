@@ -35,44 +35,56 @@ Field = Callable[[Floats], Floats | None]
 class FlowParameters:
     """Flows along the fields of the rows; parts are of the sizes of the coordinates.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
     """
 
     __slots__ = ()
 
     step: float = 0.1
-    """The reach of one flow."""
+    """The reach of one flow. `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`
+    fails at 0.01 and 1."""
     later: float = 0.01
-    """Its length in time, as a part of the duration."""
+    """Its length in time, as a part of the duration.
+    `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration` fails at 0.001 and
+    0.1."""
     shorter: int = 8
-    """The times it is shortened."""
+    """The times it is shortened. `test_a_flow_is_made_shorter_eight_times_by_four` fails at 0 and 80."""
     factor: int = 4
-    """By which factor."""
+    """By which factor. `test_a_flow_is_made_shorter_eight_times_by_four` fails at 0 and 40."""
     few: int = 3
-    """If the first so many extrapolations differ by more than `hopeless`, the others would not come down to it."""
+    """If the first so many extrapolations differ by more than `hopeless`, the others would not come down to
+    it. `test_a_flow_that_is_off_after_three_extrapolations_is_left` fails at 0 and 30."""
     hopeless: float = 1e-3
-    """That difference, as a part of the step."""
+    """That difference, as a part of the step. `test_a_flow_that_is_off_after_three_extrapolations_is_left`
+    fails at 0.0001 and 0.01."""
     substeps: tuple[int, ...] = (2, 4, 6, 8, 10, 12, 14, 16)
-    """Substeps of the midpoint rule that are extrapolated."""
+    """Substeps of the midpoint rule that are extrapolated.
+    `test_a_flow_is_extrapolated_from_eight_numbers_of_substeps` fails at a tenth and at ten times of it."""
     converged: float = 1e-12
-    """The allowed difference of the last two columns, as a part of the step."""
+    """The allowed difference of the last two columns, as a part of the step.
+    `test_a_flow_has_converged_to_twelve_digits` fails at 1e-13 and 1e-11."""
     roughly: float = 1e-5
-    """A flow that has come no closer than this is none."""
+    """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits` fails at
+    1e-6 and 0.0001."""
     steps: int = 10
-    """Newton's steps back to f = 0."""
+    """Newton's steps back to f = 0. `test_they_are_ten_at_most` fails at 1 and 100."""
     contracts: float = 0.9
-    """They must become shorter by this."""
+    """They must become shorter by this. `test_they_become_shorter_by_a_tenth` fails at 0.09 and 9."""
     met: float = 1e-13
-    """And end at rounding, as a part of the size."""
+    """And end at rounding, as a part of the size. `test_they_end_at_thirteen_digits` fails at 1e-14 and
+    1e-12."""
     stalled: float = 1e-9
-    """Or, where they stall, at this."""
+    """Or, where they stall, at this. `test_they_may_stall_at_nine_digits` fails at 1e-10 and 1e-8."""
     flows: int = 2
-    """One after the other, each from the point before; of many rows one, which takes long."""
+    """One after the other, each from the point before; of many rows one, which takes long.
+    `test_two_flows_follow_each_other` fails at 0 and 20."""
     on_kink: float = 1e-9
-    """A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on neither
-    side."""
+    """A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on
+    neither side. `test_a_switch_within_nine_digits_of_zero_stands_on_neither_side` fails at 1e-10 and
+    1e-8."""
     looks: int = 32
-    """Points of a flow at which it is looked at whether it stays on its piece."""
+    """Points of a flow at which it is looked at whether it stays on its piece.
+    `test_a_flow_is_looked_at_in_thirty_two_places` fails at 3 and 320."""
 
 
 PARAMETERS = FlowParameters()

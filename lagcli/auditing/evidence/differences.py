@@ -21,37 +21,49 @@ from lagcli.auditing.evidence.autodiff import Array
 class StencilParameters:
     """Slopes and integrals from the rows of a table, with what they are known to.
 
-    None was moved to see which test fails: that is not known.
+    The tests are of `tests/unit/test_numbers_of_stencils.py`.
     """
 
     __slots__ = ()
 
     widths: tuple[int, ...] = (5, 7, 9, 11, 13)
-    """Rows of a stencil, the narrowest first: wider ones have less truncation and more noise."""
+    """Rows of a stencil, the narrowest first: wider ones have less truncation and more noise.
+    `test_slopes_are_taken_over_five_to_thirteen_rows` fails at a tenth and at ten times of it."""
     reach: int = 4
-    """Rows on either side within which a truncation counts."""
+    """Rows on either side within which a truncation counts. `test_a_truncation_counts_four_rows_around` fails
+    at 0 and 40."""
     gauss: int = 6
-    """Nodes of the quadrature of an interpolant of 12 rows, of which it is exact."""
+    """Nodes of the quadrature of an interpolant of 12 rows, of which it is exact.
+    `test_an_integral_is_exact_for_polynomials_through_twelve_rows` fails at 0 and 60."""
     block: int = 64
-    """Rows at a time."""
+    """Rows at a time. `test_rows_are_combined_sixty_four_at_a_time` fails at 6 and 640."""
     caution: float = 8.0
-    """Times the difference of two stencils: the limit."""
+    """Times the difference of two stencils: the limit.
+    `test_a_difference_that_vanishes_by_chance_counts_by_a_tenth_of_the_one_before` fails at 0.8 and 80."""
     last: float = 0.1
-    """Of the difference before that of two stencils counts: one may vanish by chance."""
+    """Of the difference before that of two stencils counts: one may vanish by chance.
+    `test_a_difference_that_vanishes_by_chance_counts_by_a_tenth_of_the_one_before` fails at 0.01 and 1."""
     one_sided: float = 6.0
-    """Times the limit where they do not stand around the row."""
+    """Times the limit where they do not stand around the row.
+    `test_the_bound_of_a_slope_is_eight_differences_of_two_stencils_and_more_at_ends` fails at 0.6 and 60."""
     converging: float = 0.5
-    """The next stencil must come closer by that factor, or both differences be `smooth`."""
+    """The next stencil must come closer by that factor, or both differences be `smooth`.
+    `test_rows_resolve_what_wider_stencils_come_closer_together_for` fails at 0.05 and 5."""
     smooth: float = 1e-6
-    """That part of the slopes around."""
+    """That part of the slopes around. `test_differences_of_a_millionth_of_the_slopes_are_resolved` fails at
+    1e-7 and 1e-5."""
     rough: int = 8
-    """The order of differences that show a kink."""
+    """The order of differences that show a kink.
+    `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0 and 80."""
     around: int = 6
-    """Rows on either side from which it is felt."""
+    """Rows on either side from which it is felt.
+    `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0 and 60."""
     kinked: float = 0.1
-    """The weight of such differences in a limit."""
+    """The weight of such differences in a limit.
+    `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0.01 and 1."""
     kinked_end: float = 1.5
-    """The same at the ends of the table."""
+    """The same at the ends of the table. `test_a_kink_at_the_end_of_a_table_weighs_more` fails at 0.15 and
+    15."""
 
 
 PARAMETERS = StencilParameters()

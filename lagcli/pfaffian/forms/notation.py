@@ -36,7 +36,10 @@ _CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
 
 
 class NotationParameters:
-    """Bounds on what is read into exact algebra."""
+    """Bounds on what is read into exact algebra.
+
+    The tests are of `tests/unit/test_notation.py`.
+    """
 
     __slots__ = ()
 

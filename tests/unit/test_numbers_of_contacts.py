@@ -1,0 +1,225 @@
+"""The numbers of contacts at an instant and along a step: on either side of each another answer."""
+
+import math
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from lagcli.contact import (
+    complementarity,
+    impact_law,
+    least_distance,
+    load_sharing,
+    zero_bounds,
+    zero_search,
+)
+from lagcli.contact.few_contacts import FewContacts, Response
+from lagcli.contact.impact_law import EnergyCreated, Exchange, TouchingRows
+from lagcli.contact.least_distance import ContradictoryRows
+from lagcli.contact.zero_search import first_crossing
+from lagcli.linear.metric import Metric
+
+EPS = zero_bounds.EPS
+
+# The first crossing along a step
+
+
+def one(g, slope):
+    """Values and slopes of one function."""
+    return lambda x: (np.array([g(x)]), np.array([slope(x)]))
+
+
+def test_the_doubt_of_a_piece_is_four_times_what_it_shows():
+    assert zero_bounds.doubt((0.0, 0.0, 0.0, 0.0), 0.5, (0.25, 0.0), 0.0) == 4 * 0.25
+
+
+@pytest.mark.parametrize(("doubt", "is_told"), [(0.15, True), (0.3, False)])
+def test_a_cubic_is_trusted_to_a_tenth_of_its_range(doubt, is_told):
+    assert zero_bounds.turns_once((1.0, 1 / 3, -1 / 3, -1.0), doubt, True) is is_told
+
+
+def piece(begin, slope, end, end_slope):
+    ends = zero_search._Point(0.0, begin, slope), zero_search._Point(1.0, end, end_slope)
+    return zero_search._Piece(*ends, 0.0)
+
+
+def test_the_doubt_of_a_piece_is_half_of_its_bend_or_more():
+    assert piece(0.0, 0.0, 1.0, 0.0).wary().doubt == 0.5
+
+
+def test_a_threefold_root_of_a_cubic_is_found_in_sixty_steps():
+    # (0.3 - u)**3, of which each step of Newton's leaves two thirds of the distance.
+    assert zero_bounds.fall((0.027, -0.063, 0.147, -0.343)) == pytest.approx(0.3, abs=1e-4)
+
+
+def test_a_cut_keeps_a_tenth_from_the_ends_of_its_piece():
+    # The lowest point is at 0.03.
+    assert zero_search._cut_point(piece(0.0109, -0.06, 0.9509, 1.94), True) == pytest.approx(0.1)
+
+
+def test_a_jump_over_zero_is_found_to_a_few_roundings():
+    found = first_crossing(one(lambda x: 1.0 if x < 0.37 else -1.0, lambda x: 0.0), np.zeros(1))
+    assert 0.0 <= found.x - 0.37 <= 8 * EPS
+
+
+def test_a_search_that_never_ends_has_two_thousand_evaluations():
+    found = first_crossing(one(lambda x: 1.0 if x in (0.0, 1.0) else math.nan, lambda x: 0.0), np.zeros(1))
+    assert found.unresolved == (0,)
+    assert 1990 < found.evaluations <= 2000
+
+
+def test_a_flat_root_is_found_to_rounding():
+    found = first_crossing(one(lambda x: (0.3 - x) ** 3, lambda x: -3 * (0.3 - x) ** 2), np.zeros(1))
+    assert found.x == pytest.approx(0.3, abs=1e-14)
+
+
+@pytest.mark.parametrize(("count", "rows"), [(8, 8), (9, 1)])
+def test_of_more_than_eight_functions_most_are_told_at_once(count, rows, monkeypatch):
+    monkeypatch.setattr(zero_search._Search, "open_rows", lambda *_: np.array([0]))
+    values = lambda x: (np.ones(count), np.zeros(count))  # noqa: E731
+    search = zero_search._Search(values, np.zeros(count), 100)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        assert len(search.candidates(search.sample(0.4), search.sample(1.0))) == rows
+
+
+# Contacts that are complementary
+
+
+@pytest.mark.parametrize(("slack", "holds"), [(1e-10, True), (1e-9, False)])
+def test_a_contact_holds_to_ten_digits(slack, holds):
+    found = complementarity.solve(np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([1.0, 1.0 - slack]))
+    assert found.holds.tolist() == [True, holds]
+
+
+@pytest.mark.parametrize(("times", "is_allowed"), [(5, True), (50, False)])
+def test_a_bound_may_be_eight_roundings_off(times, is_allowed):
+    def solve():
+        return complementarity.solve(np.zeros((1, 1)), np.array([times * 1e-12]), 1e-12)
+
+    if is_allowed:
+        assert solve().multipliers.tolist() == [0.0]
+    else:
+        with pytest.raises(ContradictoryRows):
+            solve()
+
+
+@pytest.mark.parametrize(("angle", "is_solved"), [(6e-8, True), (6e-9, False)])
+def test_no_vector_will_do_where_it_would_be_eight_digits_longer(angle, is_solved):
+    A, h = np.array([[1.0, 0.0], [-1.0, angle]]), np.ones(2)
+    if is_solved:
+        assert least_distance.shortest(A, h).x[1] == pytest.approx(2 / angle, rel=1e-6)
+    else:
+        with pytest.raises(ContradictoryRows):
+            least_distance.shortest(A, h)
+
+
+@pytest.mark.parametrize(("short", "pushes"), [(1e-11, False), (1e-10, True)])
+def test_a_row_is_met_to_eleven_digits(short, pushes):
+    A = np.array([[1.0, 0.0], [0.6, 0.8]])
+    found = least_distance._settled(A, np.array([1.0, 0.6 + short]), [0])
+    assert bool(found.mu[1] > 0) is pushes
+
+
+@pytest.mark.parametrize(("weight", "rows"), [(3e-10, (0, 1)), (3e-9, (0, 1, 2))])
+def test_a_row_takes_part_in_a_contradiction_with_nine_digits_of_its_weight(weight, rows, monkeypatch):
+    monkeypatch.setattr(least_distance, "proposals", lambda *_: iter([np.array([1.0, 1.0, weight])]))
+    with pytest.raises(ContradictoryRows) as found:
+        least_distance.shortest(np.array([[1.0], [-1.0], [1.0]]), np.array([1.0, 0.0, 0.0]))
+    assert found.value.rows == rows
+
+
+@pytest.mark.parametrize(("off", "is_best"), [(3e-10, True), (3e-9, False)])
+def test_weights_are_the_best_to_nine_digits(off, is_best, monkeypatch):
+    monkeypatch.setattr(least_distance, "proposals", lambda *_: iter([np.array([1.0 - off])]))
+    assert (least_distance.residual(np.eye(1), np.ones(1)) is not None) is is_best
+
+
+# Loads that may be shared
+
+
+def rows_at(sigma):
+    """Two rows of which this is the smaller singular value."""
+    half = sigma / math.sqrt(2)
+    return np.array([[1.0, half], [1.0, -half]])
+
+
+@pytest.mark.parametrize(("sigma", "is_unique"), [(1e-5, True), (1e-6, False)])
+def test_loads_are_unique_where_rows_are_independent(sigma, is_unique):
+    _, same = load_sharing.shared(rows_at(sigma), np.ones(2))
+    assert same.tolist() == [is_unique] * 2
+
+
+@pytest.mark.parametrize(("sigma", "is_shared"), [(3e-12, True), (3e-11, False)])
+def test_a_load_is_shared_anew_where_that_is_not_felt(sigma, is_shared):
+    mu, _ = load_sharing.shared(rows_at(sigma), np.array([1.0, 0.0]))
+    assert bool(mu[1] > 0.4) is is_shared
+
+
+@pytest.mark.parametrize(("share", "varies"), [(3e-10, False), (3e-9, True)])
+def test_a_share_of_nine_digits_less_is_none(share, varies):
+    # One of the last two would have to pull, if none of them carries anything.
+    free = np.array([[1.0], [1.0], [-1.0]]) / math.sqrt(3)
+    found = load_sharing._varies(free, np.array([1.0, share, share]), 0)
+    assert found.tolist() == [varies] * 3
+
+
+# Impacts
+
+
+def response(**more):
+    given = {"x": np.ones(1), "of_equalities": np.zeros(0), "square": 1.0, "free": 1.0, "left": 0.0}
+    return Response(**{**given, "terms": 1.0, **more})
+
+
+@pytest.mark.parametrize(("square", "is_certain"), [(0.03, True), (0.003, False)])
+def test_a_formula_serves_a_row_of_which_a_hundredth_is_left(square, is_certain):
+    assert response(square=square).is_certain is is_certain
+
+
+@pytest.mark.parametrize(("left", "is_certain"), [(3e-14, True), (3e-13, False)])
+def test_a_formula_serves_where_equality_rows_are_kept_to_thirteen_digits(left, is_certain):
+    assert response(left=left).is_certain is is_certain
+
+
+@pytest.mark.parametrize(("eigenvalue", "are_apart"), [(0.03, True), (0.003, False)])
+def test_few_contacts_are_apart_from_a_hundredth(eigenvalue, are_apart):
+    D = np.array([[1.0, 1.0 - eigenvalue], [1.0 - eigenvalue, 1.0]])
+    assert FewContacts((response(), response()), D).are_apart is are_apart
+
+
+@pytest.mark.parametrize(("gain", "is_created"), [(3e-10, False), (3e-9, True)])
+def test_an_impact_may_gain_nine_digits_less_than_goes_through_it(gain, is_created):
+    exchange = Exchange(np.zeros(1), np.array([2 * gain]), np.ones(1))
+    if is_created:
+        with pytest.raises(EnergyCreated):
+            impact_law.certified(exchange, np.ones(1))
+    else:
+        assert impact_law.certified(exchange, np.ones(1)) == pytest.approx(gain, rel=1e-6, abs=0.0)
+
+
+@pytest.mark.parametrize(("left", "moves"), [(3e-8, False), (3e-7, True)])
+def test_a_contact_of_which_equality_rows_leave_seven_digits_less_cannot_move(left, moves):
+    rows = TouchingRows(Metric.unit(2), ca.DM([[1.0, 0.0]]), ca.DM([[1.0, left]]))
+    assert bool(rows._bare(rows._unit[1:]).any()) is moves
+
+
+def test_rows_of_an_impact_are_met_to_rounding_after_two_refinements():
+    rows = TouchingRows(Metric.unit(2), ca.DM(0, 2), ca.DM([[1.0, 0.0], [0.6, 0.8]]))
+    mu = rows._refined(np.array([1.001, 2.001]), rows._unit @ (rows._unit.T @ np.array([1.0, 2.0])))
+    assert mu == pytest.approx([1.0, 2.0], rel=1e-14)
+
+
+def test_speeds_after_an_impact_are_known_to_eight_roundings(monkeypatch):
+    roundings = []
+
+    def push(rows, c, d, rounding):
+        roundings.append(rounding.tolist())
+        return SimpleNamespace(change=np.ones(1), equality=np.zeros(0), contacts=np.ones(1), unique=None)
+
+    monkeypatch.setattr(impact_law, "_push", push)
+    nothing = ca.DM(0, 1), np.zeros(0)
+    contact = ca.DM([[1.0]]), np.zeros(1), np.zeros(1)
+    impact_law.impact(Metric.unit(1), np.array([-1.0]), nothing, contact)
+    assert roundings == [[8 * EPS]]
