@@ -22,6 +22,7 @@ import casadi as ca
 from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
+from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 
@@ -49,6 +50,7 @@ class NumericSystem:
         self._system = system
         self._parts = parts or shared.parts(system)
         self.n: int = system.symbols.q.numel()
+        self.recent = RecentAnswers()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
         """This system with first integrals enforced in these charts; its p goes on with the two constants of each."""

@@ -77,6 +77,17 @@ def assemble(
     it can be counted, not run. Raises `diagnostics.ModelError` where no state is found, naming the smallest set of
     rows that no configuration, or no velocity, was found for.
     """
+    values = tuple(part.tobytes() for part in (state.q, state.v, state.p))
+    question = ("assembly", state.t, *values, system.model.simulation.duration, keep, one_sided)
+    if question not in numeric.recent:
+        with numeric.recent.refusals(question):
+            numeric.recent.keep(question, _assembled(system, numeric, state, keep, one_sided))
+    return numeric.recent.answer(question, Assembly)
+
+
+def _assembled(
+    system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...], one_sided: bool
+) -> Assembly:
     initial.residuals(system, numeric, state)  # a row may have no value there
     search = Search(system, numeric, state, fixed_by(system, keep))
     q = _configuration(search)

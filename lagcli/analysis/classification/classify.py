@@ -20,6 +20,7 @@ from lagcli.analysis.classification.verdict import (
     JointVerdict,
 )
 from lagcli.compiled import NumericSystem
+from lagcli.equations import row_parameters
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -62,6 +63,17 @@ def classified(system: System, numeric: NumericSystem, limit: float = settings.L
 
     Raises `diagnostics.ModelError` where there is no such state and where rows contradict each other.
     """
+    start, model = initial.declared(system), system.model
+    values = tuple(part.tobytes() for part in (start.q, start.v, start.p))
+    settled = row_parameters.formulas(model), model.simulation.duration, limit
+    question = ("classification", start.t, *values, *settled)
+    if question not in numeric.recent:
+        with numeric.recent.refusals(question):
+            numeric.recent.keep(question, _classified(system, numeric, limit))
+    return numeric.recent.answer(question, Classified)
+
+
+def _classified(system: System, numeric: NumericSystem, limit: float) -> Classified:
     conditions: tuple[Condition, ...] = ()
     deadline = time.monotonic() + limit
     for _ in range(MOST):
