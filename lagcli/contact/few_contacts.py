@@ -13,7 +13,7 @@ import itertools
 
 import numpy as np
 
-from lagcli.contact.impact_law import SAFE, Exchange, LawResult, certified
+from lagcli.contact.impact_law import SAFE, Exchange, LawResult, certified, least_after
 from lagcli.contact.least_distance import EPS, Floats
 
 # So many contacts are few. The smallest eigenvalue of D with ones on its diagonal is not below APART: what is solved
@@ -52,13 +52,14 @@ def single(v: Floats, speed: float, e: float, response: Response) -> LawResult |
     """
     if not response.is_certain:
         return None
-    asked = -e * min(speed, 0.0)
+    before = np.array([speed])
+    asked = float(least_after(before, np.array([e]))[0])
     impulse = max(0.0, asked - speed) / response.square
     after = speed + impulse * response.square
     rounding = SAFE * EPS * response.terms
     if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
         return None
-    before, speeds, impulses = np.array([speed]), np.array([after]), np.array([impulse])
+    speeds, impulses = np.array([after]), np.array([impulse])
     energy = certified(Exchange(before, speeds, np.array([response.terms])), impulses)
     of_equalities = impulse * response.of_equalities
     unique = np.ones(of_equalities.size + 1, dtype=bool)
@@ -126,7 +127,7 @@ class FewContacts:
 
         None where rounding decides. Raises `impact_law.EnergyCreated`.
         """
-        c = speeds + e * np.minimum(speeds, 0.0)
+        c = speeds - least_after(speeds, e)
         z = self.solve(c, SAFE * EPS * terms)
         if z is None:
             return None

@@ -63,6 +63,12 @@ class LawResult:
     energy: float = 0.0
 
 
+def least_after(before: Floats, e: Floats) -> Floats:
+    """The least dg/dt (k,) after an impact that is met with rates `before` (k,), by Newton's law: another law of impact
+    is another function here."""
+    return np.asarray(-e * np.minimum(before, 0.0))
+
+
 def impact(
     metric: Metric, v: Floats, equalities: tuple[Sparse, Floats], contacts: tuple[Sparse, Floats, Floats]
 ) -> LawResult:
@@ -75,7 +81,7 @@ def impact(
     rows = TouchingRows(metric, B, G)
     before = rows.G @ v + g_t
     terms = np.abs(rows.G) @ np.abs(v) + np.abs(g_t)
-    push = _push(rows, -(rows.B @ v + b), -e * np.minimum(before, 0.0) - before, SAFE * EPS * terms)
+    push = _push(rows, -(rows.B @ v + b), least_after(before, e) - before, SAFE * EPS * terms)
     after = v + push.change
     speeds = rows.G @ after + g_t
     energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
