@@ -7,6 +7,7 @@ the same. That it is one is looked at over the duration of the run.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Literal
 
 import numpy as np
@@ -46,9 +47,9 @@ def is_at_rest(q: Floats, v: Floats, duration: float) -> bool:
 
 
 def is_balanced(linear: Linear, part: float = BALANCED) -> bool:
-    """True if the forces of a reference balance each other."""
+    """True if the forces of a reference, which are finite, balance each other."""
     largest = float(linear.load.max(initial=0.0))
-    return float(np.abs(linear.residual).max(initial=0.0)) <= part * largest
+    return float(np.abs(linear.residual).max(initial=0.0)) <= part * largest < math.inf
 
 
 def classified(
@@ -104,8 +105,9 @@ def _lasting(
 
 def moved(here: Reference, s: float) -> Reference:
     """The reference a time s later, where its motion goes on as it is."""
-    q = here.q + here.v * s + here.a * (s * s / 2)
-    return dataclasses.replace(here, t=here.t + s, q=q, v=here.v + here.a * s)
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond all doubles the motion is none
+        q = here.q + here.v * s + here.a * (s * s / 2)
+        return dataclasses.replace(here, t=here.t + s, q=q, v=here.v + here.a * s)
 
 
 def _on_rows(numeric: NumericSystem, here: Reference) -> bool:

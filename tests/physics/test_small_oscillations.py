@@ -275,3 +275,17 @@ forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
     )
     assert found.stable is None
     assert found.reason.startswith("6 eigenvalues are zero")
+
+
+@pytest.mark.parametrize("duration", ["10", "1e150", "1e160", "1e300"])
+def test_a_duration_beyond_all_doubles_makes_no_motion_steady(duration: str) -> None:
+    text = f"""
+lagcli: 1
+particles: {{a: {{mass: 1, position: [1, 0, 0]}}}}
+forces: {{spring: {{potential: a.x**2}}}}
+simulation: {{duration: {duration}}}
+"""
+    found = lagcli.modes(lagcli.loads(text))
+    assert found.at["a.x"] == pytest.approx(0, abs=1e-9)
+    assert max(found.frequencies) == pytest.approx(2**0.5)
+    lagcli.derive(lagcli.loads(text))
