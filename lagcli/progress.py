@@ -28,7 +28,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 @contextlib.contextmanager
-def heard_by(listener: Listener) -> Iterator[None]:
+def reported_to(listener: Listener) -> Iterator[None]:
     """Inside the block all phases of this thread are reported to the listener."""
     token = _listener.set(listener)
     try:
@@ -38,7 +38,7 @@ def heard_by(listener: Listener) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def unheard() -> Iterator[None]:
+def unreported() -> Iterator[None]:
     """Inside the block phases are reported to nobody: one of many like pieces of work."""
     token = _listener.set(None)
     try:

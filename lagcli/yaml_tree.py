@@ -264,7 +264,7 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
         message += f" that begins on line {begun.line + 1}"
     before = location.source_line[: location.column - 1].rstrip()
     if "mapping values" in problem or "expected ':'" in problem or "expected key" in problem:
-        hint = _colonless(text, location.line - 1)
+        hint = _missing_colon(text, location.line - 1)
         if hint:
             return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
     if before.endswith("]") and re.search(r":\s+\[", before):
@@ -274,7 +274,7 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
     return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
 
 
-def _colonless(text: Text, line: int) -> str:
+def _missing_colon(text: Text, line: int) -> str:
     """The fault of the last line up to a 1-based one that holds anything, where it is a colon, or nothing."""
     while line and not text.lines[line - 1].partition("#")[0].strip():
         line -= 1

@@ -180,7 +180,7 @@ def _scene(
         F=forces(drawn, table) if drawn is not None and parts["F"] else None,
         curves=tuple(TimeCurve(name, values) for name, values in multipliers if name in shown),
         notes=tuple(notes),
-        rails=found.rails,
+        guide_lines=found.guide_lines,
         ties=tuple(ties(drawn)) if drawn is not None else (),
     )
     return builder.scene_of(motion, drawn, title, units)

@@ -53,7 +53,7 @@ def of_modes(model: Model, found: Modes) -> Scene:
 def _scene(model: Model, t: Floats, found: point_tracks.PointTracks, notes: tuple[str, ...]) -> Scene:
     drawn = model if model.particle_names else None
     notes = (*notes, found.note) if found.note and found.note not in notes else notes
-    motion = Motion(t, found.names, found.track, rails=found.rails, notes=notes, is_run=False)
+    motion = Motion(t, found.names, found.track, guide_lines=found.guide_lines, notes=notes, is_run=False)
     if drawn is not None:
         motion = dataclasses.replace(motion, ties=tuple(animate.ties(drawn)))
     return builder.scene_of(motion, drawn, model.title or pathlib.Path(model.path).stem, ("", ""))

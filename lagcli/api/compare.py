@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # of up to so many coordinates.
 MOST_REDUCED = 24
 COMPARED_ROWS = 101  # of tables that are compared, where no number of samples is given
-SPARED = f"the reduction by the null space is left out beside the vakonomic motion above {MOST_REDUCED} coordinates"
+TOO_LARGE = f"the reduction by the null space is left out beside the vakonomic motion above {MOST_REDUCED} coordinates"
 
 
 @progress.phase("comparing")
@@ -121,12 +121,12 @@ def _with_principles(
     )
     stops = [f"the vakonomic motion {other.run.stopped}"] if other.run.stopped else []
     reducible = formulation_plan.is_reducible(run.model, first.rows, first.coordinates)
-    spared = [SPARED] if reducible and first.coordinates > MOST_REDUCED else []
+    too_large = [TOO_LARGE] if reducible and first.coordinates > MOST_REDUCED else []
     return dataclasses.replace(
         found,
         formulations=(*found.formulations, other.run),
         agreements=(*found.agreements, agreement),
-        notes=(*found.notes, *other.notes, *stops, *spared),
+        notes=(*found.notes, *other.notes, *stops, *too_large),
         principles=principles,
     )
 
@@ -179,8 +179,8 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
         size_limits.require_built(particle_model)
         ready = CompiledModel(particle_form.build(run.built, particle_model))
         yield _table("freed", prepare_run.start_compiled(ready, KnownIntegrals()))
-    is_spared = vakonomic and first.coordinates > MOST_REDUCED
-    if not is_spared and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
+    is_too_large = vakonomic and first.coordinates > MOST_REDUCED
+    if not is_too_large and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
         chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
         table, statistics, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
         yield dataclasses.replace(

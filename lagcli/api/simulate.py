@@ -10,7 +10,7 @@ from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
-from lagcli.output.runs import gathered_run
+from lagcli.output.runs import run_in_memory
 from lagcli.output.trajectory import Trajectory
 
 
@@ -66,4 +66,4 @@ def simulate(
     run = prepare_run.prepare(model, run_settings.chosen(model, changes), resume, limit, digits)
     if event_rows:
         run.add_event_rows()
-    return gathered_run.gathered(run, columns, checkpoint, began)
+    return run_in_memory.in_memory(run, columns, checkpoint, began)

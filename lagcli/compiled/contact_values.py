@@ -62,7 +62,7 @@ def function(parts: Parts) -> ca.Function:
     are none the smaller here. A contact without a gradient at the point has rates of 0.
 
     g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g: of its terms and the way of a
-    step, of the size of the motion, and of the time. nearness: gaps of contacts that are closed as far as a run can
+    step, of the size of the motion, and of the time. touching_gap: gaps of contacts that are closed as far as a run can
     tell, within its tolerance. slow: speeds that are none: rounding, or what rises no higher than rounding under the
     forces. lowest: heights of rebounds that are not followed. pull: the largest accelerations in this motion.
     """

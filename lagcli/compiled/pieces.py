@@ -50,7 +50,7 @@ class AnalyticPieces:
 
     def __init__(self, value: ca.SX, inputs: list[ca.SX]) -> None:
         ends: list[ca.SX] = []
-        gates: list[ca.SX] = []
+        conditions: list[ca.SX] = []
 
         def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
             if op in (ca.OP_POW, ca.OP_CONSTPOW):
@@ -60,24 +60,26 @@ class AnalyticPieces:
             if end is not None and ca.depends_on(end, inputs[0]):
                 ends.append(end)
                 # atan2(y, x) is cut where y = 0 and x < 0.
-                gates.append(-parts[1] if op == ca.OP_ATAN2 else ca.SX(1))
+                conditions.append(-parts[1] if op == ca.OP_ATAN2 else ca.SX(1))
             return result
 
         operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
         self.count = len(ends)
-        self._values = ca.Function("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *ends, *gates)])
+        self._values = ca.Function("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *ends, *conditions)])
 
     def end_between(self, path: Floats, *others: Floats) -> bool:
         """True if a path (points, N) may leave the piece that it begins on, by crossing an end or by touching it."""
         if not self.count:
             return False
         values = np.array([np.array(self._values(point, *others)).ravel() for point in path])
-        u, gates = values[:, : self.count], values[:, self.count :]
+        u, conditions = values[:, : self.count], values[:, self.count :]
         if not np.isfinite(values).all():
             return True
         u = np.where(np.abs(u) <= ON_END * np.abs(u).max(axis=0, initial=0.0), 0.0, u)
         changes = (u[:-1] * u[1:] < 0) | ((u[:-1] != 0) & (u[1:] == 0))
-        return bool((changes & (np.maximum(gates[:-1], gates[1:]) > 0)).any() or _touched(np.abs(u)).any())
+        return bool(
+            (changes & (np.maximum(conditions[:-1], conditions[1:]) > 0)).any() or _touched(np.abs(u)).any()
+        )
 
 
 def _is_natural(exponent: ca.SX) -> bool:

@@ -70,15 +70,15 @@ def rounding(b: Cubic[Number]) -> Number:
     return 4 * EPS * largest(abs(b[1]), abs(b[2]))
 
 
-def extent(b: Cubic[Number], doubt: Number) -> tuple[Number, Number]:
+def extent(b: Cubic[Number], misfit: Number) -> tuple[Number, Number]:
     """Below and above which no function goes; not a number where nothing can be said."""
     b0, b1, b2, b3 = b
     c1, c3 = (b0 + 3 * b1) / 4, (3 * b2 + b3) / 4
-    middle, reach = (b1 + b2) / 2, 8 / 3 * doubt
+    middle, reach = (b1 + b2) / 2, 8 / 3 * misfit
     return least(b0, c1, c3, b3, middle - reach), largest(b0, c1, c3, b3, middle + reach)
 
 
-def doubt(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Number) -> Number:
+def misfit(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Number) -> Number:
     """The misfit (A + B (u - c)) u^2 (1 - u)^2 that value and slope at the part c of the piece, inner, show.
 
     noise: rounding of the function, which is no misfit. In the parts of the piece the doubt is c times and 1 - c
@@ -95,7 +95,7 @@ def doubt(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Num
     return SAFETY * (misfit + max(c, 1 - c) * turn) / (16 * (c * (1 - c)) ** 2)
 
 
-def turns_once(b: Cubic[float], doubt: float, is_up: bool) -> bool:
+def turns_once(b: Cubic[float], misfit: float, is_up: bool) -> bool:
     """True if a function leaves its side, the upper one or the lower one, and does so at one point alone.
 
     One that begins at zero, rounding on the wrong side of it, is taken to begin on its side.
@@ -103,8 +103,8 @@ def turns_once(b: Cubic[float], doubt: float, is_up: bool) -> bool:
     b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
     level = min(b0, 0.0)
     c0, c1, c3, c4 = b0 - level, (b0 + 3 * b1) / 4 - level, (3 * b2 + b3) / 4 - level, b3 - level
-    middle, reach = (b1 + b2) / 2 - level, 8 / 3 * doubt
-    if not doubt <= TRUSTED * (max(c0, c1, middle, c3) - c4):
+    middle, reach = (b1 + b2) / 2 - level, 8 / 3 * misfit
+    if not misfit <= TRUSTED * (max(c0, c1, middle, c3) - c4):
         return False
     outer = (c3 > 0) + 0, (c4 > 0) + 0
     for c2 in (middle - reach, middle + reach):
@@ -133,11 +133,11 @@ def fall(b: Cubic[float]) -> float:
     return u
 
 
-def lowest(b: Cubic[float], doubt: float, is_up: bool) -> float | None:
+def lowest(b: Cubic[float], misfit: float, is_up: bool) -> float | None:
     """The point in the piece, in (0, 1), at which the cubic that comes near leaving its side turns back; None where
     that cannot be told."""
     b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
-    if not doubt <= TRUSTED * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
+    if not misfit <= TRUSTED * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
         return None
     d0, d1, d2 = b1 - b0, b2 - b1, b3 - b2
     # The slope is d0 + 2 turn u + bend u^2; it rises at the root that is the lowest point.

@@ -105,7 +105,7 @@ class _Piece(NamedTuple):
 
     left: _Point
     right: _Point
-    doubt: float
+    misfit: float
 
     @property
     def width(self) -> float:
@@ -124,12 +124,12 @@ class _Piece(NamedTuple):
     def cut(self, inner: _Point, noise: float) -> list[_Piece]:
         """Both parts, the right one first."""
         c = (inner.x - self.left.x) / self.width
-        doubt = zero_bounds.doubt(self.ends, c, (inner.g, self.width * inner.slope), noise)
-        return [_Piece(inner, self.right, (1 - c) * doubt), _Piece(self.left, inner, c * doubt)]
+        misfit = zero_bounds.misfit(self.ends, c, (inner.g, self.width * inner.slope), noise)
+        return [_Piece(inner, self.right, (1 - c) * misfit), _Piece(self.left, inner, c * misfit)]
 
-    def wary(self) -> _Piece:
+    def with_least_misfit(self) -> _Piece:
         """The piece with no less doubt than a part of how much the cubic bends: one misfit may be small by chance."""
-        return _Piece(self.left, self.right, max(self.doubt, WARY * zero_bounds.bend(self.cubic)))
+        return _Piece(self.left, self.right, max(self.misfit, WARY * zero_bounds.bend(self.cubic)))
 
 
 class _Unresolved(Exception):
@@ -213,12 +213,12 @@ class _Search:
         """The functions that are not kept on their side by the first three samples."""
         start = self.start
         whole = start.g, start.slope, end.g, end.slope
-        doubt = zero_bounds.doubt(whole, GOLDEN, (inner.g, inner.slope), self.noise)
+        misfit = zero_bounds.misfit(whole, GOLDEN, (inner.g, inner.slope), self.noise)
         stays = np.ones(self.noise.size, dtype=bool)
         for left, right in ((start, inner), (inner, end)):
             part = right.x - left.x
             cubic = zero_bounds.cubic((left.g, part * left.slope, right.g, part * right.slope))
-            doubts = zero_bounds.largest(part * doubt, WARY * zero_bounds.bend(cubic))
+            doubts = zero_bounds.largest(part * misfit, WARY * zero_bounds.bend(cubic))
             low, high = zero_bounds.extent(cubic, doubts)
             slack = 2 * self.noise + zero_bounds.rounding(cubic)
             stays &= np.where(self.up, low >= -slack, high <= slack)
@@ -231,24 +231,24 @@ class _Search:
         """
         noise, up = float(self.noise[row]), bool(self.up[row])
         left, inner, right = (_of(each, row) for each in (self.start, *samples))
-        pieces = [part.wary() for part in _Piece(left, right, 0.0).cut(inner, noise)]
+        pieces = [part.with_least_misfit() for part in _Piece(left, right, 0.0).cut(inner, noise)]
         if stop.x < right.x:
             last = _of(stop, row)
             pieces = [
-                part if part.right.x <= stop.x else _Piece(part.left, last, part.doubt)
+                part if part.right.x <= stop.x else _Piece(part.left, last, part.misfit)
                 for part in pieces
                 if part.left.x < stop.x
             ]
         while pieces:
             piece = pieces.pop()
-            cubic, doubt = piece.cubic, piece.doubt
-            is_known, is_narrow = math.isfinite(sum(cubic) + doubt), piece.width <= NARROW
+            cubic, misfit = piece.cubic, piece.misfit
+            is_known, is_narrow = math.isfinite(sum(cubic) + misfit), piece.width <= NARROW
             if is_known:
-                low, high = zero_bounds.extent(cubic, doubt)
+                low, high = zero_bounds.extent(cubic, misfit)
                 slack = 2 * noise + zero_bounds.rounding(cubic)
                 if low >= -slack if up else high <= slack:
                     continue
-            if is_narrow or (is_known and zero_bounds.turns_once(cubic, doubt, up)):
+            if is_narrow or (is_known and zero_bounds.turns_once(cubic, misfit, up)):
                 if not up and cubic[3] > noise:
                     up, self.rises[row] = True, piece.right.x
                     continue
@@ -307,7 +307,7 @@ def _of(sample: _Sample, row: int) -> _Point:
 
 def _cut_point(piece: _Piece, is_up: bool) -> float:
     """The point of a cut: at the lowest point of a function that comes near zero, if that can be told."""
-    u = zero_bounds.lowest(piece.cubic, piece.doubt, is_up)
+    u = zero_bounds.lowest(piece.cubic, piece.misfit, is_up)
     part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
     return piece.left.x + part * piece.width
 

@@ -105,7 +105,7 @@ def _derived(built: System, options: Options) -> Derivation:
 
 
 def _about(system: Symbolic) -> str:
-    particles, rows = len(system.world.particles), len(system.rows)
+    particles, rows = len(system.table.particles), len(system.rows)
     contacts = len(system.contacts.rows)
     counts = [
         f"{particles} particle{'s' * (particles != 1)}" if particles else "",
@@ -120,7 +120,7 @@ def _about(system: Symbolic) -> str:
 def _constants(system: Symbolic, signs: Signs) -> list[Line]:
     """Parameters that stand as numbers, and the constants of rigid bodies."""
     found = []
-    for name, value in system.world.substituted.items():
+    for name, value in system.table.substituted.items():
         left = f.FormulaWords(name)
         right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
         found.append(Line(sides=(left, right), kind="value"))

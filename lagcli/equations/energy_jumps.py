@@ -110,7 +110,7 @@ class Crossings:
         aside, owner = jump_search.ASIDE, self.owners[k]
         parts = low - 2 * aside, low - aside, high + aside, high + 2 * aside
         values = np.array([way.values(part)[owner] for part in parts])
-        return Jump(low, self.subjects[owner], self.words[k]) if jump_search.is_abrupt(values) else None
+        return Jump(low, self.subjects[owner], self.words[k]) if jump_search.is_jump(values) else None
 
 
 def _side(u: float) -> int:

@@ -42,7 +42,7 @@ class Rates(Protocol):
         """d/dt of a function of q and t; of one that holds v too, with v fixed."""
 
 
-class NotAlike(Exception):
+class NotMappable(Exception):
     """The members cannot be mapped: what they touch is a function of many coordinates, or differs in form."""
 
 
@@ -65,7 +65,7 @@ def block(law: nouns.Law, environment: Environment) -> FamilyBlock | None:
         values = evaluate.difference(
             _relation(law), environment.algebra(law.members.variables, leaves=leaves)
         )
-    except NotAlike:
+    except NotMappable:
         return None
     lay = differential if isinstance(law, nouns.Differential) else holonomic
     one = lay(ca.densify(ca.vertcat(*values)), leaves)
@@ -119,7 +119,7 @@ def _placed(pattern: ca.Sparsity, entries: ca.SX, table: Integers, environment: 
 
 
 class MemberLeaves:
-    """The leaves of one law as symbols of a single member. Raises `NotAlike` for dependent particles."""
+    """The leaves of one law as symbols of a single member. Raises `NotMappable` for dependent particles."""
 
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
@@ -201,7 +201,7 @@ class MemberLeaves:
 
     def _components(self, numbers: Integers, vector: list[ca.SX]) -> Triple:
         if self._environment.is_dependent[numbers].any():
-            raise NotAlike
+            raise NotMappable
         first = self._environment.rows_of(numbers)
         x, y, z = (self._index(first + axis) for axis in range(3))
         return vector[x], vector[y], vector[z]

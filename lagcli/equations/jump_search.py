@@ -110,7 +110,7 @@ def examples(found: Sequence[Switch], most: int) -> list[Switch]:
     return [found[index] for index in chosen]
 
 
-def is_abrupt(values: Floats) -> npt.NDArray[np.bool_]:
+def is_jump(values: Floats) -> npt.NDArray[np.bool_]:
     """True where values (4, ...) at 2 and 1 ASIDE before a switch, and as far behind it, jump there."""
     a, b, c, d = values
     least = np.maximum(ABRUPT * np.maximum(abs(b - a), abs(d - c)), ROUNDED * np.maximum(abs(b), abs(c)))
@@ -180,7 +180,7 @@ def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> 
         for part in (low - 2 * ASIDE, low - ASIDE, high + ASIDE, high + 2 * ASIDE):
             at[own] = point(part)
             values.append(value.at(begin, at)[0])
-        return bool(is_abrupt(np.array(values)).any())
+        return bool(is_jump(np.array(values)).any())
 
 
 def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], Floats, Floats]:

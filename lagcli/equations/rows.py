@@ -62,7 +62,7 @@ def equalities(
     B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
     Raises `diagnostics.ModelError` for a row without coordinates.
     """
-    holonomic, differential = _Pile(environment), _Pile(environment)
+    holonomic, differential = _RowGroup(environment), _RowGroup(environment)
     for law in model.holonomic:
         holonomic.add(law)
     for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
@@ -77,7 +77,7 @@ def equalities(
 
 def contacts(model: nouns.Model, environment: Environment) -> ContactRows:
     """The rows of all inequalities. Raises `diagnostics.ModelError` for one without coordinates."""
-    pile = _Pile(environment)
+    pile = _RowGroup(environment)
     for law in model.inequality:
         pile.add(law)
     found = _joined(tuple(pile.names), pile.blocks(family_rows.holonomic), environment.q)
@@ -112,7 +112,7 @@ def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> Co
     )
 
 
-class _Pile:
+class _RowGroup:
     """The rows of one kind of law, in their order; neighbours that cannot be mapped are laid down together."""
 
     def __init__(self, environment: Environment) -> None:

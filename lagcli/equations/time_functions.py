@@ -57,15 +57,15 @@ class TimeFunctions:
     """Operations on t, which has the index 0, each on those before it.
 
     size: values of all operations, of a family one for each member; switches: indices of values that are zero where a
-    function jumps or has a kink; waves: indices of bounded values that are no sums or products of others; is_mixed:
-    whether t also stands in a function together with coordinates, or some of its functions are too many to look at;
-    cached: what was found out about them, for another run with the same.
+    function jumps or has a kink; oscillations: indices of bounded values that are no sums or products of others;
+    is_mixed: whether t also stands in a function together with coordinates, or some of its functions are too many to
+    look at; cached: what was found out about them, for another run with the same.
     """
 
     operations: tuple[Operation, ...]
     size: int
     switches: tuple[int, ...]
-    waves: tuple[int, ...]
+    oscillations: tuple[int, ...]
     is_mixed: bool
     cached: dict[tuple[float, ...], Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
 
@@ -73,7 +73,9 @@ class TimeFunctions:
     def is_bounded(self) -> bool:
         """True if every wave has a bound at all times: then nothing can rise and fall that is not looked for."""
         ends = np.array([-np.inf]), np.array([np.inf])
-        return all(np.isfinite(a).all() and np.isfinite(b).all() for a, b in self.values(ends, self.waves))
+        return all(
+            np.isfinite(a).all() and np.isfinite(b).all() for a, b in self.values(ends, self.oscillations)
+        )
 
     def values(self, cells: Range, wanted: tuple[int, ...]) -> list[Range]:
         """The ranges of the values at these indices over cells of t (low, high), (C,) each, or (K, C) of a family."""
@@ -188,7 +190,7 @@ class _Record:
         self._members: list[int] = [1]
         self._jumps: list[bool] = [False]
         self._switches: dict[int, None] = {}
-        self._waves: dict[int, None] = {}
+        self._oscillations: dict[int, None] = {}
         self.is_mixed = False
 
     def combine(self, name: str, *parts: _Value) -> _Value:
@@ -237,7 +239,7 @@ class _Record:
         jumps = any(self._jumps[part] for part in operation.parts if isinstance(part, int))
         self._jumps.append(jumps or operation.name == "sign")
         if not (_is_steady(operation) or self._jumps[index]):
-            self._waves[index] = None
+            self._oscillations[index] = None
         return index
 
     def switch(self, value: _Value) -> None:
@@ -247,7 +249,7 @@ class _Record:
 
     def functions(self) -> TimeFunctions:
         """All of it."""
-        member_numbers = tuple(self._switches), tuple(self._waves)
+        member_numbers = tuple(self._switches), tuple(self._oscillations)
         return TimeFunctions(tuple(self._operations), self._size, *member_numbers, self.is_mixed)
 
 

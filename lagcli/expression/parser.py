@@ -89,7 +89,7 @@ class _Parser:
             right = self._sum()
             node = tree.Relation(left.start, right.end, left, relation, right)
         if self._kinds[self._at] != "end":
-            raise self._surplus(relations)
+            raise self._unexpected(relations)
         return node
 
     def range(self) -> tree.Range:
@@ -119,7 +119,7 @@ class _Parser:
         if last.kind == ",":
             raise ExpressionError("syntax", "one range ends here", last.start, last.end, _SEVERAL)
         if last.kind != "end":
-            raise self._surplus()
+            raise self._unexpected()
         return tree.Range(name.start, high.end, name.text, low, high)
 
     def _bound(self, which: str, hint: str) -> tree.Node:
@@ -147,10 +147,10 @@ class _Parser:
         if token.kind == "end":
             raise ExpressionError("syntax", f"this `{opened.text}` is never closed", opened.start, opened.end)
         if token.kind != kind:
-            raise self._surplus()
+            raise self._unexpected()
         self._at += 1
 
-    def _surplus(self, relations: tuple[str, ...] = ()) -> ExpressionError:
+    def _unexpected(self, relations: tuple[str, ...] = ()) -> ExpressionError:
         """The error for the token here, which cannot go on from what stands before it."""
         token, hint = self._peek(), ""
         if token.kind == "=":
@@ -389,32 +389,32 @@ class _ConditionParser(_Parser):
             hint = f"for example `{shown} >= 0`" if len(shown) < 60 else ""
             raise ExpressionError("bad-condition", message, left.start, left.end, hint)
         if sign.kind not in (">=", "<="):
-            raise self._surplus()
+            raise self._unexpected()
         self._at += 1
         right = self._sum()
         if self._kinds[self._at] != "end":
-            raise self._surplus()
+            raise self._unexpected()
         one, other = (left, right) if sign.kind == ">=" else (right, left)
         return tree.Relation(left.start, right.end, one, ">=", other)
 
-    def _surplus(self, relations: tuple[str, ...] = ()) -> ExpressionError:
+    def _unexpected(self, relations: tuple[str, ...] = ()) -> ExpressionError:
         token = self._peek()
         is_second = any(kind in _RELATIONS for kind in self._kinds[: self._at])
         if token.kind in _RELATIONS or (token.kind == "name" and token.text in _JOINTS):
             message, hint = hints.condition(token.text, is_second, self._texts[self._at + 1])
             return ExpressionError("bad-condition", message, token.start, token.end, hint)
-        return super()._surplus(relations)
+        return super()._unexpected(relations)
 
 
 class _CrossingParser(_Parser):
     """An expression in whose place many write a relation."""
 
-    def _surplus(self, relations: tuple[str, ...] = ()) -> ExpressionError:
+    def _unexpected(self, relations: tuple[str, ...] = ()) -> ExpressionError:
         token = self._peek()
         if token.kind in _RELATIONS:
             message = f"`{token.text}` has no place here: an event is where its expression crosses zero"
             return ExpressionError("syntax", message, token.start, token.end, hints.crossing(token.kind))
-        return super()._surplus(relations)
+        return super()._unexpected(relations)
 
 
 class _FilterParser(_Parser):
@@ -492,7 +492,7 @@ class _FilterParser(_Parser):
         elif token.kind in ("name", "not"):
             message, hint = f"an `and` or `or` is missing before `{token.text}`", ""
         else:
-            return self._surplus()
+            return self._unexpected()
         return ExpressionError("syntax", message, token.start, token.end, hint)
 
 

@@ -64,7 +64,7 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
     members = family.Family(FURTHER, names, tuple((i,) for i in numbers.tolist()), {"i": numbers})
     where = built.rows.rows[-1].location
     carriers = nouns.Coordinate(members, np.zeros(len(names)), start.mu, where)
-    outputs, events, gone = _readable(declared)
+    outputs, events, unavailable = _readable(declared)
     extended = dataclasses.replace(
         declared,
         fingerprint=f"{declared.fingerprint} vakonomic",
@@ -74,7 +74,7 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
         simulation=dataclasses.replace(declared.simulation, start=start.t, assemble=False, keep=()),
         warnings=(),
     )
-    return extended, gone
+    return extended, unavailable
 
 
 def build(built: system.System, extended: nouns.Model, start: VakonomicStart) -> system.System:
@@ -186,24 +186,24 @@ def _readable(
     Differential rows have no lambda, and the whole reaction of a Cartesian particle is no output here.
     """
     without = {law.members.base for law in declared.differential}
-    gone: dict[str, None] = {}
+    unavailable: dict[str, None] = {}
     outputs, events = [], []
     for output in declared.outputs:
-        if _reads(output.expression, without, gone):
-            gone[output.members.base] = None
+        if _reads(output.expression, without, unavailable):
+            unavailable[output.members.base] = None
         else:
             outputs.append(output)
     for event in declared.events:
-        if _reads(event.when, without, gone):
-            gone[event.name] = None
+        if _reads(event.when, without, unavailable):
+            unavailable[event.name] = None
         else:
             events.append(event)
-    return tuple(outputs), tuple(events), tuple(gone)
+    return tuple(outputs), tuple(events), tuple(unavailable)
 
 
-def _reads(expression: nouns.Expression, without: set[str], gone: Mapping[str, None]) -> bool:
+def _reads(expression: nouns.Expression, without: set[str], unavailable: Mapping[str, None]) -> bool:
     """True if an expression asks for what is not there."""
-    return any(name in gone for name in tree.names(expression.tree)) or any(
+    return any(name in unavailable for name in tree.names(expression.tree)) or any(
         _asks(call, without) for call in _calls(expression.tree)
     )
 

@@ -229,7 +229,9 @@ def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
     kind, action = targets
     if kind == "coordinate":
         expression = formulas.scalar(found["force"], facts.MOTION, "a generalized force")
-        if expression is None or not formulas.affords(found["force"], expression.tree, action.targets.size):
+        if expression is None or not formulas.can_evaluate(
+            found["force"], expression.tree, action.targets.size
+        ):
             return None
         return model.GeneralizedForce(formulas.members, action, expression)
     return _particle_force(formulas, action, found["force"])
@@ -334,7 +336,7 @@ def _particle_force(
 ) -> model.ParticleForce | None:
     vector = formulas.vector_expression(node)
     count = action.targets.size
-    if vector is None or not all(formulas.affords(node, part.tree, count) for part in vector.parts):
+    if vector is None or not all(formulas.can_evaluate(node, part.tree, count) for part in vector.parts):
         return None
     found = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", formulas.lookup_with_own)
     if found is None:

@@ -46,7 +46,7 @@ class EntryNames:
                         else ""
                     )
                     self._formulas.report(name, code, trouble, hint)
-                    self._scope.names.spoil(name.value, base, kind)
+                    self._scope.names.reserve(name.value, base, kind)
 
     def take_constraint_names(self, entries: Entries) -> None:
         """Constraints have names of their own, told apart in the columns `lambda.NAME`; so have forces, and events."""
@@ -96,7 +96,7 @@ class EntryNames:
             return
         base = family_ranges.base(name)
         if found is None:
-            self._scope.names.spoil(name.value, base, kind)
+            self._scope.names.reserve(name.value, base, kind)
         elif not self._scope.names.is_broken(base):
             self.refuse_repeated(name, found, self._scope.names.number(name.value, found))
 

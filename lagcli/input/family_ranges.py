@@ -126,7 +126,7 @@ class Reader:
     ) -> tuple[dict[str, Integers], int] | None:
         """The index vectors with one more range: each member so far, repeated for the values of the new index."""
         lookup = self._formulas.scope.indexed.integer_lookup(variables)
-        if not all(self._formulas.affords(node, bound, count) for bound in (one.low, one.high)):
+        if not all(self._formulas.can_evaluate(node, bound, count) for bound in (one.low, one.high)):
             return None
         try:
             low, high = (integers.evaluate(bound, lookup) for bound in (one.low, one.high))
@@ -153,7 +153,7 @@ class Reader:
             return None
         try:
             condition = parser.parse_filter(node.value)
-            if not self._formulas.affords(node, condition, count):
+            if not self._formulas.can_evaluate(node, condition, count):
                 return None
             holds = integers.holds(condition, self._formulas.scope.indexed.integer_lookup(variables))
         except ExpressionError as error:
@@ -167,7 +167,7 @@ class Reader:
     ) -> Family | None:
         try:
             lookup = self._formulas.scope.indexed.integer_lookup(variables)
-            if not self._formulas.affords(name, key, count):
+            if not self._formulas.can_evaluate(name, key, count):
                 return None
             columns = [np.broadcast_to(integers.evaluate(index, lookup), count) for index in key.indices]
         except ExpressionError as error:

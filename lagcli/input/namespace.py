@@ -81,7 +81,7 @@ class Namespace:
         self._keys.setdefault(base, []).append(key)
         return ""
 
-    def spoil(self, key: str, base: str, kind: Kind) -> None:
+    def reserve(self, key: str, base: str, kind: Kind) -> None:
         """Take a name whose declaration has been refused, so that its uses are not refused too."""
         keys = self._keys.setdefault(base, [])
         if key not in keys:

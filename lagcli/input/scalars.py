@@ -127,11 +127,11 @@ class Formulas:
             except ExpressionError as error:
                 self.trouble(node, error)
                 return None
-        if not self.affords(node, known, self.members.count):
+        if not self.can_evaluate(node, known, self.members.count):
             return None
         return Expression(known, node)
 
-    def affords(self, node: yaml_tree.AnyNode, found: tree.Node, count: int) -> bool:
+    def can_evaluate(self, node: yaml_tree.AnyNode, found: tree.Node, count: int) -> bool:
         """True if an expression may be evaluated for this many members; if not, that is reported."""
         reading = self._reading
         if count < LARGE:

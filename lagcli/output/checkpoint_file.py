@@ -33,7 +33,7 @@ class SyncedRows:
         )
 
 
-class Keeper:
+class CheckpointWriter:
     """Keeps the last checkpoint of a run in a file: the first at once, the others now and then, and on request.
 
     So a file that cannot be made is known when the run begins. Later a failure waits for `write`: a full disk may

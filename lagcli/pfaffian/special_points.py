@@ -118,7 +118,7 @@ def still(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
         if x.name != elimination.TIME and max(values) - min(values) <= PARAMETERS.still * max(
             1.0, *map(abs, values)
         ):
-            found.append(x - _spelled(values[0]))
+            found.append(x - _intended_number(values[0]))
     return found
 
 
@@ -142,7 +142,7 @@ def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point
     return found
 
 
-def _spelled(value: float) -> sympy.Expr:
+def _intended_number(value: float) -> sympy.Expr:
     """The number that is meant by a double: a multiple of pi/12, or the shortest decimal."""
     twelfths = round(value / math.pi * PARTS_OF_PI)
     if abs(value) <= PARAMETERS.still:

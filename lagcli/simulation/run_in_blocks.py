@@ -77,7 +77,7 @@ class RunBlock:
 class RunInBlocks:
     """A run that is ready to go: iterate `blocks` once; all else is data.
 
-    columns: of its rows, t first; grid: their times; passed_over: rows that are lost to a grid other than that of the
+    columns: of its rows, t first; grid: their times; skipped_rows: rows that are lost to a grid other than that of the
     checkpoint it goes on from; handed_out: the number of rows up to there; report: of the run so far, up to the last
     block.
     """
@@ -92,7 +92,7 @@ class RunInBlocks:
     ) -> None:
         self._run, self.reference = run, reference
         self.columns = ("t", *columns, *(reference.COLUMNS if reference else ()))
-        self.grid, self.passed_over, self.handed_out = grid.grid(settings), run.passed_over, handed_out
+        self.grid, self.skipped_rows, self.handed_out = grid.grid(settings), run.skipped_rows, handed_out
         self.report = self._report()
 
     def blocks(self) -> Iterator[RunBlock]:

@@ -161,7 +161,7 @@ def nearest(search: Search, q: Floats) -> Floats:
         found = gaps(search.system, search.numeric, _at(search, q))
         new = [j for j in found.violated if j not in active]
         worst = [min(new, key=lambda j: float(found.g[j]))] if new else []
-        pulling = None if new else _most_pulling(search, active, q)
+        pulling = None if new else _to_release(search, active, q)
         if not new and pulling is None:
             return q
         # Where not all that are violated can be enforced together, one after another.
@@ -215,7 +215,7 @@ def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
         yield q + np.where(touched, part * search.size(q0, touched), 0.0) * random.standard_normal(q.size)
 
 
-def _most_pulling(search: Search, active: list[int], q: Floats) -> int | None:
+def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
     """The active constraint that holds a configuration back the most, or None where all push."""
     if not active:
         return None

@@ -103,7 +103,7 @@ def _of_set(search: PointSearch, closed: tuple[int, ...]) -> list[Floats]:
         if below or (pulling and search.options.pushes):
             continue
         search.take(point)
-        found.append(search.wound(point.q))
+        found.append(search.wrapped_angles(point.q))
     return found
 
 

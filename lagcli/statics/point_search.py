@@ -71,7 +71,7 @@ class SearchParameters:
     paths: int = 8
     """Starts from which a homotopy is followed. `test_a_path_is_followed_from_eight_starts` fails at 0 and
     80."""
-    most_vain: int = 12
+    most_failures: int = 12
     """Rounds without a new point, after which no more are made.
     At 3 `test_an_inexact_number_is_no_proof` fails."""
     most_points: int = 400
@@ -166,7 +166,7 @@ class PointSearch:
         if isinstance(found, NoEquilibrium):
             self.best = min(self.best, found, key=lambda one: one.residual)
             return False
-        found = dataclasses.replace(found, q=self.wound(found.q))
+        found = dataclasses.replace(found, q=self.wrapped_angles(found.q))
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
         if below or (pulling and self.options.pushes) or self._is_known(found):
             return False
@@ -187,7 +187,7 @@ class PointSearch:
         self.points.append(FoundPoint(found, kind, size, touching))
         return True
 
-    def wound(self, q: Floats) -> Floats:
+    def wrapped_angles(self, q: Floats) -> Floats:
         """q with angles between -pi and pi."""
         turned = np.array(q)
         angles = np.array(self.options.angles, dtype=bool)
@@ -273,7 +273,7 @@ class PointSearch:
         if is_large:
             return
         self._along_path(equations, begin)
-        if self._vain >= PARAMETERS.most_vain:
+        if self._vain >= PARAMETERS.most_failures:
             return
         for _ in range(PARAMETERS.rounds):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]

@@ -84,7 +84,7 @@ class Quotient:
 class PolynomialEquations:
     """Polynomials that vanish, over the unknowns of `names`.
 
-    plain: the unknowns that are q or lambda themselves, by their number among (q, lambda); turned: coordinates that are
+    plain: the unknowns that are q or lambda themselves, by their number among (q, lambda); angles: coordinates that are
     angles, by number, with their s and c; roots: unknowns that must be positive, with the squares they are roots of;
     denominators must not vanish.
     """

@@ -264,14 +264,14 @@ def test_checkpoints_are_written_at_once_then_now_and_then_and_at_the_end(
 ) -> None:
     monkeypatch.setattr(loop, "PAUSE", 0.0)
     written = []
-    write = checkpoint_file.Keeper.write
+    write = checkpoint_file.CheckpointWriter.write
 
-    def counted(keeper: checkpoint_file.Keeper) -> bool:
+    def counted(keeper: checkpoint_file.CheckpointWriter) -> bool:
         done = write(keeper)
         written.append(checkpoint.read(tmp_path / "run.json").run_state.t)
         return done
 
-    monkeypatch.setattr(checkpoint_file.Keeper, "write", counted)
+    monkeypatch.setattr(checkpoint_file.CheckpointWriter, "write", counted)
     model = lagcli.loads(PENDULUM)
     lagcli.simulate(model, duration=2, samples=11, checkpoint=tmp_path / "run.json")
     assert len(written) == 2
@@ -609,7 +609,7 @@ def test_files_that_cannot_be_opened_are_told(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_for_a_while_costs_nothing_but_a_late_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keeper = checkpoint_file.Keeper(tmp_path / "run.json")
+    keeper = checkpoint_file.CheckpointWriter(tmp_path / "run.json")
     monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
     _, first = cut(SLEIGH, 1, duration=1, samples=3)
     _, second = cut(SLEIGH, 3, duration=1, samples=3)

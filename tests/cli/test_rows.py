@@ -181,7 +181,7 @@ def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     running = prepare_run.start(model, model.simulation)
     rows = row_file.RowFile(here / "run.csv.rows", running.columns)
     kept = checkpoint_file.SyncedRows(rows, here / "run.csv", running.grid.step)
-    keeper = checkpoint_file.Keeper(here / "ck", kept)
+    keeper = checkpoint_file.CheckpointWriter(here / "ck", kept)
     order.clear()
     block = next(running.blocks())
     rows.write(block)

@@ -140,7 +140,7 @@ class Heard:
 def test_all_work_is_a_phase(work, wanted) -> None:
     cache.forget()  # nothing is left of other tests
     heard = Heard()
-    with progress.heard_by(heard):
+    with progress.reported_to(heard):
         work(lagcli.load(MODEL))
     assert heard.names >= {"reading the model", "building the equations", *wanted}
     assert heard.depth == 0

@@ -113,7 +113,7 @@ def test_pendulum_with_its_tension() -> None:
     solved = _solved(page)
     vx, vy, vz = symbols("rate(a.x) rate(a.y) rate(a.z)")
     swing = {y: 0, vy: 0}
-    own = page.system.world.calculus.expanded(solved.values[0]).xreplace(swing)
+    own = page.system.table.calculus.expanded(solved.values[0]).xreplace(swing)
     assert is_zero(own - m * (vx**2 + vz**2 - g * z) / L)
     assert solved.values[1] == 0
 
@@ -158,7 +158,7 @@ def test_double_pendulum_with_both_tensions() -> None:
     }
     at = {sympy.Symbol(n, real=True): value for n, value in place.items()}
     at |= {sympy.Symbol(f"rate({n})", real=True): 0 for n in place}
-    expanded = page.system.world.calculus.expanded
+    expanded = page.system.table.calculus.expanded
     upper = m1 * g * cos(t1) / (1 - m2 * cos(t1 - t2) ** 2 / (m1 + m2))
     assert is_zero(expanded(solved.values[0]).subs(at) - upper)
     assert is_zero(expanded(solved.values[1]).subs(at) - upper * m2 * cos(t1 - t2) / (m1 + m2))
@@ -230,7 +230,7 @@ def test_sympys_own_method_gives_the_same(name: str) -> None:
 
 def _values(page: derivation.Derivation, expressions: list[sympy.Expr], at: dict) -> np.ndarray:
     known = list(at)
-    plain = [page.system.world.calculus.expanded(sympy.sympify(e)) for e in expressions]
+    plain = [page.system.table.calculus.expanded(sympy.sympify(e)) for e in expressions]
     return np.array(sympy.lambdify(known, plain, "numpy", cse=True)(*at.values()), dtype=float)
 
 

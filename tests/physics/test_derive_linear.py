@@ -86,7 +86,7 @@ def numbers(text: str) -> dict[str, np.ndarray]:
     for name, shape in shapes.items():
         dense[name] = np.zeros(shape)
         for place, value in getattr(found, name).items():
-            dense[name][place] = float(system.world.calculus.expanded(value).subs(put))
+            dense[name][place] = float(system.table.calculus.expanded(value).subs(put))
     return dense
 
 

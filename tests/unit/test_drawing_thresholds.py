@@ -14,7 +14,7 @@ from lagcli.output.animation import curve_pictures, links, nets, quadratic_form,
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
-from lagcli.output.animation.row_pictures import LoneRow, RowPictures
+from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import Viewpoint
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.figures import labels, panels
@@ -109,10 +109,10 @@ def test_two_particles_on_one_line_touch(off: float, is_one: bool) -> None:
 def test_a_plane_that_is_the_picture_draws_no_line(slope: float, lines: int) -> None:
     """A second plane cuts a line out of the plane of the motion; one that leans by rounding is that plane itself."""
 
-    def lone(normal: np.ndarray) -> LoneRow:
-        return LoneRow("row", False, True, False, lambda places: np.asarray(places @ normal))
+    def lone(normal: np.ndarray) -> SingleParticleRow:
+        return SingleParticleRow("row", False, True, False, lambda places: np.asarray(places @ normal))
 
-    found = RowPictures(lone={0: [lone(np.array([0, slope, 1.0])), lone(np.array([0, 1.0, 0]))]})
+    found = RowPictures(single={0: [lone(np.array([0, slope, 1.0])), lone(np.array([0, 1.0, 0]))]})
     pictures = curve_pictures.CurvePictures(
         lagcli.loads(MODEL), np.zeros(1), np.zeros((1, 1, 3)), FACE, found
     )

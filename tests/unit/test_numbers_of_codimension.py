@@ -61,7 +61,7 @@ def test_a_place_is_on_a_surface_to_thirteen_digits(value, is_on):
     if is_on:
         assert branches._nearby(part, np.zeros(1), 0.0) is not None
     else:
-        with pytest.raises(branches._Creeping):
+        with pytest.raises(branches._SlowConvergence):
             branches._nearby(part, np.zeros(1), 0.0)
 
 
@@ -71,7 +71,7 @@ def test_the_last_step_to_a_regular_place_squares_the_residual(ratio, is_regular
     if is_regular:
         assert branches._nearby(part, np.zeros(1), 0.0) is not None
     else:
-        with pytest.raises(branches._Creeping):
+        with pytest.raises(branches._SlowConvergence):
             branches._nearby(part, np.zeros(1), 0.0)
 
 
@@ -79,7 +79,7 @@ def test_the_last_step_to_a_regular_place_squares_the_residual(ratio, is_regular
 def test_what_comes_near_a_surface_slowly_creeps(left, creeps):
     part = Residuals(left)
     if creeps:
-        with pytest.raises(branches._Creeping):
+        with pytest.raises(branches._SlowConvergence):
             branches._nearby(part, np.zeros(1), 0.0)
     else:
         assert branches._nearby(part, np.zeros(1), 0.0) is None

@@ -32,7 +32,7 @@ def one(g, slope):
 
 
 def test_the_doubt_of_a_piece_is_four_times_what_it_shows():
-    assert zero_bounds.doubt((0.0, 0.0, 0.0, 0.0), 0.5, (0.25, 0.0), 0.0) == 4 * 0.25
+    assert zero_bounds.misfit((0.0, 0.0, 0.0, 0.0), 0.5, (0.25, 0.0), 0.0) == 4 * 0.25
 
 
 @pytest.mark.parametrize(("doubt", "is_told"), [(0.15, True), (0.3, False)])

@@ -354,7 +354,7 @@ def test_a_step_from_a_singular_start_is_halved_thirty_times(monkeypatch):
 def test_all_places_of_the_instant_are_tried_from_close_by(angle, places, monkeypatch):
     tried = []
     monkeypatch.setattr(singularity_step, "_placed", lambda *given: tried.append(given[-1]))
-    assert singularity_step._passage(None, None, Prediction(1.0, 1, angle=angle)) is None
+    assert singularity_step._step_across(None, None, Prediction(1.0, 1, angle=angle)) is None
     assert len(tried) == places
     assert tried[0] == 0.5
     assert max(tried) < 1
@@ -441,7 +441,7 @@ def test_lines_close_to_the_instant_are_read_off_others(tau, lines, monkeypatch)
     monkeypatch.setattr(interpolate_rows, "_put_scratch", lambda run, at, step: asked.append(at))
     rows = SimpleNamespace(line=np.ones(20), at=np.zeros(1))
     across = SimpleNamespace(step=None, instant=0.0, width=1.0, is_start=False)
-    interpolate_rows.put_in_passage(SimpleNamespace(rows=rows, origin=0.0), across, tau)
+    interpolate_rows.put_in_singular_step(SimpleNamespace(rows=rows, origin=0.0), across, tau)
     assert len(asked) == lines
 
 

@@ -267,10 +267,10 @@ def test_one_function_in_floats_is_bounded_as_many_in_arrays() -> None:
     random = np.random.default_rng(3)
     a, b, c, d, value, slope = random.standard_normal((6, 50))
     many: zero_bounds.Cubic[Floats] = zero_bounds.cubic((a, b, c, d))
-    doubt: Floats = zero_bounds.doubt((a, b, c, d), 0.3, (value, slope), np.full(50, 1e-15))
+    doubt: Floats = zero_bounds.misfit((a, b, c, d), 0.3, (value, slope), np.full(50, 1e-15))
     low, high = zero_bounds.extent(many, doubt)
     for i in range(50):
         ends = float(a[i]), float(b[i]), float(c[i]), float(d[i])
         one: zero_bounds.Cubic[float] = zero_bounds.cubic(ends)
-        assert zero_bounds.doubt(ends, 0.3, (float(value[i]), float(slope[i])), 1e-15) == doubt[i]
+        assert zero_bounds.misfit(ends, 0.3, (float(value[i]), float(slope[i])), 1e-15) == doubt[i]
         assert zero_bounds.extent(one, float(doubt[i])) == (low[i], high[i])

@@ -75,7 +75,7 @@ class Classifier:
             if block is not None and self._is_local(block, flagged, numbers):
                 together = self._locality.with_passing(together, block, flagged, numbers, single)
             elif block is not None and numbers.is_certain:
-                together = self._locality.without_idle(together, block, numbers)
+                together = self._locality.without_vanishing(together, block, numbers)
         if block is not declared:
             together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
@@ -202,7 +202,7 @@ class Classifier:
             if at
         )
         proof: Proof = "symbolic" if found.is_exact else "numeric"
-        idle = frozenset(names[i] for i in found.vanishing)
+        vanishing = frozenset(names[i] for i in found.vanishing)
         inside = _picked(names, found.inside)
         return JointVerdict(
             names,
@@ -214,7 +214,7 @@ class Classifier:
             proof,
             remarks=tuple(remarks),
             notes=notes,
-            vanishing=idle,
+            vanishing=vanishing,
             holonomic_rank=len(flagged.values) + found.holonomic_rank,
         )
 

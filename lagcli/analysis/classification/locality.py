@@ -61,14 +61,16 @@ class Locality:
         own = [e for e in factors if special_points.vanishes(e, [here])]
         return own[0] if len(own) == 1 else special_points.product(factors)
 
-    def without_idle(
+    def without_vanishing(
         self, together: JointVerdict, block: PfaffianBlock, numbers: NumericFlag
     ) -> JointVerdict:
         """The verdict of numbers, in which rows that vanish along the motions from the start have no integrals."""
         points = [self._point(state) for state in numbers.states]
-        idle = _idle(block, points) if len(points) > 1 else frozenset()  # the start alone may be special
-        lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
-        return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | idle)
+        vanishing = (
+            _vanishing(block, points) if len(points) > 1 else frozenset()
+        )  # the start alone may be special
+        lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
+        return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | vanishing)
 
     def with_passing(
         self,
@@ -80,11 +82,11 @@ class Locality:
     ) -> JointVerdict:
         """The verdict of numbers with the set that motions from the start keep to, and integrals on it."""
         points = [self._point(state) for state in numbers.states]
-        idle = _idle(block, points)
-        of_rows = [None if name in idle else one for name, one in zip(block.names, single, strict=True)]
+        vanishing = _vanishing(block, points)
+        of_rows = [None if name in vanishing else one for name, one in zip(block.names, single, strict=True)]
         candidates = self._candidates(block, flagged, points)
         where, passing = self._set(block, candidates, numbers, of_rows)
-        lasting = tuple(one for one in together.integrals if idle.isdisjoint(one.rows))
+        lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
         known = {one.text for one in lasting}
         written_integrals = [
             translate.first_integral(one.phi, one.rows, self._translation.values) for one in passing
@@ -98,7 +100,7 @@ class Locality:
             integrals=lasting,
             passing=tuple(one for one in written_integrals if one.text not in known),
             notes=(f"{note}; on another sheet, set or side of a kink they are different", *together.notes),
-            vanishing=together.vanishing | idle,
+            vanishing=together.vanishing | vanishing,
         )
 
     def _set(
@@ -196,7 +198,7 @@ class Locality:
             return ()
 
 
-def _idle(block: PfaffianBlock, points: Sequence[special_points.Point]) -> frozenset[str]:
+def _vanishing(block: PfaffianBlock, points: Sequence[special_points.Point]) -> frozenset[str]:
     """The rows that vanish at all points."""
     return frozenset(
         name

@@ -51,7 +51,7 @@ class BranchParameters:
     """A step that leaves no more than this part has squared a small residual, as it does where the rank is
     constant; where it is not it halves the distance.
     `test_the_last_step_to_a_regular_place_squares_the_residual` fails at 0.002 and 0.2."""
-    creeping: float = 1e-9
+    slow: float = 1e-9
     """A residual that comes so near, but slowly, comes to a point that is not regular.
     `test_what_comes_near_a_surface_slowly_creeps` fails at 1e-10 and 1e-8."""
 
@@ -61,7 +61,7 @@ PARAMETERS = BranchParameters()
 SEED = 20062
 
 
-class _Creeping(Exception):
+class _SlowConvergence(Exception):
     """Newton's method comes to the surface, but slowly: what is there is not regular."""
 
 
@@ -79,7 +79,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
         try:
             for _ in range(PARAMETERS.steps if point < PARAMETERS.walks else 1):
                 z = None if z is None else _step(part, z, t, random, size)
-        except _Creeping:
+        except _SlowConvergence:
             return {None}
         if z is None:
             failed += 1
@@ -103,7 +103,7 @@ def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
 def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, size: float) -> Floats | None:
     """A random step along the kernel of B, back to the surface where Newton's method squares the residual.
 
-    Raises `_Creeping`.
+    Raises `_SlowConvergence`.
     """
     _, J = part.at(z, t)
     _, sigma, right = np.linalg.svd(_unit_rows(J))
@@ -119,7 +119,7 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
 
 
 def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
-    """The point that a few Newton steps reach, each squaring a small residual, or None. Raises `_Creeping`."""
+    """The point that a few Newton steps reach, each squaring a small residual, or None. Raises `_SlowConvergence`."""
     before = residual = np.inf
     limit = PARAMETERS.solved + 4 * part.rounding
     for done in range(PARAMETERS.newton_steps + PARAMETERS.more_steps):
@@ -135,8 +135,8 @@ def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
             break
         z = z - np.linalg.lstsq(J / lengths[:, None], F / lengths, rcond=rank.SMALL)[0]
         before = residual
-    if residual <= PARAMETERS.creeping + limit:
-        raise _Creeping
+    if residual <= PARAMETERS.slow + limit:
+        raise _SlowConvergence
     return None
 
 

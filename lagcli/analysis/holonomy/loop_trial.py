@@ -33,7 +33,7 @@ class TrialParameters:
     near_miss: float = 1.5
     """The most that they miss by, of the amount they move.
     `test_words_that_miss_by_what_they_move_are_solved_for` fails at 0.15 and 15."""
-    surveyed: int = 200
+    sampled: int = 200
     """Closed paths that are looked at. `test_two_hundred_closed_paths_are_looked_at` fails at 20 and 2000."""
     smooth: float = 1e-4
     """The change of their ends with finer steps that is allowed: near a pole the steps do not converge.
@@ -108,7 +108,7 @@ class LoopTrial:
         if not len(X):
             return None
         size = self.goal.size
-        X = X[np.argsort(np.abs(X).sum(axis=1), kind="stable")[: PARAMETERS.surveyed]]
+        X = X[np.argsort(np.abs(X).sum(axis=1), kind="stable")[: PARAMETERS.sampled]]
         rough, fine = (self.words.offsets(self.goal, X, n) for n in (loop_words.STEPS, loop_words.SURE))
         amount = fine[:, self.goal.along]
         with np.errstate(invalid="ignore"):

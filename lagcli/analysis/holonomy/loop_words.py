@@ -99,7 +99,7 @@ def loops(
     return LoopWords(frame, basis, np.zeros((letters, m))), grid * scale
 
 
-def journeys(
+def words_in_time(
     frame: controlled_paths.ControlledFrame, m: int, axis: int, units: Floats, extra: int
 ) -> tuple[LoopWords, Floats]:
     """Words in time: one free coordinate forth and back, the last of the m controls being dt."""

@@ -22,7 +22,7 @@ BESIDE, BESIDE_BY = 3, 0.1  # points looked at, and how far they are
 MOST = 0.8  # of the paths
 # The same in every run; paths, their pieces, and steps of a piece, which are doubled to see the error.
 SEED, PATHS, SEGMENTS, STEPS = 1973, 40, 3, 2
-NUDGE, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is NUDGE**2 and smaller than SEEN
+OFFSET, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is NUDGE**2 and smaller than SEEN
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,15 +123,15 @@ def _returned(
 ) -> Floats:
     """The fields carried back along each path `out` (N, S, m + 1), (N m, k + 1), some not finite."""
     far = controlled_paths.ends(frame, point, out, steps)
-    back, nudge = -out[:, ::-1], NUDGE * size
+    back, offset = -out[:, ::-1], OFFSET * size
     ends = []
     for sign in (1.0, -1.0):
         with np.errstate(all="ignore"):
             shifted = [
-                far + sign * nudge * controlled_paths.velocity(frame, far, np.tile(u, (len(far), 1)))
+                far + sign * offset * controlled_paths.velocity(frame, far, np.tile(u, (len(far), 1)))
                 for u in control
             ]
         ends.append(
             controlled_paths.ends(frame, np.concatenate(shifted), np.tile(back, (len(control), 1, 1)), steps)
         )
-    return np.asarray((ends[0] - ends[1]) / (2 * nudge))
+    return np.asarray((ends[0] - ends[1]) / (2 * offset))

@@ -54,7 +54,7 @@ class WitnessSearchParameters:
     drawn: float = 0.7
     """The part that is left of the distances of particles from those of the row.
     `test_particles_are_drawn_together_to_seven_tenths` fails at 0.07 and 7."""
-    nudge: float = 1e-6
+    offset: float = 1e-6
     """Of a difference quotient, in the units of the model. `test_the_turn_of_rows_is_seen_over_a_millionth`
     fails at 1e-7 and 1e-5."""
     together: int = 2
@@ -132,7 +132,7 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     """
     noise = np.random.default_rng(seed).standard_normal(state.q.size)
     here, there = (
-        numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + PARAMETERS.nudge * noise)
+        numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + PARAMETERS.offset * noise)
     )
     row_of, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
     is_holonomic = row_of < system.holonomic_count
@@ -145,7 +145,7 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
         for x in (there - here, here)
     )
     with np.errstate(all="ignore"):
-        rates = turned / lengths / PARAMETERS.nudge
+        rates = turned / lengths / PARAMETERS.offset
     rates = rates[np.isfinite(rates) & (rates > 0)]
     q = state.q + (PARAMETERS.bent / float(np.median(rates)) if rates.size else PARAMETERS.bent) * noise
     count = state.q.size - len(system.model.generalized_names)  # components of particles come first
@@ -315,7 +315,9 @@ class _WitnessSearch:
                 extra = goal.closed.size - axes.free.size
                 m = axes.free.size
                 if self.timed:
-                    tries = [loop_words.journeys(axes, m, i, units[axes.free], extra) for i in range(m - 1)]
+                    tries = [
+                        loop_words.words_in_time(axes, m, i, units[axes.free], extra) for i in range(m - 1)
+                    ]
                 else:
                     pairs = itertools.permutations(range(m), 2)
                     tries = [loop_words.loops(axes, m, pair, units[axes.free], extra) for pair in pairs]

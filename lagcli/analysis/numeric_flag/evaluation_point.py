@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 
 # A row counts as zero below this part of the terms it is made of and of what it changes by over the size of the
 # coordinates: that much rounding leaves of a row that vanishes, on the surface or around the start.
-ROW_ROUNDOFF, NUDGE = 64 * float(np.finfo(float).eps), 1e-7
+ROW_ROUNDOFF, OFFSET = 64 * float(np.finfo(float).eps), 1e-7
 # Relative to their size brackets are certainly not zero from here on.
 CERTAIN = 1e-6
 # A value that vanishes on the orbit is less than this many times its size and how far the point is off.
@@ -138,11 +138,11 @@ def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Spars
     """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
     s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
     size = initial.size(x)
-    neighbour, _ = block.rows(x + NUDGE * size * np.random.default_rng(SEED + 2).standard_normal(x.size), p)
+    neighbour, _ = block.rows(x + OFFSET * size * np.random.default_rng(SEED + 2).standard_normal(x.size), p)
     values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, neighbour))
     largest, change = np.zeros(A.size1()), np.zeros(A.size1())
     np.maximum.at(largest, row, np.abs(values))
-    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / NUDGE)
+    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / OFFSET)
     is_nothing = (largest > 0) & (largest <= ROW_ROUNDOFF * change)
     if not metric_rows.are_many(*A.shape):
         terms = term_sizes.of(program.written_out(block.rows), [x, p])[: values.size]

@@ -52,7 +52,7 @@ class NumericFlag:
     these in the growth vector, (0, ...). inside (m,): which rows lie in I^(oo). combinations (k, m): a basis of
     the k combinations of rows that stay, at the start, or where that is special at a generic point.
     contradiction: a multiple of dt lies in the rows. special: ranks or growth at the start are not those nearby
-    (None: brackets were too large to look there too). places: states of the orbit that were looked at, the start
+    (None: brackets were too large to look there too). states: states of the orbit that were looked at, the start
     first; surface: the rank of the holonomic rows on it. on_piece: abs, min, max or sign switch in the rows, so that
     the flag is that of the start's side.
     digits: the precision of the proof; error: the largest value that counted as zero, least: the smallest that

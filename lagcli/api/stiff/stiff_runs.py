@@ -77,12 +77,12 @@ class _StiffRuns:
         rungs: list[Rung] = []
         ended = stopped = ""
         soft: list[str] = []
-        paced: tuple[float, _Followed] | None = None
+        timed: tuple[float, _Followed] | None = None
         for k in plan.stiffness:
-            if ended := self._foreseen(rungs, k):
+            if ended := self._predicted_too_small(rungs, k):
                 break
             if k == plan.stiffness[-1]:
-                plan.report(self._forecast(k, paced))
+                plan.report(self._forecast(k, timed))
             try:
                 followed = self._follow(Stiffness(k))
             except stiff_start.NoSlowStartError:
@@ -91,9 +91,9 @@ class _StiffRuns:
             except run_stop.RunStop as stop:
                 stopped = f"the run of k = {k:.4g} stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
                 break
-            paced = k, followed
+            timed = k, followed
             rung = self._rung(k, followed)
-            ended = self._drowned(rung, rate_of)
+            ended = self._lost_in_uncertainty(rung, rate_of)
             if not ended or not rungs:
                 rungs.append(rung)
             if ended:
@@ -211,7 +211,7 @@ class _StiffRuns:
                 found.append(-k.at(t) * f)
         return np.concatenate(found), run.stats.steps, time.perf_counter() - began
 
-    def _drowned(self, rung: Rung, rate_of: str) -> str:
+    def _lost_in_uncertainty(self, rung: Rung, rate_of: str) -> str:
         """Why the ladder ends with a run whose error is lost in what is uncertain, or nothing."""
         error = rung.max_error if rate_of == "max_error" else rung.mean_error
         if error is None:
@@ -223,7 +223,7 @@ class _StiffRuns:
             f" more than a tenth of its error {error:.2g}"
         )
 
-    def _foreseen(self, rungs: list[Rung], k: float) -> str:
+    def _predicted_too_small(self, rungs: list[Rung], k: float) -> str:
         """Why a run is not begun whose error would be smaller than what is uncertain, or nothing."""
         if len(rungs) < 2 or self._plan.unprestressed:
             return ""
@@ -240,12 +240,12 @@ class _StiffRuns:
             f" {error:.1g}: that run was not begun"
         )
 
-    def _forecast(self, k: float, paced: tuple[float, _Followed] | None) -> str:
+    def _forecast(self, k: float, timed: tuple[float, _Followed] | None) -> str:
         swings = self._swings(k)
         head = f"the stiffest run, k = {k:.4g}, swings {swings:.3g} times"
-        if paced is None:
+        if timed is None:
             return f"{head} and takes some {self._steps(swings):.2g} steps"
-        before, followed = paced
+        before, followed = timed
         times = math.sqrt(k / before)
         # The run is made again with a larger tolerance, in fewer steps.
         seconds = 1.6 * times * followed.seconds

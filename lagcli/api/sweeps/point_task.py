@@ -230,7 +230,7 @@ def run_points(
     task: PointTask, numbers: Sequence[int], points: Sequence[Point]
 ) -> tuple[list[PointRow], float]:
     """The rows of some points, and the seconds they took."""
-    with _turn, progress.unheard(), assembly.briefly(), _rarely_collecting():
+    with _turn, progress.unreported(), assembly.briefly(), _rarely_collecting():
         began = time.perf_counter()
         here = runner(task)
         rows = [here.run(number, point) for number, point in zip(numbers, points, strict=True)]

@@ -68,7 +68,7 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     closed = at_begin[pairs[:, 0]]
     known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long
     rebounds = np.zeros(len(end.t), dtype=bool)
-    for _, since, until in impact.untold_rebounds:
+    for _, since, until in impact.unrecorded_rebounds:
         rebounds |= (end.t > since) & (end.t <= until)
     return Flights(begin, end, closed, known, rebounds)
 

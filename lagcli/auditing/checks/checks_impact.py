@@ -99,7 +99,7 @@ class ImpactEvidence:
         return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
 
     @cached_property
-    def untold_rebounds(self) -> tuple[tuple[int, float, float], ...]:
+    def unrecorded_rebounds(self) -> tuple[tuple[int, float, float], ...]:
         """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
         release before, from which they are no longer recorded, and that of the accumulation."""
         incidents, found = self.incidents, []
@@ -116,7 +116,7 @@ class ImpactEvidence:
         """True for contacts while they have rebounds that are no longer recorded, with both ends of that, (E, K)."""
         t = self.incidents.t
         found = np.zeros((len(t), len(self.laws.contacts)), dtype=bool)
-        for j, begin, end in self.untold_rebounds:
+        for j, begin, end in self.unrecorded_rebounds:
             found[(t >= begin) & (t <= end), j] = True
         return found
 

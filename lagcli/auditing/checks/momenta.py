@@ -71,14 +71,14 @@ def symmetries(e: Evidence) -> list[Symmetry]:
         felt, size = 0.0, 0.0
         for q in (r.q[rows], r.q[rows] + shift):
             xi = _turned(q, own, axis) if axis >= 0 else one.xi[rows]
-            change, terms = _felt(e, r.t[rows], q, r.v[rows], xi, one.rate[rows])
+            change, terms = _change_along(e, r.t[rows], q, r.v[rows], xi, one.rate[rows])
             felt, size = max(felt, change), max(size, terms)
         if felt <= SYMMETRIC * size or felt == 0.0:
             found.append(one)
     return found
 
 
-def _felt(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Array) -> tuple[float, float]:
+def _change_along(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Array) -> tuple[float, float]:
     """The largest change of L along (xi, d xi/dt), and the size of what it is made of."""
     L = e.laws.total_lagrangian(t + 0j, q + 1j * TINY * xi, v + 1j * TINY * rate)
     size = np.abs(L.real).max() * np.abs(xi).max() / max(float(np.abs(q).max(initial=0.0)), 1e-300)

@@ -164,11 +164,11 @@ class DifferenceGrid:
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
         rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
-        rounding = rounding + np.abs(self.t).max() * self._mistimed(y)
+        rounding = rounding + np.abs(self.t).max() * self._time_roundoff_effect(y)
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
 
     @staticmethod
-    def _mistimed(y: Array) -> Array:
+    def _time_roundoff_effect(y: Array) -> Array:
         """The effect of the rounding of times on integrals of columns y (T, k), as a part of the largest time, (T, k).
 
         Each time is an end of two steps: with an integrand that stays the same no more is left of them all than of the
@@ -198,10 +198,11 @@ class DifferenceGrid:
         steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
         ours = scaled_differences(self.t, y, order + 1) / steps
         return np.minimum(
-            self._felt(ours, order + 1), self._felt(scaled_differences(self.t, rate, order), order)
+            self._largest_in_stencil(ours, order + 1),
+            self._largest_in_stencil(scaled_differences(self.t, rate, order), order),
         )
 
-    def _felt(self, found: Array, order: int) -> Array:
+    def _largest_in_stencil(self, found: Array, order: int) -> Array:
         """Of differences of an order at each row the largest that its stencils may feel."""
         weights = np.full(len(found), PARAMETERS.kinked)
         weights[: order // 2] = weights[-(order // 2) :] = PARAMETERS.kinked_end

@@ -32,7 +32,7 @@ def showing(quiet: bool) -> Iterator[None]:
     line = Status()
     _shown.append(line)
     try:
-        with progress.heard_by(line):
+        with progress.reported_to(line):
             yield
     finally:
         _shown.remove(line)

@@ -132,7 +132,7 @@ class Derivation:
         return tuple(sympy.Ge(self._plain(row.f), 0, evaluate=False) for row in rows if row.f is not None)
 
     def _plain(self, value: sympy.Expr) -> sympy.Expr:
-        return self.system.world.calculus.expanded(value)
+        return self.system.table.calculus.expanded(value)
 
     def text(self, width: int = WIDTH) -> str:
         """Unicode text in at most `width` columns where terms allow."""

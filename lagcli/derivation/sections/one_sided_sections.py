@@ -62,7 +62,7 @@ class OneSided:
         signs = self._signs
         for row in self._contacts.rows:
             for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
-                name = self._system.world.particles.names[self._free[first]]
+                name = self._system.table.particles.names[self._free[first]]
                 left = signs.of_row("G", row.name, *signs.of_particle("G", name).sub)
                 yield self._line((left, signs.vector(part(row.B, first))), "G", row)
             for i, slope in row.B.items():
@@ -74,7 +74,7 @@ class OneSided:
                 yield self._line((signs.of_row("G", row.name, "t"), signs.node(row.b)), "G", row)
         for row in self._contacts.rows:
             assert row.f is not None
-            rate = tidy(self._system.world.calculus.rate(row.f))
+            rate = tidy(self._system.table.calculus.rate(row.f))
             yield self._line((self._g(row, 1), signs.node(rate)), "rate", row)
 
     @staticmethod
@@ -168,8 +168,8 @@ class OneSided:
         for first, number in self._free.items():
             terms = self._parts.reaction(first, self._impulses)
             if terms:
-                name = system.world.particles.names[number]
-                m, v = signs.node(system.world.mass(number)), signs.of_particle("r", name, dots=1)
+                name = system.table.particles.names[number]
+                m, v = signs.node(system.table.mass(number)), signs.of_particle("r", name, dots=1)
                 jump = f.FormulaSum(
                     ((1, dataclasses.replace(v, sup="+")), (-1, dataclasses.replace(v, sup="-")))
                 )

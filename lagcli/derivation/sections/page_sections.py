@@ -30,21 +30,21 @@ class Sections:
     """The lines of each section of one system."""
 
     def __init__(self, system: Symbolic, signs: Signs) -> None:
-        self._system, self.signs, self._world = system, signs, system.world
+        self._system, self.signs, self._table = system, signs, system.table
         self._every = system.all_closed
         self._free = {system.first_index(number): number for number in system.newton}
         self._families = [_family(p.members.base, p.members.count) for p in self._entries()]
 
     def _entries(self) -> list[nouns.Particle]:
-        return [p for p in self._world.model.particles for _ in range(p.members.count)]
+        return [p for p in self._table.model.particles for _ in range(p.members.count)]
 
     def positions(self) -> Iterator[Line]:
         """x_n(q, t) of dependent particles (D.27) and their virtual displacements (D.28)."""
-        signs, calculus = self.signs, self._world.calculus
-        for number, name in enumerate(self._world.particles.names):
-            if not self._world.is_dependent(number):
+        signs, calculus = self.signs, self._table.calculus
+        for number, name in enumerate(self._table.particles.names):
+            if not self._table.is_dependent(number):
                 continue
-            position = self._world.position(number)
+            position = self._table.position(number)
             family = self._families[number]
             r = signs.of_particle("r", name)
             yield Line("D.27", (r, signs.vector(position)), kind="r", family=family)
@@ -63,7 +63,7 @@ class Sections:
     def constraints(self) -> Iterator[Line]:
         """f = 0 (D.2), and the differential rows as they are written (D.3, D.4)."""
         signs, system = self.signs, self._system
-        forms = {n: law.form for law in self._world.model.differential for n in law.rows}
+        forms = {n: law.form for law in self._table.model.differential for n in law.rows}
         for row in system.rows:
             if row.f is not None:
                 left = signs.of_row("f", row.name)
@@ -97,7 +97,7 @@ class Sections:
         signs, system = self.signs, self._system
         for row in system.rows:
             for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
-                name = self._world.particles.names[self._free[first]]
+                name = self._table.particles.names[self._free[first]]
                 left = signs.of_row("B", row.name, _short(name))
                 yield self._of_row("D.7", (left, signs.vector(part(row.B, first))), row)
             for i, slope in row.B.items():
@@ -113,7 +113,7 @@ class Sections:
             yield Line("D.7", (f.Sign("B", ("it",)), NIL), note=f"for {rows}", kind="still")
         for row in system.rows:
             if row.f is not None:
-                rate = tidy(self._world.calculus.rate(row.f))
+                rate = tidy(self._table.calculus.rate(row.f))
                 left = f.Sign("f", (_short(row.name),), dots=1)
                 yield Line("D.6", (left, signs.node(rate), NIL), kind="rate", family=row.family)
 
@@ -125,7 +125,7 @@ class Sections:
         """R_k = sum_i lambda_i B_ik (D.22), and Q'_n = sum_i lambda_i A_in (D.53)."""
         signs, system = self.signs, self._every
         for first, number in self._free.items():
-            name = self._world.particles.names[number]
+            name = self._table.particles.names[number]
             R = joined(self.reaction(first, system.lam))
             yield Line("D.22", (signs.of_particle("R", name), R), kind="R", family=self._families[number])
         for i in system.lagrange:
@@ -162,30 +162,30 @@ class Sections:
         system, signs = self._system, self.signs
         letters = signs.energies
         T: sympy.Expr = system.general
-        for number in range(len(self._world.particles)):
-            if not self._world.is_dependent(number):
-                T += self._world.mass(number) * self._speed(number) / 2
+        for number in range(len(self._table.particles)):
+            if not self._table.is_dependent(number):
+                T += self._table.mass(number) * self._speed(number) / 2
         V = sympy.Add(*(tidy(term) for term in system.potentials))
         if V.count_ops() < MAX_SORTED:
             V = shorter(tidy(V), sympy.factor_terms(sympy.expand(V)))
         grouped = polynomial(T, system.v) if system.general == T else _grouped(T)
-        if len(self._world.particles):
+        if len(self._table.particles):
             yield Line("D.34", (letters["T"], signs.node(grouped)), kind="T")
         if system.potentials:
             yield Line("D.35", (letters["V"], signs.node(V)), kind="V")
         if system.lagrange:
             sides: list[f.FormulaNode] = [letters["L"]]
-            if len(self._world.particles) and system.extra == 0 and V != 0:
+            if len(self._table.particles) and system.extra == 0 and V != 0:
                 sides.append(f.FormulaSum(((1, letters["T"]), (-1, letters["V"]))))
             whole = sympy.Add(*(polynomial(term, system.v) for term in (T + system.extra,))) - V
             yield Line("D.38", (*sides, signs.node(whole)), kind="L")
 
     def _speed(self, number: int) -> sympy.Expr:
         if number in self._system.newton:
-            name = self._world.particles.names[number]
+            name = self._table.particles.names[number]
             key: Key = ((f"v {name}", sympy.Integer(1)),), NOTHING
-            return self._world.product(key, key)
-        return sum((x**2 for x in self._world.velocity(number)), ZERO)
+            return self._table.product(key, key)
+        return sum((x**2 for x in self._table.velocity(number)), ZERO)
 
     def forces(self) -> Iterator[Line]:
         """Q_j of the forces without a potential (D.30)."""
@@ -197,12 +197,12 @@ class Sections:
 
     def newton(self) -> Iterator[Line]:
         """m_k a_k = F_k + sum_i lambda_i B_ik (D.23)."""
-        signs, world = self.signs, self._world
+        signs, table = self.signs, self._table
         for first, number in self._free.items():
-            name = world.particles.names[number]
-            m = signs.node(world.mass(number))
+            name = table.particles.names[number]
+            m = signs.node(table.mass(number))
             a = signs.of_particle("r", name, dots=2)
-            left = a if world.mass(number) == 1 else f.FormulaProduct((m, a))
+            left = a if table.mass(number) == 1 else f.FormulaProduct((m, a))
             F = signs.vector(triple(self._system.h, first))
             terms = ([] if F == NIL else terms_of(F)) + self.reaction(first, self._every.lam)
             yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
@@ -280,7 +280,7 @@ def points_of_rest(system: Symbolic, parts: Sections) -> Iterator[Line]:
         F = signs.vector(triple(h, first))
         terms = ([] if F == NIL else terms_of(F)) + parts.reaction(first, every.lam)
         if terms:
-            family = system.world.particles.names[number].partition("[")[0]
+            family = system.table.particles.names[number].partition("[")[0]
             yield Line("D.25", (joined(terms), NIL), kind="rest", family=family)
     for i in system.lagrange:
         pulls = (row.B.get(i, ZERO) * lam for row, lam in zip(every.rows, every.lam, strict=True))

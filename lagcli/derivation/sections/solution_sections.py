@@ -131,14 +131,14 @@ def _accelerations(
         for i, slope in row.B.items():
             h[i] += slope * lam
     for number in system.newton:
-        first, mass = system.first_index(number), system.world.mass(number)
+        first, mass = system.first_index(number), system.table.mass(number)
         x, y, z = (tidy(value / mass) for value in triple(system.h, first))
         # A long lambda stays a lambda.
         short = {lam for lam in system.lam if lam in put and put[lam].count_ops() <= SHORT}
         factors = [tidy((put[lam] if lam in short else lam) / mass) for lam in system.lam]
         terms = [] if (x, y, z) == NOTHING else signs.scaled(sympy.Integer(1), (x, y, z))
         terms += parts.reaction(first, factors, lengths)
-        left = signs.of_particle("r", system.world.particles.names[number], dots=2)
+        left = signs.of_particle("r", system.table.particles.names[number], dots=2)
         yield Line("D.23", (left, joined(terms)), kind="acceleration")
         long = set(system.lam) & set().union(*(h[i].free_symbols for i in range(first, first + 3))) - short
         if long and long <= put.keys():
@@ -162,4 +162,4 @@ def _closed(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Ex
     whole = tidy(multiplier_equations.put(system, value, on))
     small = whole.count_ops() <= 2 * multiplier_equations.MAX_OPERATIONS
     found = multiplier_equations.cancelled(whole, system.v) if small else []
-    return min(*found, polynomial(whole, system.v), whole, key=multiplier_equations.burden)
+    return min(*found, polynomial(whole, system.v), whole, key=multiplier_equations.complexity)

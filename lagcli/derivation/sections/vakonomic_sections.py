@@ -50,7 +50,7 @@ class Vakonomic:
         system = self._system
         moving = {*system.q, *system.v}
         parts = [*system.Q.values(), *(part for force in system.forces.values() for part in force)]
-        return any(not moving.isdisjoint(system.world.calculus.symbols(part)) for part in parts)
+        return any(not moving.isdisjoint(system.table.calculus.symbols(part)) for part in parts)
 
     def lines(self) -> Iterator[Line]:
         """L + sum mu_i phi_i and its equations, coordinate by coordinate."""
@@ -109,7 +109,7 @@ class Vakonomic:
 
     def _curl(self, row: SymbolicRow, i: int) -> sympy.Expr:
         system = self._system
-        calculus = system.world.calculus
+        calculus = system.table.calculus
         phi = sum((slope * system.v[j] for j, slope in row.B.items()), row.b)
         turned = calculus.rate(row.B[i]) if i in row.B else ZERO
         return polynomial(tidy(calculus.partial(phi, system.q[i]) - turned), system.v)

@@ -32,12 +32,12 @@ class IdentityVerdict:
 def verify(system: Symbolic) -> Iterator[IdentityVerdict]:
     """The identity for every generalized coordinate that dependent particles move with."""
     left: dict[int, sympy.Expr] = {}
-    for number in range(len(system.world.particles)):
-        if system.world.is_dependent(number):
+    for number in range(len(system.table.particles)):
+        if system.table.is_dependent(number):
             for j, term in _of_particle(system, number):
                 left[j] = left.get(j, ZERO) + term
     for j in sorted(left):
-        difference = system.world.calculus.expanded(left[j] - _of_energy(system, j))
+        difference = system.table.calculus.expanded(left[j] - _of_energy(system, j))
         if difference.count_ops() <= MAX_OPERATIONS and _vanishes(difference):
             yield IdentityVerdict(j, True, "identically")
             continue
@@ -47,8 +47,8 @@ def verify(system: Symbolic) -> Iterator[IdentityVerdict]:
 
 def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, sympy.Expr]]:
     """m a . dr/dq_j of one particle."""
-    calculus, world = system.world.calculus, system.world
-    position, velocity = world.position(number), world.velocity(number)
+    calculus, table = system.table.calculus, system.table
+    position, velocity = table.position(number), table.velocity(number)
     acceleration = []
     for part in velocity:
         total = calculus.rate(part)
@@ -63,13 +63,13 @@ def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, sympy.Exp
             slopes = (calculus.partial(part, q) for part in position)
             yield (
                 j,
-                world.mass(number) * sum((a * s for a, s in zip(acceleration, slopes, strict=True)), ZERO),
+                table.mass(number) * sum((a * s for a, s in zip(acceleration, slopes, strict=True)), ZERO),
             )
 
 
 def _of_energy(system: Symbolic, j: int) -> sympy.Expr:
     """d/dt dT/dq'_j - dT/dq_j, of T as it is printed."""
-    calculus, T = system.world.calculus, system.general
+    calculus, T = system.table.calculus, system.general
     momentum = calculus.partial(T, system.v[j])
     total = calculus.rate(momentum) - calculus.partial(T, system.q[j])
     present = calculus.symbols(momentum)
@@ -90,7 +90,7 @@ def _vanishes(value: sympy.Expr) -> bool:
 def _agrees(system: Symbolic, j: int, left: sympy.Expr) -> bool:
     """True if both sides are the same numbers at random points."""
     source = random.Random(20060311)
-    calculus = system.world.calculus
+    calculus = system.table.calculus
     one, other = calculus.expanded(left), calculus.expanded(_of_energy(system, j))
     symbols = sorted(one.free_symbols | other.free_symbols, key=str)
     for _ in range(POINTS):

@@ -124,7 +124,7 @@ class _Substitution:
         self, part: Entries, i: int, value: sympy.Expr, letters: tuple[sympy.Symbol, ...]
     ) -> None:
         """Keep the derivatives of a value by some letters as row i. Raises `NotLinearizedError`."""
-        calculus = self._system.world.calculus
+        calculus = self._system.table.calculus
         present = calculus.symbols(value)
         for j, x in enumerate(letters):
             if x in present:
@@ -159,7 +159,7 @@ class _Substitution:
 
     def _plain(self, value: sympy.Expr) -> sympy.Expr:
         """The value without abbreviations for products and roots of rates."""
-        calculus = self._system.world.calculus
+        calculus = self._system.table.calculus
         while True:
             moving = {}
             for symbol in value.free_symbols & calculus.known.keys():

@@ -86,7 +86,7 @@ class Products:
     """Scalar products u . w in the vectors of the model, as a person writes them."""
 
     def __init__(self, system: Symbolic) -> None:
-        self._system, self._world = system, system.world
+        self._system, self._table = system, system.table
         self._known: dict[Triple, list[tuple[sympy.Expr, Key]] | None] = {}
 
     def dot(self, u: Triple, w: Triple) -> sympy.Expr:
@@ -99,7 +99,7 @@ class Products:
     def _by_components(self, u: Triple, w: Triple) -> sympy.Expr:
         """The sum of products; 1 where it is the square of a root over itself."""
         value = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
-        known = self._world.calculus.known
+        known = self._table.calculus.known
         for symbol in sorted(value.free_symbols & known.keys(), key=str):
             inner = known[symbol].inner
             if known[symbol].is_root and value.count_ops() < 100 and inner.count_ops() < 100:
@@ -110,13 +110,13 @@ class Products:
 
     def _plain(self, one: Key, other: Key) -> sympy.Expr:
         if one[0] and other[0]:
-            return self._world.product(one, other)
-        a, b = self._world.collapse.components(one), self._world.collapse.components(other)
+            return self._table.product(one, other)
+        a, b = self._table.recognizer.components(one), self._table.recognizer.components(other)
         return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
 
     def _pieces(self, triple: Triple) -> list[tuple[sympy.Expr, Key]] | None:
         if triple not in self._known:
-            vector: RecognizedVector | None = self._world.collapse.vector(triple)
+            vector: RecognizedVector | None = self._table.recognizer.vector(triple)
             self._known[triple] = None if vector is None else pieces(vector)
         return self._known[triple]
 
@@ -154,7 +154,7 @@ def _newton(
         for first in sorted({i - i % 3 for i in row.B if i - i % 3 in free}):
             touching.setdefault(first, []).append((r, part(row.B, first)))
     for first, rows in touching.items():
-        mass = system.world.mass(free[first])
+        mass = system.table.mass(free[first])
         h = (system.h[first], system.h[first + 1], system.h[first + 2])
         for r, u in rows:
             right[r] -= products.dot(u, h) / mass
@@ -214,7 +214,7 @@ def _shortest(above: sympy.Expr, below: sympy.Expr, rates: tuple[sympy.Symbol, .
     found = [tidy(tidy(above) / below), tidy(above) / below]
     if above.count_ops() + below.count_ops() <= 2 * MAX_OPERATIONS:
         found += cancelled(above / below, rates)
-    return min(found, key=burden)
+    return min(found, key=complexity)
 
 
 def cancelled(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> list[sympy.Expr]:
@@ -243,8 +243,8 @@ def _factored(value: sympy.Expr) -> sympy.Expr:
     return tidy(tidy(above) / tidy(below))
 
 
-def burden(value: sympy.Expr) -> int:
-    """The burden of reading an expression, by its operations."""
+def complexity(value: sympy.Expr) -> int:
+    """The effort of reading an expression, by its operations."""
     # Fractions in fractions read worst.
     parts = sympy.preorder_traversal(value)
     return int(value.count_ops()) + 3 * sum(1 for part in parts if part.is_Pow and part.exp.is_negative)
@@ -252,7 +252,7 @@ def burden(value: sympy.Expr) -> int:
 
 def put(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """The value with what the rows say put in, also in products of vectors."""
-    calculus = system.world.calculus
+    calculus = system.table.calculus
     replaced = dict(on)
     for symbol in value.free_symbols & calculus.known.keys():
         known = calculus.known[symbol]
@@ -266,7 +266,7 @@ def put(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Expr])
 
 def surface(system: Symbolic) -> dict[sympy.Symbol, sympy.Expr]:
     """Lengths and coordinates that single rows hold at a value: d = L and d' = L', y = 0 and y' = 0."""
-    calculus = system.world.calculus
+    calculus = system.table.calculus
     found: dict[sympy.Symbol, sympy.Expr] = {}
     rates = dict(zip(system.q, system.v, strict=True))
     for row in system.rows:

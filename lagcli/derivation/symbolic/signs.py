@@ -33,8 +33,8 @@ class Signs:
         self._layout = Layout(self._shown, self._kinds)
         self._count = 0
         self._masses: set[sympy.Symbol] = set()
-        for number in range(len(system.world.particles)):
-            self._masses |= system.world.mass(number).free_symbols
+        for number in range(len(system.table.particles)):
+            self._masses |= system.table.mass(number).free_symbols
         self._show(TIME, f.Sign("t"), "t", layout.PARAMETER, 9)
         self._parameters()
         self._constants()
@@ -94,7 +94,7 @@ class Signs:
     def vector(self, triple: Triple) -> f.FormulaNode:
         """Three components as the vector they are, or as a triple."""
         self._abbreviations()
-        vector = self._system.world.collapse.vector(triple)
+        vector = self._system.table.recognizer.vector(triple)
         several = sum(1 for part in triple if part != 0) > 1
         if vector is None or (not vector.parts and several):
             return f.Triple(tuple(self.node(tidy(part)) for part in triple))
@@ -105,7 +105,7 @@ class Signs:
 
     def scaled(self, factor: sympy.Expr, triple: Triple) -> list[tuple[int, f.FormulaNode]]:
         """The terms of factor * vector; the factor may hold components of vectors, and stays a factor."""
-        vector = self._system.world.collapse.vector(triple)
+        vector = self._system.table.recognizer.vector(triple)
         if vector is None or (not vector.parts and sum(1 for part in triple if part != 0) > 1):
             if factor == 1:
                 return [(1, self.vector(triple))]
@@ -179,7 +179,7 @@ class Signs:
     def definitions(self) -> list[tuple[f.FormulaNode, f.FormulaNode]]:
         """The abbreviations for lengths with what they stand for."""
         self._abbreviations()
-        known = self._system.world.calculus.known
+        known = self._system.table.calculus.known
         found: list[tuple[f.FormulaNode, f.FormulaNode]] = []
         for symbol, abbreviation in known.items():
             if abbreviation.is_root and abbreviation.left is not None:
@@ -195,8 +195,8 @@ class Signs:
         return sign
 
     def _parameters(self) -> None:
-        world = self._system.world
-        for name, value in world.parameters.items():
+        table = self._system.table
+        for name, value in table.parameters.items():
             sign = paper_names.sign(name)
             if not isinstance(value, tuple):
                 if not value.is_number:
@@ -218,7 +218,7 @@ class Signs:
 
     def _coordinates(self) -> None:
         system = self._system
-        generalized = len(system.names) - len(system.world.generalized)
+        generalized = len(system.names) - len(system.table.generalized)
         for i, name in enumerate(system.names):
             particle, _, axis = name.rpartition(".")
             wanted = paper_names.component(particle, axis) if i < generalized else paper_names.sign(name)
@@ -232,7 +232,7 @@ class Signs:
 
     def _abbreviations(self) -> None:
         """Signs for the abbreviations there are by now."""
-        known = self._system.world.calculus.known
+        known = self._system.table.calculus.known
         if len(known) == self._count:
             return
         new = list(known.items())[self._count :]

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 import sympy
 
 from lagcli.derivation.symbolic.calculus import Calculus, Triple
+from lagcli.derivation.symbolic.symbol_table import SymbolTable, view
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
-from lagcli.derivation.symbolic.world import World, view
 from lagcli.equations import rigid
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
@@ -52,7 +52,7 @@ class SymbolicContacts:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Symbolic:
-    """The system M a = h + B^T lambda in symbols, with the abbreviations of `world.calculus`.
+    """The system M a = h + B^T lambda in symbols, with the abbreviations of `table.calculus`.
 
     names, q, v, a (n): coordinates as in the compiled system. M by numbers of coordinates, those with i <= j that
     are not zero. newton: numbers of the Cartesian particles whose coordinates enter neither T of dependent particles
@@ -61,7 +61,7 @@ class Symbolic:
     those, by particle; Q (n): of forces without a potential; contacts: the inequalities, which are no rows here.
     """
 
-    world: World
+    table: SymbolTable
     names: tuple[str, ...]
     q: tuple[sympy.Symbol, ...]
     v: tuple[sympy.Symbol, ...]
@@ -93,7 +93,7 @@ class Symbolic:
 
     def first_index(self, number: int) -> int:
         """The number of the coordinate x of a Cartesian particle."""
-        return self.names.index(f"{self.world.particles.names[number]}.x")
+        return self.names.index(f"{self.table.particles.names[number]}.x")
 
     def matrix(self, i: int, j: int) -> sympy.Expr:
         """M_ij."""
@@ -102,48 +102,48 @@ class Symbolic:
     @property
     def values(self) -> dict[sympy.Symbol, float]:
         """The numbers of parameters, and of the constants of rigid bodies."""
-        return self.world.parameter_values | self.constants
+        return self.table.parameter_values | self.constants
 
 
 def symbolic(
     model: nouns.Model, bodies: tuple[rigid.Geometry, ...], values: frozenset[str] = frozenset()
 ) -> Symbolic:
     """The system of a model. `values`: parameters to put in as numbers. Raises `diagnostics.ModelError`."""
-    world = World(model, values)
-    names = tuple(world.coordinates)
-    q, v = tuple(world.coordinates.values()), tuple(world.rates.values())
-    rows, constants = _rows(world, bodies)
-    potentials = tuple(_potentials(world))
-    forces, Q = _forces(world)
-    inertia = _Inertia(world)
+    table = SymbolTable(model, values)
+    names = tuple(table.coordinates)
+    q, v = tuple(table.coordinates.values()), tuple(table.rates.values())
+    rows, constants = _rows(table, bodies)
+    potentials = tuple(_potentials(table))
+    forces, Q = _forces(table)
+    inertia = _Inertia(table)
     general = inertia.kinetic()
-    extra = ZERO if model.lagrangian is None else world.evaluated(model.lagrangian)
-    through = world.calculus.symbols(general + extra)
+    extra = ZERO if model.lagrangian is None else table.evaluated(model.lagrangian)
+    through = table.calculus.symbols(general + extra)
     newton = tuple(
         number
-        for number, name in enumerate(world.particles.names)
-        if not world.is_dependent(number)
-        and not any({world.coordinates[c], world.rates[c]} & through for c in _components(name))
+        for number, name in enumerate(table.particles.names)
+        if not table.is_dependent(number)
+        and not any({table.coordinates[c], table.rates[c]} & through for c in _components(name))
     )
-    alone = {names.index(c) for number in newton for c in _components(world.particles.names[number])}
-    M, h = _lagrange(world, general, extra, names)
+    alone = {names.index(c) for number in newton for c in _components(table.particles.names[number])}
+    M, h = _lagrange(table, general, extra, names)
     index = {x: i for i, x in enumerate(q)}
-    for number, name in enumerate(world.particles.names):
-        if not world.is_dependent(number):
+    for number, name in enumerate(table.particles.names):
+        if not table.is_dependent(number):
             for c in _components(name):
-                i = names.index(c) if number not in newton else index[world.coordinates[c]]
-                M[i, i] = M.get((i, i), ZERO) + world.mass(number)
+                i = names.index(c) if number not in newton else index[table.coordinates[c]]
+                M[i, i] = M.get((i, i), ZERO) + table.mass(number)
     for i, force in Q.items():
         h[i] += force
     for term in potentials:
-        for x in world.calculus.symbols(term) & index.keys():
-            h[index[x]] -= world.calculus.partial(term, x)
+        for x in table.calculus.symbols(term) & index.keys():
+            h[index[x]] -= table.calculus.partial(term, x)
     return Symbolic(
-        world=world,
+        table=table,
         names=names,
         q=q,
         v=v,
-        a=tuple(world.accelerations.values()),
+        a=tuple(table.accelerations.values()),
         newton=newton,
         lagrange=tuple(i for i in range(len(names)) if i not in alone),
         general=general,
@@ -156,7 +156,7 @@ def symbolic(
         rows=rows,
         lam=_multipliers(rows),
         constants=constants,
-        contacts=_contacts(world, index),
+        contacts=_contacts(table, index),
     )
 
 
@@ -164,14 +164,14 @@ def _multipliers(rows: tuple[SymbolicRow, ...]) -> tuple[sympy.Symbol, ...]:
     return tuple(sympy.Symbol(f"lambda.{row.name}", real=True) for row in rows)
 
 
-def _contacts(world: World, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
+def _contacts(table: SymbolTable, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
     """The inequalities of a model, each as the row that it is while it is closed."""
     rows: list[SymbolicRow] = []
-    for law in world.model.inequality:
+    for law in table.model.inequality:
         for member, name in enumerate(law.rows):
-            (g,) = world.difference(law.equation, view(law.members, member))
-            rows.append(_holonomic(world, name, law.members.base, g, index))
-    restitution = tuple(world.model.restitution.tolist())
+            (g,) = table.difference(law.equation, view(law.members, member))
+            rows.append(_holonomic(table, name, law.members.base, g, index))
+    restitution = tuple(table.model.restitution.tolist())
     return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), restitution)
 
 
@@ -179,45 +179,45 @@ def _components(name: str) -> tuple[str, ...]:
     return tuple(f"{name}.{axis}" for axis in "xyz")
 
 
-def _potentials(world: World) -> Iterator[sympy.Expr]:
+def _potentials(table: SymbolTable) -> Iterator[sympy.Expr]:
     """The terms of V: declared potentials, and -F.r of constant forces."""
-    for force in world.model.forces:
+    for force in table.model.forces:
         if isinstance(force, nouns.Potential):
             for member in range(force.members.count):
-                yield world.evaluated(force.expression, view(force.members, member))
+                yield table.evaluated(force.expression, view(force.members, member))
         elif isinstance(force, nouns.ParticleForce) and force.constant:
-            for number, F in _on_particles(world, force):
-                r = world.position(number)
+            for number, F in _on_particles(table, force):
+                r = table.position(number)
                 yield -sum((f * x for f, x in zip(F, r, strict=True)), ZERO)
 
 
-def _on_particles(world: World, force: nouns.ParticleForce) -> Iterator[tuple[int, Triple]]:
+def _on_particles(table: SymbolTable, force: nouns.ParticleForce) -> Iterator[tuple[int, Triple]]:
     for target, acting in zip(force.action.targets.tolist(), force.action.acting.tolist(), strict=True):
-        yield target, world.triple(force.force, view(force.members, acting, world.own(target)))
+        yield target, table.triple(force.force, view(force.members, acting, table.own(target)))
 
 
-def _forces(world: World) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
+def _forces(table: SymbolTable) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
     """F_k of forces without a potential, and Q_j = sum_k F_k . dr_k/dq_j (D.30) with the generalized ones."""
     forces: dict[int, Triple] = {}
     Q: dict[int, sympy.Expr] = {}
-    index = {x: i for i, x in enumerate(world.coordinates.values())}
-    first = len(index) - len(world.generalized)
-    for force in world.model.forces:
+    index = {x: i for i, x in enumerate(table.coordinates.values())}
+    first = len(index) - len(table.generalized)
+    for force in table.model.forces:
         if isinstance(force, nouns.ParticleForce) and not force.constant:
-            for number, F in _on_particles(world, force):
+            for number, F in _on_particles(table, force):
                 old = forces.get(number, (ZERO, ZERO, ZERO))
                 forces[number] = (old[0] + F[0], old[1] + F[1], old[2] + F[2])
         elif isinstance(force, nouns.GeneralizedForce):
             action = force.action
             for target, acting in zip(action.targets.tolist(), action.acting.tolist(), strict=True):
-                value = world.evaluated(force.force, view(force.members, acting))
+                value = table.evaluated(force.force, view(force.members, acting))
                 Q[first + target] = Q.get(first + target, ZERO) + value
     for number, F in forces.items():
-        for f, x in zip(F, world.position(number), strict=True):
-            for symbol in world.calculus.symbols(x) & index.keys():
+        for f, x in zip(F, table.position(number), strict=True):
+            for symbol in table.calculus.symbols(x) & index.keys():
                 i = index[symbol]
-                Q[i] = Q.get(i, ZERO) + f * world.calculus.partial(x, symbol)
-    rates = tuple(world.rates.values())
+                Q[i] = Q.get(i, ZERO) + f * table.calculus.partial(x, symbol)
+    rates = tuple(table.rates.values())
     return forces, {i: _short(value, rates) for i, value in Q.items()}
 
 
@@ -231,34 +231,34 @@ def _short(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
 class _Inertia:
     """T of the dependent particles: M_ij = sum_k m_k dr_k/dq_i . dr_k/dq_j, with the parts of a moving base."""
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, table: SymbolTable) -> None:
+        self._table = table
 
     def kinetic(self) -> sympy.Expr:
         """T, quadratic in the rates, with every coefficient tidied."""
-        world, products = self._world, 0
+        table, products = self._table, 0
         sums: dict[tuple[sympy.Symbol, sympy.Symbol], list[sympy.Expr]] = {}
-        for number in range(len(world.particles)):
-            if not world.is_dependent(number):
+        for number in range(len(table.particles)):
+            if not table.is_dependent(number):
                 continue
             slopes = self.slopes(number)
             products += len(slopes) ** 2
             self._require_few(number, products)
-            half = world.mass(number) / 2
+            half = table.mass(number) / 2
             pairs = list(slopes.items())
             for i, (x, u) in enumerate(pairs):
                 for y, w in pairs[i:]:
                     term = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
                     if term != 0:
                         sums.setdefault((x, y), []).append(half * term * (1 if x == y else 2))
-        moving = {**world.calculus.moving, TIME: sympy.Integer(1)}
+        moving = {**table.calculus.moving, TIME: sympy.Integer(1)}
         total = [tidy(sympy.Add(*terms)) * moving[x] * moving[y] for (x, y), terms in sums.items()]
         return sympy.Add(*total)
 
     def slopes(self, number: int) -> dict[sympy.Symbol, Triple]:
         """dr_k/dq_j and dr_k/dt, those that are not zero."""
-        calculus = self._world.calculus
-        position = self._world.position(number)
+        calculus = self._table.calculus
+        position = self._table.position(number)
         found: dict[sympy.Symbol, Triple] = {}
         present = frozenset().union(*(calculus.symbols(part) for part in position))
         for x in (*calculus.moving, TIME):
@@ -270,8 +270,8 @@ class _Inertia:
     def _require_few(self, number: int, products: int) -> None:
         if products <= MAX_PRODUCTS:
             return
-        particle = next(p for p in self._world.model.particles if p.is_dependent)
-        name = self._world.particles.names[number]
+        particle = next(p for p in self._table.model.particles if p.is_dependent)
+        name = self._table.particles.names[number]
         message = (
             "the equations cannot be written out: T of the particles has more than"
             f" {MAX_PRODUCTS} products of slopes from `{name}` on"
@@ -282,10 +282,10 @@ class _Inertia:
 
 
 def _lagrange(
-    world: World, general: sympy.Expr, extra: sympy.Expr, names: tuple[str, ...]
+    table: SymbolTable, general: sympy.Expr, extra: sympy.Expr, names: tuple[str, ...]
 ) -> tuple[dict[tuple[int, int], sympy.Expr], list[sympy.Expr]]:
     """M and h of T + the `lagrangian`: d/dt dL/dv - dL/dq = M a - h."""
-    calculus = world.calculus
+    calculus = table.calculus
     moving = list(calculus.moving.items())
     M: dict[tuple[int, int], sympy.Expr] = {}
     h = [ZERO] * len(names)
@@ -310,57 +310,59 @@ def _lagrange(
 
 
 def _rows(
-    world: World, bodies: tuple[rigid.Geometry, ...]
+    table: SymbolTable, bodies: tuple[rigid.Geometry, ...]
 ) -> tuple[tuple[SymbolicRow, ...], dict[sympy.Symbol, float]]:
     """All rows in the order of the multipliers, and the numbers of the constants of rigid bodies."""
     rows: list[SymbolicRow] = []
     constants: dict[sympy.Symbol, float] = {}
-    index = {x: i for i, x in enumerate(world.coordinates.values())}
-    rates = {v: i for i, v in enumerate(world.rates.values())}
-    for law in world.model.holonomic:
-        for name, value in _values(world, law):
-            rows.append(_holonomic(world, name, law.members.base, value, index))
-    for body, geometry in zip(world.model.rigid, bodies, strict=True):
-        for number, value in enumerate(_rigid(world, body, geometry, constants), 1):
-            rows.append(_holonomic(world, f"{body.name}.{number}", body.name, value, index))
-    for rule in world.model.differential:
-        for name, value in _values(world, rule):
-            rows.append(_differential(world, name, rule.members.base, value, rates))
+    index = {x: i for i, x in enumerate(table.coordinates.values())}
+    rates = {v: i for i, v in enumerate(table.rates.values())}
+    for law in table.model.holonomic:
+        for name, value in _values(table, law):
+            rows.append(_holonomic(table, name, law.members.base, value, index))
+    for body, geometry in zip(table.model.rigid, bodies, strict=True):
+        for number, value in enumerate(_rigid(table, body, geometry, constants), 1):
+            rows.append(_holonomic(table, f"{body.name}.{number}", body.name, value, index))
+    for rule in table.model.differential:
+        for name, value in _values(table, rule):
+            rows.append(_differential(table, name, rule.members.base, value, rates))
     return tuple(rows), constants
 
 
-def _values(world: World, law: nouns.Holonomic | nouns.Differential) -> Iterator[tuple[str, sympy.Expr]]:
+def _values(
+    table: SymbolTable, law: nouns.Holonomic | nouns.Differential
+) -> Iterator[tuple[str, sympy.Expr]]:
     each = 3 if law.is_vector else 1
     for member in range(law.members.count):
-        parts = world.difference(law.equation, view(law.members, member))
+        parts = table.difference(law.equation, view(law.members, member))
         yield from zip(law.rows[member * each : (member + 1) * each], parts, strict=True)
 
 
 def _holonomic(
-    world: World, name: str, family: str, f: sympy.Expr, index: dict[sympy.Symbol, int]
+    table: SymbolTable, name: str, family: str, f: sympy.Expr, index: dict[sympy.Symbol, int]
 ) -> SymbolicRow:
-    rate = world.calculus.rate(f)
-    B, b = _slopes(world, f, index), _at_rest(world, rate)
-    return SymbolicRow(name, family, f, B, tidy(b), tidy(-world.calculus.rate(rate)))
+    rate = table.calculus.rate(f)
+    B, b = _slopes(table, f, index), _at_rest(table, rate)
+    return SymbolicRow(name, family, f, B, tidy(b), tidy(-table.calculus.rate(rate)))
 
 
 def _differential(
-    world: World, name: str, family: str, value: sympy.Expr, rates: dict[sympy.Symbol, int]
+    table: SymbolTable, name: str, family: str, value: sympy.Expr, rates: dict[sympy.Symbol, int]
 ) -> SymbolicRow:
-    B, b = _slopes(world, value, rates), _at_rest(world, value)
-    return SymbolicRow(name, family, None, B, tidy(b), tidy(-world.calculus.rate(value)))
+    B, b = _slopes(table, value, rates), _at_rest(table, value)
+    return SymbolicRow(name, family, None, B, tidy(b), tidy(-table.calculus.rate(value)))
 
 
-def _slopes(world: World, value: sympy.Expr, index: dict[sympy.Symbol, int]) -> dict[int, sympy.Expr]:
+def _slopes(table: SymbolTable, value: sympy.Expr, index: dict[sympy.Symbol, int]) -> dict[int, sympy.Expr]:
     """The partial derivatives that do not vanish, by the numbers of their symbols."""
-    present = world.calculus.symbols(value)
-    slopes = ((i, world.calculus.partial(value, x)) for x, i in index.items() if x in present)
+    present = table.calculus.symbols(value)
+    slopes = ((i, table.calculus.partial(value, x)) for x, i in index.items() if x in present)
     return {i: tidy(slope) for i, slope in slopes if slope != 0}
 
 
-def _at_rest(world: World, value: sympy.Expr) -> sympy.Expr:
+def _at_rest(table: SymbolTable, value: sympy.Expr) -> sympy.Expr:
     """The part of a rate that is left where nothing moves: the term beside dt."""
-    calculus = world.calculus
+    calculus = table.calculus
     moving = frozenset(calculus.moving.values())
     still = {
         s: ZERO
@@ -376,11 +378,11 @@ def _moves(calculus: Calculus, symbol: sympy.Symbol) -> bool:
 
 
 def _rigid(
-    world: World, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[sympy.Symbol, float]
+    table: SymbolTable, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[sympy.Symbol, float]
 ) -> Iterator[sympy.Expr]:
     """The rows of a rigid body: distances in its base, then x, y, z of each further particle."""
-    positions = [world.position(number) for number in body.particles]
-    names = [world.particles.names[number] for number in body.particles]
+    positions = [table.position(number) for number in body.particles]
+    names = [table.particles.names[number] for number in body.particles]
     base = [positions[k] for k in geometry.base]
 
     def constant(name: str, value: float, positive: bool = False) -> sympy.Symbol:
@@ -392,7 +394,7 @@ def _rigid(
         x, y, z = (u - w for u, w in zip(base[i], base[j], strict=True))
         label = f"{names[geometry.base[i]]},{names[geometry.base[j]]}"
         length = constant(f"length {body.name} {label}", value, positive=True)
-        yield world.root(x**2 + y**2 + z**2, (x, y, z)) - length
+        yield table.root(x**2 + y**2 + z**2, (x, y, z)) - length
     for row, k in enumerate(geometry.further):
         weights = [
             constant(f"weight {body.name} {names[k]},{names[b]}", float(geometry.alpha[row, column]))

@@ -21,7 +21,7 @@ class RecognizedVector:
     rest: Triple
 
 
-class Collapse:
+class VectorRecognizer:
     """Recognizes vectors by the symbols of their components."""
 
     def __init__(self) -> None:
@@ -82,7 +82,7 @@ def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
 
     The rest along the axes, where there is one, is the last piece.
     """
-    found = _differences(dict(vector.parts)) or _alike(vector.parts)
+    found = _differences(dict(vector.parts)) or _with_shared_factor(vector.parts)
     if vector.rest != NOTHING:
         found.append((sympy.Integer(1), ((), vector.rest)))
     return found
@@ -104,7 +104,7 @@ def _differences(parts: dict[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
     return found
 
 
-def _alike(parts: Mapping[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
+def _with_shared_factor(parts: Mapping[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
     """Vectors whose coefficients differ by a number or a constant share one factor."""
     groups: list[tuple[sympy.Expr, list[tuple[str, sympy.Expr]]]] = []
     for name, c in parts.items():

@@ -29,8 +29,8 @@ USUAL = 0.99  # a part of all instants: the largest arrows of the others do not 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """The motion that is shown, in T instants: t (T,), particles (T, N, 3), forces R and F (T, N, 3) or None, and
-    curves beside it. rails: lines that are drawn too; ties: distances that the coordinates keep; is_run: False for
-    ways to swing, in which rods may stretch a little."""
+    curves beside it. guide_lines: lines that are drawn too; ties: distances that the coordinates keep; is_run: False
+    for ways to swing, in which rods may stretch a little."""
 
     t: Floats
     names: tuple[str, ...]
@@ -39,7 +39,7 @@ class Motion:
     F: Floats | None = None
     curves: tuple[TimeCurve, ...] = ()
     notes: tuple[str, ...] = ()
-    rails: tuple[DrawnSurface, ...] = ()
+    guide_lines: tuple[DrawnSurface, ...] = ()
     ties: tuple[Tie, ...] = ()
     is_run: bool = True
 
@@ -48,7 +48,7 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     """The scene of a motion; without a model there are neither rods nor surfaces, and all particles are alike. units:
     labels of time and force."""
     points = PointTable(motion.particles, motion.is_run)
-    found, surfaces = RowPictures(), list(motion.rails)
+    found, surfaces = RowPictures(), list(motion.guide_lines)
     if model is not None:
         extent = scene.size(points.tracks)
         found = row_pictures.pictures(model, motion.t, motion.particles, points, extent)

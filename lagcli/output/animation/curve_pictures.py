@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lagcli.model import model as nouns
 from lagcli.output.animation import nets, quadratic_algebra
-from lagcli.output.animation.row_pictures import LoneRow, RowPictures
+from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import DrawnSurface, Viewpoint
 
 Floats = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ class CurvePictures:
 
     def _of_particle(self, number: int, track: Floats) -> None:
         flat = self.view.flat
-        own = [*self.found.lone.get(number, []), *self._others(number, track)]
+        own = [*self.found.single.get(number, []), *self._others(number, track)]
         level = [one for one in own if flat and self._is_level(one, track)]
         own = [one for one in own if one not in level]
         equal = [one for one in own if not one.one_sided]
@@ -72,7 +72,7 @@ class CurvePictures:
         """True for a particle whose curve is drawn as a circle: on a sphere and a plane."""
         return any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds)
 
-    def _is_level(self, one: LoneRow, track: Floats) -> bool:
+    def _is_level(self, one: SingleParticleRow, track: Floats) -> bool:
         """True for an equation that only says in which plane the motion is."""
         if one.one_sided or not one.simple:
             return False
@@ -81,7 +81,7 @@ class CurvePictures:
         across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
         return bool(np.all(across <= LEVEL_ROUNDOFF * np.linalg.norm(slope, axis=-1)))
 
-    def _others(self, number: int, track: Floats) -> Iterator[LoneRow]:
+    def _others(self, number: int, track: Floats) -> Iterator[SingleParticleRow]:
         """The rows not of the second degree that name this particle alone."""
         for row in self.found.others[:MOST_TRIED]:
             for t, points in ((None, track[:1, None]), (self.t, track[:, None])):
@@ -90,10 +90,10 @@ class CurvePictures:
                 if values is not None:
                     if np.isfinite(values).all():
                         one_sided = row.kind == "inequality"
-                        yield LoneRow(row.name, one_sided, False, t is not None, _numbers(function))
+                        yield SingleParticleRow(row.name, one_sided, False, t is not None, _numbers(function))
                     break
 
-    def _line(self, rows: Sequence[LoneRow], track: Floats, more: list[nets.Function]) -> bool:
+    def _line(self, rows: Sequence[SingleParticleRow], track: Floats, more: list[nets.Function]) -> bool:
         """Draw the curve of rows, with which others cut it out; False where there is none."""
         functions = [*(one.function for one in rows), *more]
         moves = any(one.moves for one in rows)
@@ -107,7 +107,7 @@ class CurvePictures:
             self.found.shown |= {one.name for one in rows}
         return bool(points.shape[1])
 
-    def _sheet(self, row: LoneRow, track: Floats) -> None:
+    def _sheet(self, row: SingleParticleRow, track: Floats) -> None:
         if row.moves and self._moving() >= MOST_MOVING:
             return
         with np.errstate(all="ignore"):

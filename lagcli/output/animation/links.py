@@ -51,7 +51,7 @@ class Tie:
 
 class PointTable:
     """The points of a scene: the particles (T, N, 3), then those that rods and strings end at. is_run: rods keep their
-    lengths; unheld: the number of those that do not."""
+    lengths; unenforced: the number of those that do not."""
 
     def __init__(self, particles: Floats, is_run: bool = True) -> None:
         self._positions, self.is_run, self.unenforced = particles, is_run, 0

@@ -23,13 +23,13 @@ class NothingToShow(ValueError):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PointTracks:
-    """names of N points; track (T, N, 3); rails: the scales they slide on, if they are no positions in space; note: how
-    coordinates are drawn; columns: those of reactions for each point and axis, "" where there is none."""
+    """names of N points; track (T, N, 3); guide_lines: the scales they slide on, if they are no positions in space;
+    note: how coordinates are drawn; columns: those of reactions for each point and axis, "" where there is none."""
 
     names: tuple[str, ...]
     track: Floats
     columns: tuple[tuple[str, str, str], ...]
-    rails: tuple[DrawnSurface, ...] = ()
+    guide_lines: tuple[DrawnSurface, ...] = ()
     note: str = ""
 
     def reactions(self, table: Mapping[str, Floats]) -> Floats | None:
@@ -79,14 +79,14 @@ def of_coordinates(
         raise NothingToShow(
             f"there are no particles, and {len(names)} coordinates: up to {MOST_SCALES} are drawn as beads on scales"
         )
-    tracks, rails = [], []
+    tracks, guide_lines = [], []
     for k, name in enumerate(names):
         values = table[name]
         low, high = limits[name] if limits is not None else (float(values.min()), float(values.max()))
         height = (values - low) / (high - low) if high > low else zero + 0.5
         tracks.append(np.stack([zero + APART * k, zero, height], axis=-1))
         corners = np.array([[APART * k, 0.0, 0.0], [APART * k, 0.0, 1.0]])
-        rails.append(
+        guide_lines.append(
             DrawnSurface(
                 "line", name, False, np.concatenate([np.eye(3), np.zeros((1, 3))])[None], corners[None]
             )
@@ -94,7 +94,7 @@ def of_coordinates(
     ends = "of one length for all" if limits is not None else "from its least value up to its greatest"
     note = f"there are no particles: each coordinate is a bead on a scale, {ends}"
     return PointTracks(
-        tuple(names), np.stack(tracks, axis=1), (("", "", ""),) * len(names), tuple(rails), note
+        tuple(names), np.stack(tracks, axis=1), (("", "", ""),) * len(names), tuple(guide_lines), note
     )
 
 

@@ -24,7 +24,7 @@ STILL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class LoneRow:
+class SingleParticleRow:
     """A row that names one particle: its values (T, k) at points (T, k, 3). simple: a plane or something round."""
 
     name: str
@@ -37,7 +37,7 @@ class LoneRow:
 @dataclasses.dataclass(slots=True, eq=False)
 class RowPictures:
     """links: rods and strings; planes and rounds of single particles, rounds with the particle; pairs, lines: of
-    contacts between two particles; lone: the rows of each particle alone, but for rods; others: rows that are not of
+    contacts between two particles; single: the rows of each particle alone, but for rods; others: rows that are not of
     the second degree; curved: particles whose curve is drawn; shown: the names of rows that are seen in the picture."""
 
     links: list[Link] = dataclasses.field(default_factory=list)
@@ -45,7 +45,7 @@ class RowPictures:
     rounds: list[tuple[int, DrawnSurface]] = dataclasses.field(default_factory=list)
     pairs: list[SquareDistance] = dataclasses.field(default_factory=list)
     lines: list[tuple[int, int, float]] = dataclasses.field(default_factory=list)
-    lone: dict[int, list[LoneRow]] = dataclasses.field(default_factory=dict)
+    single: dict[int, list[SingleParticleRow]] = dataclasses.field(default_factory=dict)
     others: list[PicturedRow] = dataclasses.field(default_factory=list)
     curved: set[int] = dataclasses.field(default_factory=set)
     shown: set[str] = dataclasses.field(default_factory=set)
@@ -76,7 +76,7 @@ def pictures(
             found.links.append(link)
             found.shown.add(row.name)
         elif particle is not None:
-            _lone(found, row, particle, particles[:, particle], size)
+            _of_one_particle(found, row, particle, particles[:, particle], size)
         elif distance is not None and distance.at_least and len(distance.weights) == 2:
             found.pairs.append(distance)
             found.shown.add(row.name)
@@ -93,7 +93,7 @@ def pictures(
     return found
 
 
-def _lone(found: RowPictures, row: PicturedRow, particle: int, track: Floats, size: float) -> None:
+def _of_one_particle(found: RowPictures, row: PicturedRow, particle: int, track: Floats, size: float) -> None:
     """A row of one particle: a plane, something round, or anything else of the second degree."""
     one_sided = row.kind == "inequality"
     flat = rounds.plane(row, particle)
@@ -103,8 +103,8 @@ def _lone(found: RowPictures, row: PicturedRow, particle: int, track: Floats, si
     elif ball is not None:
         found.rounds.append((particle, ball))
     simple = flat is not None or ball is not None
-    lone = LoneRow(row.name, one_sided, simple, not row.form.is_at_rest, row.form.values)
-    found.lone.setdefault(particle, []).append(lone)
+    single = SingleParticleRow(row.name, one_sided, simple, not row.form.is_at_rest, row.form.values)
+    found.single.setdefault(particle, []).append(single)
 
 
 def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int, int, float] | None:

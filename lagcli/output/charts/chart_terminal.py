@@ -174,7 +174,7 @@ class _Area:
 
     def _put(self, canvas: _Canvas, index: int, curve: ChartCurve) -> None:
         colour = _colour(self._panel, index) if self._look.has_colours else None
-        x, y = self._thin(curve)
+        x, y = self._decimated(curve)
         points = np.column_stack([x, y]).tolist()
         alone = [k for k, point in enumerate(points) if np.isfinite(point).all()]
         for before, after in itertools.pairwise(alone):
@@ -183,7 +183,7 @@ class _Area:
         if len(alone) == 1:
             canvas.point(*points[alone[0]], color=colour)
 
-    def _thin(self, curve: ChartCurve) -> tuple[Floats, Floats]:
+    def _decimated(self, curve: ChartCurve) -> tuple[Floats, Floats]:
         y = np.log10(curve.y) if self._panel.is_log else curve.y
         if self._panel.shape == "time":
             chosen = decimate.extrema(y, 4 * self.width)
@@ -194,7 +194,7 @@ class _Area:
 
     def _put_letters(self, canvas: _Canvas, index: int, curve: ChartCurve) -> None:
         """A letter on a curve, at some of its points that no other curve has."""
-        x, y = self._thin(curve)
+        x, y = self._decimated(curve)
         known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
         for spot in range(SPOTS if known.size else 0):
             part = (spot + (index + 1) / (len(self._panel.curves) + 1)) / SPOTS

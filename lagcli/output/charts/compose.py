@@ -132,9 +132,9 @@ class _Plan:
             chosen = [[name for name in rest if name.startswith("lambda.")] or rest]
         if not any(chosen):
             raise UndrawableColumns("there is no column to draw")
-        return [group for names in chosen for group in self._alike(names)]
+        return [group for names in chosen for group in self._of_one_kind(names)]
 
-    def _alike(self, names: Sequence[str]) -> Iterable[list[str]]:
+    def _of_one_kind(self, names: Sequence[str]) -> Iterable[list[str]]:
         """Columns of one kind and unit."""
         found: dict[tuple[str, str], list[str]] = {}
         for name in names:
@@ -172,7 +172,7 @@ class _Plan:
         self, names: list[str], series: chart_table.SeriesSet, limits: tuple[float, float] | None
     ) -> ChartPanel:
         words = next(w for w, t in zip(self._words, self._tables, strict=True) if names[0] in t.columns)
-        zeros = set() if self._choice.is_log else self._idle(names, words.kind(names[0]), series)
+        zeros = set() if self._choice.is_log else self._zero_columns(names, words.kind(names[0]), series)
         found = [
             (run, index, one if (run, name) not in zeros else one.as_zero())
             for run in range(len(self._tables))
@@ -213,7 +213,9 @@ class _Plan:
         keys = [LegendKey(name, index, 0) for index, name in enumerate(names)]
         return tuple(curves), (*keys, *(LegendKey(name, None, run) for run, name in enumerate(self._names)))
 
-    def _idle(self, names: Sequence[str], kind: str, series: chart_table.SeriesSet) -> set[tuple[int, str]]:
+    def _zero_columns(
+        self, names: Sequence[str], kind: str, series: chart_table.SeriesSet
+    ) -> set[tuple[int, str]]:
         """The columns, with their tables, that are zero to rounding, but not exactly zero."""
         floor = panels.ROUND_OFF * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
         return {

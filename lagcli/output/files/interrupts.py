@@ -40,7 +40,7 @@ _shielded = 0  # depth of blocks in which it waits
 _raised: list[int] = []
 _pending: list[int] = []
 _patience: list[float] = []
-_farewells: list[Callable[[], None]] = []
+_at_end: list[Callable[[], None]] = []
 _handled = -1.0  # when the handler ran last, by `time.monotonic`
 _is_window = False
 _last_words: list[str] = []
@@ -94,7 +94,7 @@ def is_ending(number: int) -> bool:
 
 def before_end(farewell: Callable[[], None]) -> None:
     """Have a function called before the process ends at once; from any thread, and it must not wait for another."""
-    _farewells.append(farewell)
+    _at_end.append(farewell)
 
 
 def end_at_once(number: int) -> None:
@@ -102,7 +102,7 @@ def end_at_once(number: int) -> None:
 
     Nothing that is still in a buffer is written: whoever reads it may have stopped to.
     """
-    for farewell in _farewells:
+    for farewell in _at_end:
         farewell()
     for text in _last_words:
         _print(text)

@@ -34,7 +34,7 @@ MOST_ROWS, MOST_FAULTS = 60, 6
 @dataclasses.dataclass(frozen=True, slots=True)
 class ReportParts:
     """The answers behind a report; equations: a page part, or the reason why there are none; still, curves, checks:
-    the pictures, None where there are none; held_to: the tolerance in words."""
+    the pictures, None where there are none; tolerance_text: the tolerance in words."""
 
     model: Model
     title: str

@@ -22,7 +22,7 @@ from lagcli.simulation.run_state.incident import KINDS, Incident
 
 if TYPE_CHECKING:
     # Most runs keep no checkpoints and are not drawn.
-    from lagcli.output.checkpoint_file import Keeper
+    from lagcli.output.checkpoint_file import CheckpointWriter
     from lagcli.output.figures.decimate import DecimatedRows
 
 Floats = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ class RunTables:
 
     def __init__(self, run: SimulationRun, rows: SafeTable | None, happened: SafeTable | None) -> None:
         self._run, self._rows, self._events = run, rows, happened
-        self._keeper: Keeper | None = None
+        self._keeper: CheckpointWriter | None = None
         self._checkpoint = ""
         self.t_end = -math.inf  # time of the last row
 
@@ -68,12 +68,12 @@ class RunTables:
 
     def keep_checkpoints(self, path: str, first: RowsBefore | None, happened: RowsBefore | None) -> None:
         """Keep a checkpoint in a file; the rows of tables that are files too are safe at each of them."""
-        from lagcli.output.checkpoint_file import Keeper
+        from lagcli.output.checkpoint_file import CheckpointWriter
 
         self._checkpoint = path
         rows = None if self._rows is None else self._rows.keep_rows(first)
         incidents = None if self._events is None else self._events.keep_rows(happened)
-        self._keeper = Keeper(path, rows, incidents)
+        self._keeper = CheckpointWriter(path, rows, incidents)
 
     def begin(
         self, first: RowsBefore | None, happened: RowsBefore | None, drawn: DecimatedRows | None

@@ -219,9 +219,9 @@ class SimulationRun:
         return dataclasses.replace(found, zero=frozenset(k for k, at in kinds if floors.are_zero(at)))
 
     @property
-    def passed_over(self) -> int:
+    def skipped_rows(self) -> int:
         """Rows of the grid that a resumed run cannot give: those before the state it goes on from."""
-        return self._run.passed_over
+        return self._run.skipped_rows
 
     def require_rows_left(self) -> None:
         """Raise `checkpoints.CheckpointError` where a resumed run has nothing left to do."""

@@ -98,9 +98,9 @@ class WrittenRun:
             from lagcli.start import assembly_moves
 
             yield from assembly_moves.moves(model, run.assembly).lines(model.units)
-        if run.passed_over:
+        if run.skipped_rows:
             yield (
-                f"note: {run.passed_over} rows are skipped: they are from before the state in {request.resume}"
+                f"note: {run.skipped_rows} rows are skipped: they are from before the state in {request.resume}"
                 " and were not asked for in the run before"
             )
         if request.verbose:

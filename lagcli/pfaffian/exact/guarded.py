@@ -57,13 +57,13 @@ def attempt(work: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
     try:
         return work(*arguments, **options)
     except (BasePolynomialError, RecursionError) as error:
-        if not is_theirs(error):
+        if not is_from_sympy(error):
             raise
         kind = TooDeep if isinstance(error, RecursionError) else SympyFailure
         raise kind(f"SymPy failed ({type(error).__name__})") from error
 
 
-def is_theirs(error: BaseException) -> bool:
+def is_from_sympy(error: BaseException) -> bool:
     """True if an exception comes from SymPy, or from the standard library at its call."""
     trace, last = error.__traceback__, ""
     while trace is not None:
@@ -79,7 +79,7 @@ def call(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T
     try:
         return function(*arguments, **options)
     except _RAISED as error:
-        if not is_theirs(error):
+        if not is_from_sympy(error):
             raise
         raise SympyFailure(f"{function.__name__} failed ({type(error).__name__})") from error
 

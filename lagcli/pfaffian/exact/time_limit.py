@@ -206,7 +206,7 @@ def _interrupted(work: _Work, give_up: float) -> bool:
     return not threads
 
 
-class _Quiet:
+class _QuietInterrupts:
     """While entered, interrupts that land in a callback of the garbage collector are not printed: they are repeated."""
 
     def __init__(self) -> None:
@@ -231,4 +231,4 @@ class _Quiet:
             self._usual(about)
 
 
-_quiet = _Quiet()
+_quiet = _QuietInterrupts()

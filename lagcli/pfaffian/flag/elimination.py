@@ -109,10 +109,10 @@ def _solution(
 
     `indices`: the coordinates with their numbers.
     """
-    slopes, entangled = _slopes(f, indices)
+    slopes, coupled = _slopes(f, indices)
     candidates = []
     for x, slope in slopes.items():
-        if x in entangled or x.name == TIME or not _is_not_zero(slope, parameters):
+        if x in coupled or x.name == TIME or not _is_not_zero(slope, parameters):
             continue
         value = _expanded((slope * x - f) / slope)
         # A slope that is a number vanishes for no value of the parameters.
@@ -128,16 +128,16 @@ def _slopes(
 ) -> tuple[dict[sympy.Symbol, sympy.Expr], set[sympy.Symbol]]:
     """The constant coefficients of the coordinates in the linear terms of f, and the coordinates in the others."""
     slopes: dict[sympy.Symbol, sympy.Expr] = {}
-    entangled: set[sympy.Symbol] = set()
+    coupled: set[sympy.Symbol] = set()
     for term in sympy.Add.make_args(_expanded(f)):
         occurring = {x for x in term.free_symbols if x in indices}
         plain = [x for x in sympy.Mul.make_args(term) if x in occurring]
         rest = term / plain[0] if len(plain) == 1 and len(occurring) == 1 else term
         if rest.free_symbols & occurring:
-            entangled |= occurring
+            coupled |= occurring
         elif plain:
             slopes[plain[0]] = slopes.get(plain[0], sympy.Integer(0)) + rest
-    return slopes, entangled
+    return slopes, coupled
 
 
 def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.Expr]) -> bool:

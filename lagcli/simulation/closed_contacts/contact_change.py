@@ -27,11 +27,11 @@ class ContactsUndecided(Exception):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Blow:
+class ImpactResult:
     """An impact: the velocities after it (n,), impulses of the equality rows (C,) and of the contacts
     (K,).
 
-    onward: the velocities with which the run goes on, without the rebounds that are left out (n,); struck: contacts
+    onward: the velocities with which the run goes on, without the rebounds that are left out (n,); impacting: contacts
     that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
     those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
     all C + K whose impulses are not unique.
@@ -41,13 +41,13 @@ class Blow:
     onward: Floats
     of_equalities: Floats
     of_contacts: Floats
-    struck: Flags
+    impacting: Flags
     ended: Flags
     lasting: Floats
     shared: tuple[int, ...]
 
 
-def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
+def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
     """The impact of all contacts that are closed; None where none approaches.
 
     Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
@@ -78,25 +78,25 @@ def impact(here: ContactInstant, restitution: Floats) -> Blow | None:
     if near.size > 1 and others.size:
         after = here.moved(onward.x)
         reported = after if onward is found else here.moved(found.x)
-        lifted, pull = _lifted(reported, after, others)
+        lifted, pull = _staying_closed(reported, after, others)
         # With e = 1 there is no end: of that one flight is reported.
         left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
         lasting[lifted], ended[lifted] = 2 * reported.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
-    struck = approaching.copy()
-    others = near[(found.of_contacts > 0) & ~struck[near]]
+    impacting = approaching.copy()
+    others = near[(found.of_contacts > 0) & ~impacting[near]]
     if others.size:
-        struck[others] = impulses[others] > here.slow[others] / here.squares(others)
+        impacting[others] = impulses[others] > here.slow[others] / here.squares(others)
     rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
     shared = tuple(rows[~found.unique].tolist())
-    return Blow(found.x, onward.x, found.of_equalities, impulses, struck, ended, lasting, shared)
+    return ImpactResult(found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared)
 
 
 def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
-        if near.size == 1 and here.is_lean:
+        if near.size == 1 and here.has_independent_rows:
             j = int(near[0])
             single = few_contacts.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
             if single is not None:
@@ -132,24 +132,26 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
         return bouncing, np.zeros(0)
     lying = after.near & (np.abs(after.speeds) <= after.slow)
     lying[bouncing] = False
-    pull = -pressing(after, lying).accelerations[bouncing]
+    pull = -contact_forces(after, lying).accelerations[bouncing]
     small = (pull > 0) & _is_low(after, bouncing, pull)
     return bouncing[small], pull[small]
 
 
-def _lifted(reported: ContactInstant, after: ContactInstant, among: Numbers) -> tuple[Numbers, Floats]:
+def _staying_closed(
+    reported: ContactInstant, after: ContactInstant, among: Numbers
+) -> tuple[Numbers, Floats]:
     """Contacts that part by the law, `reported`, but stay closed without the rebounds that are left out, `after`, and
     -d2g/dt2 of them, which presses: those that an impact of others lifts too slowly, or by such a rebound."""
     speeds = reported.speeds[among]
     lifted = among[speeds > 0]
     if lifted.size:
         is_slow = np.abs(after.speeds[lifted]) <= after.slow[lifted]
-        lifted = lifted[is_slow & (reported.speeds[lifted] > reported.creeping[lifted])]
+        lifted = lifted[is_slow & (reported.speeds[lifted] > reported.speed_roundoff[lifted])]
     if not lifted.size:
         return lifted, np.zeros(0)
     rests = after.near & (np.abs(after.speeds) <= after.slow)
     rests[lifted] = False
-    pull = -pressing(after, rests).accelerations[lifted]
+    pull = -contact_forces(after, rests).accelerations[lifted]
     return lifted[pull > 0], pull[pull > 0]
 
 
@@ -160,7 +162,7 @@ def _is_low(after: ContactInstant, bouncing: Numbers, pull: Floats) -> Flags:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Pressing:
+class ContactForces:
     """Accelerations x (n,), d2g/dt2 of all contacts (K,), and those that are closed and press."""
 
     x: Floats
@@ -168,7 +170,7 @@ class Pressing:
     closed: tuple[int, ...]
 
 
-def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> Pressing:
+def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> ContactForces:
     """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0.
 
     sunk (K,): contacts that creep in: they press with any force, and where nothing takes them out.
@@ -176,7 +178,7 @@ def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> P
     """
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
-    few = _pressing_few(here, numbers, sunk)
+    few = _forces_of_few(here, numbers, sunk)
     if few is not None:
         return few
     B, _, gamma = here.equalities
@@ -186,10 +188,10 @@ def pressing(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> P
         )
     except impact_law.LawError as error:
         raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
-    return _pressed(here, numbers, (found.x, found.of_contacts), sunk)
+    return _carrying(here, numbers, (found.x, found.of_contacts), sunk)
 
 
-def _pressing_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> Pressing | None:
+def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> ContactForces | None:
     """That for few contacts, by formulas; None where rounding is too large for them."""
     few = here.few(numbers)
     if few is None:
@@ -198,12 +200,12 @@ def _pressing_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) ->
     c = here.changes(free) - here.gamma
     rounding = SAFE * EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
     z = few.solve(c[numbers], rounding[numbers])
-    return None if z is None else _pressed(here, numbers, (few.moved(free, z), z), sunk)
+    return None if z is None else _carrying(here, numbers, (few.moved(free, z), z), sunk)
 
 
-def _pressed(
+def _carrying(
     here: ContactInstant, numbers: Numbers, found: tuple[Floats, Floats], sunk: Flags | None
-) -> Pressing:
+) -> ContactForces:
     """Those that press, of accelerations (n,) and forces of contacts (k,)."""
     x, forces = found
     accelerations = here.changes(x) - here.gamma
@@ -212,4 +214,4 @@ def _pressed(
         # Within a step nothing takes it out again.
         none = accelerations * here.span**2 <= here.touching_gap
         presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
-    return Pressing(x, accelerations, tuple(numbers[presses].tolist()))
+    return ContactForces(x, accelerations, tuple(numbers[presses].tolist()))

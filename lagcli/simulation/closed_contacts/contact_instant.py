@@ -177,7 +177,7 @@ class ContactInstant:
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
     @property
-    def creeping(self) -> Floats:
+    def speed_roundoff(self) -> Floats:
         """Speeds (K,) that are rounding of those of the motion."""
         return CREEPING * self.gap_changes(self._speed)
 
@@ -241,7 +241,7 @@ class ContactInstant:
         return sparse(rows, values.column[taken], self._entries[taken], (contacts.size, self.state.q.size))
 
     @property
-    def is_lean(self) -> bool:
+    def has_independent_rows(self) -> bool:
         """True where no equality row is redundant."""
         return not self._values.numeric.selection.dependencies
 
@@ -258,7 +258,7 @@ class ContactInstant:
     def few(self, contacts: Numbers) -> FewContacts | None:
         """Contacts that are few and stand well apart from each other and from equality rows, of which none is
         redundant; None where they do not."""
-        if not (0 < contacts.size <= few_contacts.MOST and self.is_lean):
+        if not (0 < contacts.size <= few_contacts.MOST and self.has_independent_rows):
             return None
         key = tuple(contacts.tolist())
         if key not in self._few:

@@ -13,7 +13,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
 from lagcli.linear.metric_rows import MetricRows, stacked
 from lagcli.simulation.closed_contacts import contact_change
-from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, Pressing
+from lagcli.simulation.closed_contacts.contact_change import ContactForces, ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
 from lagcli.start.initial import State
 
@@ -80,7 +80,7 @@ def selection(open_: Selection, here: ContactInstant, closed: Sequence[int], row
 
 
 def mode(
-    open_: Selection, here: ContactInstant, found: Pressing, level: Sequence[int], rows: int
+    open_: Selection, here: ContactInstant, found: ContactForces, level: Sequence[int], rows: int
 ) -> ContactMode:
     """The rows that act after an instant; open_: the selection without contacts; rows: C, the number of equality rows;
     level: contacts that are closed and do not part, those that press among them.
@@ -159,7 +159,7 @@ class _ModeChoice:
                 found.append((rows + j, *(chosen.independent[k] for k in dependency[1:])))
         return tuple(found)
 
-    def tried(self, found: Pressing, contacts: Sequence[int]) -> ContactMode:
+    def tried(self, found: ContactForces, contacts: Sequence[int]) -> ContactMode:
         """The rows of the fewest contacts that carry what the pressing ones do and keep the others from closing."""
         here = self._here
         among = np.zeros(here.g.size, dtype=bool)
@@ -171,7 +171,7 @@ class _ModeChoice:
             among[:] = False
             among[list(enforced)] = True
             try:
-                alone = contact_change.pressing(here, among)
+                alone = contact_change.contact_forces(here, among)
             except ContactsUndecided:
                 continue
             if alone.closed != enforced or (np.abs(alone.x - found.x) > SAME * size.max()).any():
@@ -190,7 +190,7 @@ class _ModeChoice:
         """The mode with contacts enforced, and others that stay closed with them: they share the load."""
         among = np.zeros(self._here.g.size, dtype=bool)
         among[[*enforced, *others]] = True
-        closed = contact_change.pressing(self._here, among).closed
+        closed = contact_change.contact_forces(self._here, among).closed
         chosen = self.of(closed)
         return ContactMode(
             dataclasses.replace(

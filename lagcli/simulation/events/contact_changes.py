@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.equations import named_functions
 from lagcli.simulation.closed_contacts import contact_change, contact_gradient, contact_mode
-from lagcli.simulation.closed_contacts.contact_change import Blow, ContactsUndecided
+from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import (
     ContactInstant,
     ContactParameters,
@@ -149,7 +149,7 @@ class ContactChanges:
         if not sunk.any():
             return ()
         level = sunk | (here.near & (np.abs(here.speeds) <= here.slow))
-        closed = self._decided(lambda: contact_change.pressing(here, level, sunk)).closed
+        closed = self._decided(lambda: contact_change.contact_forces(here, level, sunk)).closed
         return tuple(self._rows + j for j in closed if sunk[j])
 
     def begin(self) -> None:
@@ -197,52 +197,58 @@ class ContactChanges:
         run, when, closed_before = self._run, self.events.now(), set(self.closed)
         before = self.log.line() if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
-        blow = self._decided(lambda: contact_change.impact(here, self._restitution))
+        impact_result = self._decided(lambda: contact_change.impact(here, self._restitution))
         after = here
-        if blow is None:
+        if impact_result is None:
             level = after.near & (np.abs(after.speeds) <= after.slow)
-        elif here.parts(blow.onward):
+        elif here.parts(impact_result.onward):
             level = np.zeros(self._count, dtype=bool)
         else:
-            after = here.moved(blow.onward)
+            after = here.moved(impact_result.onward)
             level = after.near & (np.abs(after.speeds) <= after.slow)
         look = after
-        if blow is None and ahead is not None:
+        if impact_result is None and ahead is not None:
             level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
         mode = ContactMode(self._open, ())
         if level.any():
             numbers = np.flatnonzero(level).tolist()
             sunk = self._sunk(here)
-            pressing = self._decided(lambda: contact_change.pressing(look, level, sunk))
-            mode = self._decided(lambda: contact_mode.mode(self._open, after, pressing, numbers, self._rows))
+            contact_forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
+            mode = self._decided(
+                lambda: contact_mode.mode(self._open, after, contact_forces, numbers, self._rows)
+            )
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         line, crossed = None, {i - self._rows - self._count for i in hits}
         jumped: list[int] = []
-        if blow is not None and blow.ended.any():
+        if impact_result is not None and impact_result.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
-            bouncing = sorted(closed - set(np.flatnonzero(blow.ended).tolist()))
-            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), blow.v)
+            bouncing = sorted(closed - set(np.flatnonzero(impact_result.ended).tolist()))
+            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), impact_result.v)
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
-        self._go_on(mode.selection, here.state.v if blow is None else blow.onward)
-        if blow is not None:
-            contact_crossings.require_projected(run, blow.onward, here.state.v)
+        self._go_on(mode.selection, here.state.v if impact_result is None else impact_result.onward)
+        if impact_result is not None:
+            contact_crossings.require_projected(run, impact_result.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line
-        if blow is not None:
+        if impact_result is not None:
             # What the impact takes away is work done there: the balance of the energy goes on.
             run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
-        fresh = set() if blow is None else set(np.flatnonzero(blow.ended).tolist()) & lying
+        fresh = set() if impact_result is None else set(np.flatnonzero(impact_result.ended).tolist()) & lying
         ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
         # Rebounds that something else cuts off are at their end here.
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
-        if blow is not None:
-            ending += [(j, run.t + float(blow.lasting[j])) for j in sorted(fresh)]
-        shared = {*run.contacts.shared, *mode.selection.indeterminate, *(blow.shared if blow else ())}
+        if impact_result is not None:
+            ending += [(j, run.t + float(impact_result.lasting[j])) for j in sorted(fresh)]
+        shared = {
+            *run.contacts.shared,
+            *mode.selection.indeterminate,
+            *(impact_result.shared if impact_result else ()),
+        }
         run.contacts = dataclasses.replace(
             run.contacts,
             touching=touching,
@@ -255,7 +261,7 @@ class ContactChanges:
         jumped += self.events.jumped(when, self.events.now())
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
-        self._report(_ContactReport(before, line, blow, lying_before, stay, events, cut), is_start)
+        self._report(_ContactReport(before, line, impact_result, lying_before, stay, events, cut), is_start)
         self.end_series()
 
     def end_series(self) -> None:
@@ -290,17 +296,21 @@ class ContactChanges:
         self._run.statistics.evaluations += 1
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
-        run, names, blow = self._run, [row.name for row in self._system.contacts.rows], reported.blow
+        run, names, impact_result = (
+            self._run,
+            [row.name for row in self._system.contacts.rows],
+            reported.impact_result,
+        )
         impulses = np.zeros(self._rows + self._count)
         kinds: list[tuple[Kind, Iterable[int]]] = [
             ("accumulation", sorted(reported.cut)),
             ("contact", sorted(reported.cut)),
         ]
-        if blow is not None:
-            impulses[: self._rows] = blow.of_equalities
-            impulses[self._rows :] = blow.of_contacts
-            kinds.append(("impact", np.flatnonzero(blow.struck).tolist()))
-        if blow is not None or not (is_start or run.t == run.grid.start):
+        if impact_result is not None:
+            impulses[: self._rows] = impact_result.of_equalities
+            impulses[self._rows :] = impact_result.of_contacts
+            kinds.append(("impact", np.flatnonzero(impact_result.impacting).tolist()))
+        if impact_result is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
             kinds.append(("contact", sorted(reported.enforced - reported.enforced_before - ending)))
             kinds.append(("release", sorted(reported.enforced_before - reported.enforced)))
@@ -325,7 +335,7 @@ class _ContactReport:
 
     before: Floats
     after: Floats
-    blow: Blow | None
+    impact_result: ImpactResult | None
     enforced_before: set[int]
     enforced: set[int]
     events: list[int]

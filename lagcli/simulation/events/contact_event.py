@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
-from lagcli.simulation.events import declared_events, passage_watch, step_watch
+from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
-from lagcli.simulation.events.passage_watch import PassageWatch
+from lagcli.simulation.events.singular_step_watch import SingularStepWatch
 from lagcli.simulation.events.step_watch import Ahead, StateAhead, StepWatch
 from lagcli.simulation.events.watch_functions import WatchFunctions, WatchKinds
 from lagcli.simulation.run_state import run_stop
@@ -88,8 +88,8 @@ class ContactEvent(Event):
         if found.is_still:
             self._switch()
             return
-        if found.passage is not None:
-            self._cross(found.passage)
+        if found.singular_step is not None:
+            self._cross(found.singular_step)
             return
         watch = self._current()
         ending = run.contacts.ending
@@ -157,21 +157,24 @@ class ContactEvent(Event):
             run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
         run.settle()
 
-    def _cross(self, passage: SingularStep) -> None:
+    def _cross(self, singular_step: SingularStep) -> None:
         """Look at the step across a singular configuration: it ends where a contact closes, or a stop event is."""
         run, found, watch = self._stepper, self._stepper.found, self._current()
-        kinds, curve = self._kinds(watch), PassageWatch(watch.functions, run, passage)
+        kinds, curve = self._kinds(watch), SingularStepWatch(watch.functions, run, singular_step)
         # Multipliers may have a pole at the instant: contacts that are released are looked for beside it.
         are_watched = kinds.is_event.copy()
         are_watched[: len(watch.functions.open_)] = True
         indices = np.flatnonzero(are_watched)
         rounding = self._changes.noise(watch.functions, kinds.numbers.size)
-        lift, noise = passage_watch.first_lift(curve, watch.functions, rounding), rounding[indices]
+        lift_off, noise = (
+            singular_step_watch.first_lift_off(curve, watch.functions, rounding),
+            rounding[indices],
+        )
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding())[indices]
         noise[kinds.is_event[indices]] = rounding[kinds.is_event[indices]]
         x, armed = 0.0, ~np.isin(kinds.numbers[indices], run.contacts.unarmed)
-        limit = 1.0 if lift is None else lift.x
+        limit = 1.0 if lift_off is None else lift_off.x
         while x < limit and indices.size:
             crossing = self._crossing(curve, indices, (x, limit), (noise, kinds.direction[indices], armed))
             if crossing.x is None:
@@ -189,10 +192,10 @@ class ContactEvent(Event):
             armed[list(crossing.rows)] = False
             for index in rows.tolist():
                 found.within.append(curve.event(x, kinds.names[index], self._changes.log))
-        if lift is not None:
+        if lift_off is not None:
             self._hits, self._ahead = (
-                tuple(kinds.numbers[lift.indices].tolist()),
-                passage_watch.end_at_lift(curve, lift),
+                tuple(kinds.numbers[lift_off.indices].tolist()),
+                singular_step_watch.end_at_lift_off(curve, lift_off),
             )
 
     def _current(self) -> StepWatch:
@@ -261,7 +264,7 @@ class ContactEvent(Event):
 
     def _crossing(
         self,
-        watch: StepWatch | PassageWatch,
+        watch: StepWatch | SingularStepWatch,
         indices: Indices,
         span: tuple[float, float],
         asked: tuple[Floats, npt.ArrayLike, npt.ArrayLike],

@@ -160,7 +160,7 @@ def _bound(function: ca.Function, arguments: list[Floats]) -> _Bound:
     return bound, cells(bound.results[0])
 
 
-class PassageCurve:
+class SingularStepCurve:
     """The `Way` of a step across a singular configuration."""
 
     def __init__(self, crossings: Crossings, run: Stepper) -> None:
@@ -176,9 +176,9 @@ class PassageCurve:
 
     def _inputs_at(self, x: float) -> tuple[float, Floats, Floats, Floats]:
         run = self._run
-        passage = run.found.passage
-        assert passage is not None, "there is a step across"
-        state = passage.step.state(x)
+        singular_step = run.found.singular_step
+        assert singular_step is not None, "there is a step across"
+        state = singular_step.step.state(x)
         n = state.size // 2
         return run.origin + run.t + x * run.found.taken, state[:n], state[n : 2 * n], run.bound.enforced.p
 
@@ -198,7 +198,7 @@ class ImpulseEvent(Event):
             return
         if not self._curve.is_of(run):
             self._curve = StepCurve(self._functions, run)
-        if found.passage is None and not found.has_dense:
+        if found.singular_step is None and not found.has_dense:
             if not self._curve.is_crossed():
                 return
             run.bound.staged.trigger()
@@ -209,6 +209,6 @@ class ImpulseEvent(Event):
             found.reached = run.t + found.barrier.part * found.taken
 
     def _way(self) -> Way:
-        if self._stepper.found.passage is not None:
-            return PassageCurve(self._crossings, self._stepper)
+        if self._stepper.found.singular_step is not None:
+            return SingularStepCurve(self._crossings, self._stepper)
         return self._curve

@@ -62,7 +62,7 @@ class SingularEvent(Event):
         """See `Event`."""
         run, crossed = self._stepper, self._crossed
         self._crossed = None
-        if crossed is not None and crossed.passage.instant > run.t:
+        if crossed is not None and crossed.singular_step.instant > run.t:
             # The step has ended before.
             run.statistics.crossings = run.statistics.crossings[:-1]
             run.watch, run.predicted = SingularityMonitor(), NEVER
@@ -70,16 +70,16 @@ class SingularEvent(Event):
 
     def _incidents(self, crossed: Crossing) -> list[Incident]:
         """The incidents of a crossing, one for each row that takes part; none where the run begins."""
-        run, passage = self._stepper, crossed.passage
-        if passage.is_start:
+        run, singular_step = self._stepper, crossed.singular_step
+        if singular_step.is_start:
             return []
         from lagcli.simulation.stepping import interpolate_rows
 
-        interpolate_rows.put_in_passage(run, passage, passage.instant)
+        interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
         names = [row.name for row in run.bound.enforced.system.multiplier_rows]
         lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
         rows = crossed.loss.participants
-        return [self._log.incident(passage.instant, "crossing", names[row], lines) for row in rows]
+        return [self._log.incident(singular_step.instant, "crossing", names[row], lines) for row in rows]
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
@@ -109,7 +109,7 @@ class SingularEvent(Event):
         run.statistics.evaluations += project.used
         if not isinstance(found, singularity_step.Crossing):
             return False
-        step = found.passage.step
+        step = found.singular_step.step
         reached, new = step.t + step.h, step.state(1.0)
         if collocation.projected(bound.scratch, reached, new) is not None:
             self._cross(found)
@@ -140,7 +140,7 @@ class SingularEvent(Event):
     def _cross(self, crossing: Crossing) -> None:
         """Make a step across the step just found."""
         run, bound = self._stepper, self._stepper.bound
-        step = crossing.passage.step
+        step = crossing.singular_step.step
         reached = step.t + step.h
         projected, rate, status, _ = bound.projected_at(reached, step.state((reached - step.t) / step.h))
         bound.new[:], bound.k_new[:] = projected, rate
@@ -149,6 +149,6 @@ class SingularEvent(Event):
         run.statistics.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
         self._crossed = crossing
         found = run.found
-        found.is_open, found.passage = True, crossing.passage
+        found.is_open, found.singular_step = True, crossing.singular_step
         found.reached, found.taken, found.proposed = reached, step.h, run.control.step
         found.within += self._incidents(crossing)

@@ -32,7 +32,7 @@ class Run:
     """One integration: iterate `blocks` once; `statistics` is filled as they come, and `stepper` goes on.
 
     begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
-    for a run that is resumed; row: time of the last row handed out; passed_over: rows that are lost to a grid other
+    for a run that is resumed; row: time of the last row handed out; skipped_rows: rows that are lost to a grid other
     than that of the run state. Times in here, `t` and the grid too, are counted from `origin`.
     """
 
@@ -42,11 +42,11 @@ class Run:
         writer: RowWriter,
         begin: Callable[[], bool] | None,
         row: float = -math.inf,
-        passed_over: int = 0,
+        skipped_rows: int = 0,
     ) -> None:
         self.stepper, self._writer, self._begin = stepper, writer, begin
         self.origin, self.grid, self.statistics = stepper.origin, stepper.grid, stepper.statistics
-        self._row, self.passed_over = row, passed_over
+        self._row, self.skipped_rows = row, skipped_rows
         self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
         enforced = stepper.bound.enforced

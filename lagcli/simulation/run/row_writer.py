@@ -94,7 +94,7 @@ class RowWriter:
         run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
         t, reached, taken = run.t, found.reached, found.taken
         capacity = len(self._lines)
-        is_ordinary = not found.is_still and found.passage is None
+        is_ordinary = not found.is_still and found.singular_step is None
         if is_ordinary and found.work is None and run.row_time < reached:
             self._put_inside()
         while run.row_time <= reached and not (found.is_jump and run.row_time == reached):
@@ -105,10 +105,10 @@ class RowWriter:
             if found.is_still:
                 rows.scratch.arguments[1][:] = run.bound.y
                 rows.scratch.trigger()
-            elif found.passage is not None:
+            elif found.singular_step is not None:
                 from lagcli.simulation.stepping import interpolate_rows
 
-                interpolate_rows.put_in_passage(run, found.passage, at)
+                interpolate_rows.put_in_singular_step(run, found.singular_step, at)
             elif at < reached or found.barrier is not None:
                 run.make_dense()
                 rows.x[0] = (at - t) / taken
@@ -138,7 +138,7 @@ class RowWriter:
             row_time = time(self.next_row + filled - begun)
         self._filled, self.next_row, run.row_time = filled, self.next_row + filled - begun, row_time
 
-    def _mend(self) -> None:
+    def _limit_row(self) -> None:
         """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
 
         Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from
@@ -167,9 +167,9 @@ class RowWriter:
     def _put_line(self) -> None:
         run, found = self._stepper, self._stepper.found
         line = run.rows.line
-        if not math.isfinite(run.rows.cells[-1]) and found.passage is None:
+        if not math.isfinite(run.rows.cells[-1]) and found.singular_step is None:
             if found.is_open and run.row_time < found.reached:
-                self._mend()
+                self._limit_row()
             self._require_finite()
         if found.work is not None:
             line[WORK] = found.work.at(run.row_time)

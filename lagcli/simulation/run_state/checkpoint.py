@@ -159,7 +159,7 @@ def decoded(data: bytes) -> Checkpoint:
     _require_version(whole["lagcli-checkpoint"], whole.get("version"))
     try:
         point = saved_form.read(Checkpoint, {key: part for key, part in whole.items() if key not in AROUND})
-        _require_sound(point)
+        _require_valid(point)
     except ValueError:
         raise CheckpointError(
             "it is a damaged checkpoint: something is missing or no finite number"
@@ -194,7 +194,7 @@ def _require_version(form: object, version: object) -> None:
         )
 
 
-def _require_sound(point: Checkpoint) -> None:
+def _require_valid(point: Checkpoint) -> None:
     """Raise `ValueError` for numbers that no run has."""
     run_state, selection = point.run_state, point.run_state.selection
     if run_state.step <= 0:

@@ -20,7 +20,7 @@ BLURRED = 5  # index in `step_tolerance.of_steps`
 class BoundStep:
     """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state.
 
-    t, h, outcome, aside_t: memory of plain floats; aside: `NumericSystem.project` on arrays (t, y, p) of its own.
+    t, h, status, scratch_t: memory of plain floats; scratch: `NumericSystem.project` on arrays (t, y, p) of its own.
     """
 
     def __init__(self, enforced: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:

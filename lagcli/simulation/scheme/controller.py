@@ -88,7 +88,7 @@ class StepController:
         )
         return taken * part
 
-    def lags(self, t: float, end: float) -> float | None:
+    def is_too_slow(self, t: float, end: float) -> float | None:
         """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end."""
         advanced, self.pace_from = t - self.pace_from, t
         return advanced if (end - t) * PARAMETERS.pace > PARAMETERS.hopeless * advanced else None

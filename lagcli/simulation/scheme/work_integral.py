@@ -92,22 +92,22 @@ def within(
     def powers(times: Floats) -> tuple[Floats, float] | None:
         return projected(times, states((times - t) / h))
 
-    def shaken(times: Floats) -> tuple[Floats, float] | None:
+    def perturbed(times: Floats) -> tuple[Floats, float] | None:
         signs = np.where(np.arange(2 * n + 1) % 2, -SHAKEN, SHAKEN)
         return projected(times + SHAKEN * (abs(t) + h), states((times - t) / h) * (1 + signs))
 
-    return WorkIntegral(powers, rtol, shaken).over(t, h, float(y[-1]))
+    return WorkIntegral(powers, rtol, perturbed).over(t, h, float(y[-1]))
 
 
 class WorkIntegral:
     """The integral of a power over a step, to a relative tolerance of the energies at hand.
 
     powers(times (k,)) -> the power at each (k,), and an energy, such as the largest of the motion there; None where
-    they have no value. shaken: the same at states that are moved by their rounding.
+    they have no value. perturbed: the same at states that are moved by their rounding.
     """
 
-    def __init__(self, powers: Powers, rtol: float, shaken: Powers | None = None) -> None:
-        self._powers, self._rtol, self._shaken = powers, rtol, shaken
+    def __init__(self, powers: Powers, rtol: float, perturbed: Powers | None = None) -> None:
+        self._powers, self._rtol, self._shaken = powers, rtol, perturbed
         self._nodes = np.array(collocation.nodes(NODES))
         self._energy = 0.0
         self._rounding = 0.0  # of the power

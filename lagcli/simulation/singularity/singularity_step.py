@@ -139,7 +139,7 @@ class SingularStep:
 class Crossing:
     """A step across, and what the rows lose at the instant."""
 
-    passage: SingularStep
+    singular_step: SingularStep
     loss: RankDrop
 
 
@@ -151,7 +151,7 @@ def across(
     project: `NumericSystem.project` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
     dependent and others do not.
     """
-    found = _passage(project, here, predicted)
+    found = _step_across(project, here, predicted)
     if found is None:
         return _others(numeric, here.state(here.t, here.y))
     there = here.state(found.instant, found.middle)
@@ -188,7 +188,7 @@ def _others(numeric: NumericSystem, state: State) -> Selection | None:
     return independent_rows.elsewhere(numeric.selection, rows, numeric.holonomic.size1_out(0))
 
 
-def _passage(project: BoundFunction, here: Point, predicted: Prediction) -> SingularStep | None:
+def _step_across(project: BoundFunction, here: Point, predicted: Prediction) -> SingularStep | None:
     """The step across the instant, or None where there is none that is right to the tolerance.
 
     A step that begins close to the instant is long beyond it, for rounding is amplified close to it.

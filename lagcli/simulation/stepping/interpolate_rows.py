@@ -123,7 +123,7 @@ def between(lines: Floats) -> Floats:
     return np.asarray(np.where(has_limit, limit, np.nan))
 
 
-def put_in_passage(run: Stepper, across: SingularStep, at: float) -> None:
+def put_in_singular_step(run: Stepper, across: SingularStep, at: float) -> None:
     """Write the line at a time within the step; close to the instant it is the limit from both sides."""
     rows, step, tau = run.rows, across.step, at - across.instant
     if abs(tau) > PARAMETERS.window * across.width:

@@ -57,8 +57,8 @@ class FoundStep:
     """A step that was found and is not yet accepted, where `is_open`: its end, length and the step proposed after it.
 
     is_jump: its end is an incident, beyond which the state is another;
-    is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made; passage: of
-    one across a singular configuration; work: W within it, where its stages were too few for it;
+    is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made;
+    singular_step: of one across a singular configuration; work: W within it, where its stages were too few for it;
     within: incidents in it that do not end it;
     barrier: where something jumps, the end of the run; keeps_stages: all steps do, and not only one that holds rows.
     """
@@ -70,7 +70,7 @@ class FoundStep:
     is_jump: bool = False
     is_still: bool = False
     has_dense: bool = False
-    passage: SingularStep | None = None
+    singular_step: SingularStep | None = None
     work: Work | None = None
     barrier: Jump | None = None
     within: list[Incident] = dataclasses.field(default_factory=list)
@@ -315,7 +315,7 @@ class Stepper:
 
             raise stop_diagnosis.impulse(found.barrier.description)
         was_still, found.is_still, found.is_jump = found.is_still, False, False
-        found.is_open, found.passage, found.work = False, None, None
+        found.is_open, found.singular_step, found.work = False, None, None
         bound.t[0] = self.t = found.reached
         bound.y[:], bound.k[:] = bound.new, bound.k_new
         control.step = found.proposed
@@ -325,7 +325,7 @@ class Stepper:
         self.settle()
         if self.statistics.steps % LENGTH.pace == 0 and not was_still:
             end = self.grid.end
-            advanced = control.lags(self.t, end)
+            advanced = control.is_too_slow(self.t, end)
             if advanced is not None:
                 from lagcli.simulation.stepping import stop_diagnosis
 

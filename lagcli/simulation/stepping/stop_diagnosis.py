@@ -53,8 +53,8 @@ NO_BRANCH = (
 
 class Rejection(NamedTuple):
     """The last step that was tried: its error, the residual of the constraints at its end, as a part of its size, and
-    the states at both ends; nearness, is_alone: of `SingularityMonitor`; is_soon: an instant is foreseen within `SOON`
-    of the run; last: the time of the last incident, or of the start."""
+    the states at both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is foreseen within
+    `SOON` of the run; last: the time of the last incident, or of the start."""
 
     error: float
     residual: float
@@ -174,7 +174,7 @@ def is_pole(rates: Sequence[Floats]) -> bool:
 
 
 def impulse(reported: str) -> StepFailure:
-    """Why a run ends where an energy or a position jumps; description: what does."""
+    """Why a run ends where an energy or a position jumps; reported: what does."""
     return StepFailure(
         f"{reported}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
     )

@@ -75,10 +75,10 @@ class Timetable:
         self._known = -math.inf
         self._open: list[tuple[float, float, int]] = []
         self._switches: list[SwitchSpan] = []
-        self._stations: list[float] = []
+        self._stationary_times: list[float] = []
         size = 1 if functions is None else functions.size
         self._halvings = max(0, MOST_HALVINGS - size.bit_length())
-        is_empty = functions is None or not (functions.switches or functions.waves)
+        is_empty = functions is None or not (functions.switches or functions.oscillations)
         self._is_empty = is_empty or not math.isfinite(self._piece)
 
     @property
@@ -91,10 +91,10 @@ class Timetable:
         h = min(h, self._longest)
         if self._is_empty:
             return h
-        self._learn(t, t + h)
-        i = bisect.bisect_right(self._stations, t) + self._passing
-        if i < len(self._stations) and self._stations[i] < t + h:
-            h = self._stations[i] - t
+        self._extend(t, t + h)
+        i = bisect.bisect_right(self._stationary_times, t) + self._passing
+        if i < len(self._stationary_times) and self._stationary_times[i] < t + h:
+            h = self._stationary_times[i] - t
         i = bisect.bisect_right(self._switches, (t, math.inf)) if self._switches else 0
         if i < len(self._switches) and self._switches[i].before < t + h:
             h = self._switches[i].before - t
@@ -104,7 +104,7 @@ class Timetable:
         """The time of the switch at which t stands, and one on its other side; None where it stands at none."""
         if self._is_empty or not (self._functions and self._functions.switches):
             return None
-        self._learn(t, t)
+        self._extend(t, t)
         # A step that ends at a time may miss it by a rounding.
         near = t + 2 * math.ulp(t)
         i = bisect.bisect_right(self._switches, (near, math.inf)) - 1
@@ -119,14 +119,14 @@ class Timetable:
         """The first switch after t, known so far, and not after another time."""
         return next((switch.before for switch in self._switches if t < switch.before <= until), None)
 
-    def _learn(self, t: float, until: float) -> None:
+    def _extend(self, t: float, until: float) -> None:
         """Find what is not known yet between two times, as far as the next step from the first may need it."""
         limit = until + STILL * math.ulp(until)
         if self._known > limit:
             return
         # What lies behind is not asked for again.
         self._switches = [switch for switch in self._switches if switch.after >= t]
-        self._stations = [station for station in self._stations if station >= t]
+        self._stationary_times = [station for station in self._stationary_times if station >= t]
         while self._known <= limit and not self._is_enough(t):
             if not self._open:
                 first = (
@@ -138,7 +138,10 @@ class Timetable:
     def _is_enough(self, t: float) -> bool:
         """True if a step from t ends at what is known."""
         ahead = bool(self._switches) and self._switches[-1].before > t
-        return ahead or len(self._stations) > bisect.bisect_right(self._stations, t) + self._passing
+        return (
+            ahead
+            or len(self._stationary_times) > bisect.bisect_right(self._stationary_times, t) + self._passing
+        )
 
     def _search(self, t: float, low: float, high: float, halvings: int) -> None:
         """Find all between two times that is ahead of t; the first half first where there is too much."""
@@ -163,7 +166,7 @@ class Timetable:
         found: tuple[list[SwitchSpan] | None, list[float] | None] | None = cached.get((*span, self._piece))
         if found is None:
             switches = _switches(self._functions, span, GRAIN * self._piece)
-            found = switches, _stations(self._functions, self._functions.waves, span)
+            found = switches, _stationary_times(self._functions, self._functions.oscillations, span)
             if len(cached) < MOST_CACHED:
                 cached[*span, self._piece] = found
         return found
@@ -175,7 +178,7 @@ class Timetable:
                 self._switches[-1] = SwitchSpan(last.before, max(last.after, switch.after))
             else:
                 self._switches.append(switch)
-        self._stations += stations
+        self._stationary_times += stations
 
 
 def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float) -> list[SwitchSpan] | None:
@@ -240,22 +243,22 @@ def _joined(cells: list[tuple[float, float]] | list[SwitchSpan], grain: float) -
 
 def _of_each(functions: TimeFunctions, span: tuple[float, float]) -> list[float]:
     """The stations between two times of those functions alone that are not too much to look at."""
-    found = {x for wave in functions.waves for x in _stations(functions, (wave,), span) or []}
+    found = {x for wave in functions.oscillations for x in _stationary_times(functions, (wave,), span) or []}
     return sorted(found)
 
 
-def _stations(
-    functions: TimeFunctions, waves: tuple[int, ...], span: tuple[float, float]
+def _stationary_times(
+    functions: TimeFunctions, oscillations: tuple[int, ...], span: tuple[float, float]
 ) -> list[float] | None:
     """The stations of waves between two times; None where there is too much to look at."""
-    if not waves:
+    if not oscillations:
         return []
     everything = np.array([-np.inf]), np.array([np.inf])
-    whole = functions.values(everything, waves)
+    whole = functions.values(everything, oscillations)
     left, right = (np.array([x]) for x in span)
     shortest = SHORTEST * (span[1] - span[0])
     while True:
-        values = functions.values((left, right), waves)
+        values = functions.values((left, right), oscillations)
         change = np.zeros(left.size)
         for bound, value in zip(whole, values, strict=True):
             change = np.maximum(change, _change(bound, value))

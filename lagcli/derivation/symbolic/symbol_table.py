@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from lagcli.derivation.symbolic.calculus import Abbreviation, Calculus, Key, Triple
-from lagcli.derivation.symbolic.vectors import Collapse, RecognizedVector
+from lagcli.derivation.symbolic.vectors import RecognizedVector, VectorRecognizer
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Value
@@ -26,7 +26,7 @@ MAX_OPERATIONS = 6000
 _JUMPING = frozenset(("abs", "sign", "min", "max"))
 
 
-class World:
+class SymbolTable:
     """All symbols, and the values of definitions, masses and positions.
 
     `parameters`: the symbols (or numbers, for those in `values`) of parameters; `zeros`: components of vector
@@ -39,7 +39,7 @@ class World:
         self.rates = {n: sympy.Symbol(f"rate({n})", real=True) for n in self.coordinates}
         self.accelerations = {n: sympy.Symbol(f"rate(rate({n}))", real=True) for n in self.coordinates}
         self.calculus = Calculus(list(self.coordinates.values()), list(self.rates.values()))
-        self.collapse = Collapse()
+        self.recognizer = VectorRecognizer()
         self.names = ModelNames(model)
         self.particles, self.generalized = self.names.particles, self.names.coordinates
         self.constants = notation.constants(model)
@@ -66,7 +66,7 @@ class World:
             self.parameters[name] = tuple(nonzero)
             self.parameter_values |= {s: n for s, n in zip(nonzero, value, strict=True) if s != 0}
             if all(value):
-                self.collapse.know(name, nonzero)
+                self.recognizer.know(name, nonzero)
             else:
                 self.substituted[name] = tuple(nonzero)
         else:
@@ -90,9 +90,9 @@ class World:
                 position = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
                 moving = tuple(self.rates[f"{name}.{axis}"] for axis in "xyz")
                 self._positions[number], self._velocities[number] = position, moving
-                self.collapse.know(f"r {name}", position)
-                self.collapse.know(f"v {name}", moving)
-                self.collapse.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
+                self.recognizer.know(f"r {name}", position)
+                self.recognizer.know(f"v {name}", moving)
+                self.recognizer.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
         for step in self.model.order:
             if isinstance(step, str):
                 # What is too large is met again where a law uses it, and else does no harm.
@@ -113,7 +113,7 @@ class World:
         with _located(expression):
             notation.require_short(expression.tree)
             return notation.require_small(
-                evaluate.evaluate(expression.tree, _WorldAlgebra(self, view)), MAX_OPERATIONS
+                evaluate.evaluate(expression.tree, _MemberAlgebra(self, view)), MAX_OPERATIONS
             )
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
@@ -131,7 +131,7 @@ class World:
         assert isinstance(equation.tree, tree.Relation)
         with _located(equation):
             notation.require_short(equation.tree)
-            parts = evaluate.difference(equation.tree, _WorldAlgebra(self, view))
+            parts = evaluate.difference(equation.tree, _MemberAlgebra(self, view))
             return tuple(notation.require_small(part, MAX_OPERATIONS) for part in parts)
 
     def definition(self, name: str) -> Value[sympy.Expr]:
@@ -179,7 +179,7 @@ class World:
         moving = self.calculus.symbols(inner) - self.parameter_values.keys()
         if not inner.is_Add or not moving:
             return sympy.sqrt(inner)
-        vector = self.collapse.vector(triple) if triple is not None else None
+        vector = self.recognizer.vector(triple) if triple is not None else None
         if vector is None or any(c.free_symbols for c in vector.parts.values()) or not vector.parts:
             return self._abbreviated(inner, None)
         return self._length(self.normal(vector))
@@ -194,7 +194,7 @@ class World:
 
     def _length(self, key: Key) -> sympy.Expr:
         """|U| of a combination of vectors."""
-        x, y, z = self.collapse.components(key)
+        x, y, z = self.recognizer.components(key)
         length = self._abbreviated(x**2 + y**2 + z**2, key)
         at_rest = not any(TIME in part.free_symbols for part in key[1])
         if at_rest and all(name.startswith("r ") for name, _ in key[0] if name[:2] in ("r ", "v ")):
@@ -211,7 +211,7 @@ class World:
         symbol = known.get((one, other)) or known.get((other, one))
         if symbol is not None:
             return symbol**2 if self.calculus.known[symbol].is_root else symbol
-        a, b = self.collapse.components(one), self.collapse.components(other)
+        a, b = self.recognizer.components(one), self.recognizer.components(other)
         inner = sum((u * w for u, w in zip(a, b, strict=True)), ZERO)
         symbol = sympy.Symbol(f"product {len(self.calculus.known)}", real=True)
         self.calculus.known[symbol] = Abbreviation(inner, False, one, other)
@@ -243,21 +243,21 @@ def view(members: Family, member: int, own: Mapping[str, Value[sympy.Expr]] | No
     return View({n: int(values[member]) for n, values in members.variables.items()}, own or {})
 
 
-class _WorldAlgebra(notation.SympyAlgebra):
+class _MemberAlgebra(notation.SympyAlgebra):
     """The names of a member in the symbols of a world, where roots are abbreviated."""
 
-    def __init__(self, world: World, there: View) -> None:
-        self._world = world
-        self.resolver = Resolver(world.names, self, there.indices, there.own)
+    def __init__(self, table: SymbolTable, there: View) -> None:
+        self._table = table
+        self.resolver = Resolver(table.names, self, there.indices, there.own)
 
     def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
         if exponent == sympy.Rational(1, 2):
-            return self._world.root(base, None)
+            return self._table.root(base, None)
         return super().power(node, base, exponent)
 
     def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
         if name in _JUMPING:
-            self._world.calculus.has_jumps = True
+            self._table.calculus.has_jumps = True
         if name != "sqrt":
             return super().function(node, name, arguments)
         triple: Triple | None = None
@@ -265,37 +265,37 @@ class _WorldAlgebra(notation.SympyAlgebra):
             parts = [evaluate.vector(argument, self) for argument in node.arguments]
             x, y, z = parts[0] if len(parts) == 1 else (u - w for u, w in zip(*parts, strict=True))
             triple = (x, y, z)
-        return self._world.root(arguments[0], triple)
+        return self._table.root(arguments[0], triple)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
         """t, dt, a constant or a parameter; None for another name."""
-        world = self._world
+        table = self._table
         known: Mapping[str, Value[sympy.Expr]]
-        for known in ({"t": TIME, "dt": sympy.Integer(1)}, world.constants, world.parameters):
+        for known in ({"t": TIME, "dt": sympy.Integer(1)}, table.constants, table.parameters):
             if name in known:
                 return known[name]
         return None
 
     def position(self, numbers: Integers) -> Triple:
         """r of a particle."""
-        return self._world.position(int(numbers[0]))
+        return self._table.position(int(numbers[0]))
 
     def velocity(self, numbers: Integers) -> Triple:
         """v of a particle."""
-        return self._world.velocity(int(numbers[0]))
+        return self._table.velocity(int(numbers[0]))
 
     def generalized(self, numbers: Integers, rates: bool) -> sympy.Expr:
         """A generalized coordinate, or its rate."""
-        world = self._world
-        return (world.rates if rates else world.coordinates)[world.generalized.names[int(numbers[0])]]
+        table = self._table
+        return (table.rates if rates else table.coordinates)[table.generalized.names[int(numbers[0])]]
 
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition."""
-        return self._world.definition(name)
+        return self._table.definition(name)
 
     def differential(self, value: sympy.Expr) -> sympy.Expr:
         """The rate of change with the motion."""
-        return self._world.calculus.rate(value)
+        return self._table.calculus.rate(value)
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.checkpoint_file import Keeper
+from lagcli.output.checkpoint_file import CheckpointWriter
 from lagcli.output.figures.decimate import DecimatedRows
 from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import incident_table
@@ -20,7 +20,7 @@ from lagcli.simulation.run_state import run_stop
 Floats = npt.NDArray[np.float64]
 
 
-def gathered(
+def in_memory(
     run: SimulationRun, columns: str, checkpoint: str | os.PathLike[str] | None, began: float
 ) -> Trajectory:
     """The table of a run, made since the time `began` of `time.perf_counter`.
@@ -28,8 +28,8 @@ def gathered(
     columns: patterns; checkpoint: a file to keep the state of the run in. Raises `SimulationStopped` with the table so
     far where the integration cannot go on, `column_choice.UnknownColumn`, OSError.
     """
-    table = _GatheredTable(run, columns)
-    keeper = Keeper(checkpoint) if checkpoint is not None else None
+    table = _TableInMemory(run, columns)
+    keeper = CheckpointWriter(checkpoint) if checkpoint is not None else None
     stop: run_stop.Stop | None = None
     try:
         for block in run.blocks():
@@ -47,7 +47,7 @@ def gathered(
     return result
 
 
-class _GatheredTable:
+class _TableInMemory:
     """The rows and the incidents of a run, in the order in which they come."""
 
     def __init__(self, run: SimulationRun, columns: str) -> None:
@@ -60,14 +60,14 @@ class _GatheredTable:
         self._incidents = [run.incident_columns.table([])]
         # What is zero to rounding is known from all columns.
         self._has_all_columns = self._picked[: len(run.columns)] == list(range(len(run.columns)))
-        self._thinned = DecimatedRows()
+        self._decimated = DecimatedRows()
 
     def add(self, block: Floats) -> None:
         """A block of rows, and the incidents that came with it."""
         run = self._run
         self._blocks.append(run.taken(block, self._picked))
         if not self._has_all_columns:
-            self._thinned.add(block)
+            self._decimated.add(block)
         if run.incidents:
             self._incidents.append(run.incident_columns.table(run.incidents))
 
@@ -84,7 +84,7 @@ class _GatheredTable:
         names = tuple(everything[i] for i in self._picked)
         floors, looked_at = (
             run.floors(),
-            rows[:, : len(run.columns)] if self._has_all_columns else self._thinned.rows(),
+            rows[:, : len(run.columns)] if self._has_all_columns else self._decimated.rows(),
         )
 
         def zeros() -> frozenset[str]:

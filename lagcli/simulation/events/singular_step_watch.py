@@ -27,49 +27,49 @@ Indices = npt.NDArray[np.intp]
 PARTS = (0.25, 0.5, 0.75, 1.0)
 
 
-class PassageWatch:
+class SingularStepWatch:
     """w (W,) of `WatchFunctions` along the step that was found."""
 
-    def __init__(self, functions: WatchFunctions, run: Stepper, passage: SingularStep) -> None:
-        self._functions, self._run, self._passage = functions, run, passage
+    def __init__(self, functions: WatchFunctions, run: Stepper, singular_step: SingularStep) -> None:
+        self._functions, self._run, self._step_across = functions, run, singular_step
 
     def inside(self, x: float) -> tuple[Floats, Floats]:
         """w and dw/dx at the fraction x of the step."""
-        run, step = self._run, self._passage.step
+        run, step = self._run, self._step_across.step
         t = run.origin + step.t + x * step.h
         w, slope = self._functions.moving(t, step.state(x), step.slope(x), run.bound.enforced.p)
         return np.array(w).ravel(), step.h * np.array(slope).ravel()
 
     def event(self, x: float, name: str, log: IncidentLog) -> Incident:
         """A declared event at the fraction x."""
-        run, step = self._run, self._passage.step
+        run, step = self._run, self._step_across.step
         t = step.t + x * step.h
-        interpolate_rows.put_in_passage(run, self._passage, t)
+        interpolate_rows.put_in_singular_step(run, self._step_across, t)
         line = run.rows.line.copy()
         return log.incident(t, "event", name, InstantLines(line, line))
 
     @property
     def instant(self) -> float:
         """The fraction of the step at which it is singular."""
-        return (self._passage.instant - self._passage.step.t) / self._passage.step.h
+        return (self._step_across.instant - self._step_across.step.t) / self._step_across.step.h
 
     def ahead(self, x: float, before: Floats | None) -> FixedAhead:
         """The state at the fraction x."""
-        step = self._passage.step
+        step = self._step_across.step
         return FixedAhead(step.t + x * step.h, step.state(x), before)
 
     def end_at_instant(self) -> Floats:
         """The line of the table there, where the step is made to end; the rows have no projection there, and those that
         go on have one."""
-        run, found, passage = self._run, self._run.found, self._passage
-        interpolate_rows.put_in_passage(run, passage, passage.instant)
-        run.bound.new[:], run.bound.k_new[:] = passage.middle, passage.step.slope(self.instant)
-        found.reached, found.taken, found.is_jump = passage.instant, passage.instant - run.t, True
+        run, found, singular_step = self._run, self._run.found, self._step_across
+        interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
+        run.bound.new[:], run.bound.k_new[:] = singular_step.middle, singular_step.step.slope(self.instant)
+        found.reached, found.taken, found.is_jump = singular_step.instant, singular_step.instant - run.t, True
         return run.rows.line.copy()
 
     def end_at(self, x: float) -> bool:
         """End the step at the fraction x; False where the state there cannot be found on the constraints."""
-        run, found, step = self._run, self._run.found, self._passage.step
+        run, found, step = self._run, self._run.found, self._step_across.step
         reached = step.t + x * step.h
         if collocation.projected(run.bound.scratch, reached, step.state(x)) is None:
             return False
@@ -79,7 +79,7 @@ class PassageWatch:
         return True
 
 
-class Lift(NamedTuple):
+class LiftOff(NamedTuple):
     """x: the fraction of the step; indices: of the functions of contacts that open there; beyond: a fraction behind it
     at which they pull."""
 
@@ -88,7 +88,7 @@ class Lift(NamedTuple):
     beyond: float
 
 
-def first_lift(curve: PassageWatch, functions: WatchFunctions, rounding: Floats) -> Lift | None:
+def first_lift_off(curve: SingularStepWatch, functions: WatchFunctions, rounding: Floats) -> LiftOff | None:
     """The first lift of the closed contacts among the functions (W,) that are watched, with their rounding (W,)."""
     instant, opened = curve.instant, len(functions.open_)
     if not (functions.enforced and instant > 0):
@@ -102,23 +102,25 @@ def first_lift(curve: PassageWatch, functions: WatchFunctions, rounding: Floats)
         pulls = curve.inside(x)[0][indices] < -noise
         if pulls.any():
             if x == behind[0]:
-                return Lift(instant, indices[pulls], x)
-            return _between(curve, indices, noise, (last, x)) or Lift(x, indices[pulls], x)
+                return LiftOff(instant, indices[pulls], x)
+            return _between(curve, indices, noise, (last, x)) or LiftOff(x, indices[pulls], x)
         last = x
     return None
 
 
-def end_at_lift(curve: PassageWatch, lift: Lift) -> FixedAhead:
+def end_at_lift_off(curve: SingularStepWatch, lift_off: LiftOff) -> FixedAhead:
     """End the step at a lift; the state behind it. Raises `StepFailure` where there is no state on the constraints."""
     before = None
-    if lift.x == curve.instant:
+    if lift_off.x == curve.instant:
         before = curve.end_at_instant()
-    elif not curve.end_at(lift.x):
+    elif not curve.end_at(lift_off.x):
         raise StepFailure("a contact opens where a singular configuration is passed", run_stop.CONTACT)
-    return curve.ahead(lift.beyond, before)
+    return curve.ahead(lift_off.beyond, before)
 
 
-def _between(curve: PassageWatch, indices: Indices, noise: Floats, span: tuple[float, float]) -> Lift | None:
+def _between(
+    curve: SingularStepWatch, indices: Indices, noise: Floats, span: tuple[float, float]
+) -> LiftOff | None:
     begin, width = span[0], span[1] - span[0]
 
     def values(u: float) -> tuple[Floats, Floats]:
@@ -128,4 +130,4 @@ def _between(curve: PassageWatch, indices: Indices, noise: Floats, span: tuple[f
     crossing = zero_search.first_crossing(values, noise)
     if crossing.x is None:
         return None
-    return Lift(begin + crossing.x * width, indices[list(crossing.rows)], span[1])
+    return LiftOff(begin + crossing.x * width, indices[list(crossing.rows)], span[1])

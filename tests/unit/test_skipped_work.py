@@ -63,9 +63,9 @@ def test_steps_do_not_ask_for_times_that_a_model_does_not_have(monkeypatch):
 
 def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
     asked, searched = [], []
-    functions, stations = time_functions.functions, timetable._stations
+    functions, stations = time_functions.functions, timetable._stationary_times
     monkeypatch.setattr(time_functions, "functions", lambda model: asked.append(1) or functions(model))
-    monkeypatch.setattr(timetable, "_stations", lambda *of: searched.append(1) or stations(*of))
+    monkeypatch.setattr(timetable, "_stationary_times", lambda *of: searched.append(1) or stations(*of))
     first = lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=11)
     once = len(searched)
     again = lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=11)
