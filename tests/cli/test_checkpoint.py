@@ -232,10 +232,10 @@ def test_a_finer_grid_cannot_look_behind_the_checkpoint(monkeypatch: pytest.Monk
     point = going.checkpoint()
     assert point.run_state.row == 0 < point.run_state.t
     finer = ready(PENDULUM, point, duration=10, output_step=0.001)
-    assert finer.passed_over == np.ceil(point.run_state.t / 0.001) - 1
+    assert finer.skipped_rows == np.ceil(point.run_state.t / 0.001) - 1
     t = np.concatenate(list(finer.blocks()))[:, 0]
     assert point.run_state.t <= t[0] < point.run_state.t + 0.001
-    assert ready(PENDULUM, point, duration=10, samples=3).passed_over == 0
+    assert ready(PENDULUM, point, duration=10, samples=3).skipped_rows == 0
 
 
 def test_a_stopped_run_stops_at_the_same_place_again(tmp_path: Path) -> None:

@@ -279,7 +279,7 @@ def test_where_the_repeated_run_stops_the_rows_up_to_there_are_given(monkeypatch
     chosen = run_settings.chosen(model, {})
     rest = prepare_run.prepare(model, chosen, kept)
     rows = np.concatenate(list(rest.blocks()))
-    assert len(run.rows) + rest.passed_over + len(rows) == len(whole.rows)
+    assert len(run.rows) + rest.skipped_rows + len(rows) == len(whole.rows)
     assert np.array_equal(rows, whole.rows[len(whole.rows) - len(rows) :])
 
 

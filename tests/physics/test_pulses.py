@@ -576,7 +576,7 @@ def test_constants_of_the_timetable() -> None:
 def test_the_search_is_bounded(force: str) -> None:
     table = Timetable(spoken(force), 0.0, 0.1)
     assert 0 < table.shortened(0.0, 10.0) <= 10
-    assert len(table._switches) + len(table._stations) < 20 * timetable.MOST_CELLS
+    assert len(table._switches) + len(table._stationary_times) < 20 * timetable.MOST_CELLS
 
 
 def test_a_chain_of_definitions_needs_no_deep_stack() -> None:

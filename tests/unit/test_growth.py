@@ -208,7 +208,7 @@ def test_a_product_of_many_rows_is_not_written_out(monkeypatch):
     made, function = [], ca.Function
     monkeypatch.setattr(ca, "Function", lambda *of: made.append(function(*of)) or made[-1])
     found = factored.Factored(ready.numeric._parts)
-    assert found.landing.n_out() == 5
+    assert found.projection.n_out() == 5
     assert found.position.n_out() == 1
     count = len(ready.system.rows.rows)
     assert max(each.n_instructions() for each in made if each.is_a("SXFunction")) < count**2

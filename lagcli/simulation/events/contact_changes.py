@@ -197,58 +197,52 @@ class ContactChanges:
         run, when, closed_before = self._run, self.events.now(), set(self.closed)
         before = self.log.line() if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
-        impact_result = self._decided(lambda: contact_change.impact(here, self._restitution))
+        impact = self._decided(lambda: contact_change.impact(here, self._restitution))
         after = here
-        if impact_result is None:
+        if impact is None:
             level = after.near & (np.abs(after.speeds) <= after.slow)
-        elif here.parts(impact_result.onward):
+        elif here.parts(impact.onward):
             level = np.zeros(self._count, dtype=bool)
         else:
-            after = here.moved(impact_result.onward)
+            after = here.moved(impact.onward)
             level = after.near & (np.abs(after.speeds) <= after.slow)
         look = after
-        if impact_result is None and ahead is not None:
+        if impact is None and ahead is not None:
             level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
         mode = ContactMode(self._open, ())
         if level.any():
             numbers = np.flatnonzero(level).tolist()
             sunk = self._sunk(here)
-            contact_forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
-            mode = self._decided(
-                lambda: contact_mode.mode(self._open, after, contact_forces, numbers, self._rows)
-            )
+            forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
+            mode = self._decided(lambda: contact_mode.mode(self._open, after, forces, numbers, self._rows))
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         line, crossed = None, {i - self._rows - self._count for i in hits}
         jumped: list[int] = []
-        if impact_result is not None and impact_result.ended.any():
+        if impact is not None and impact.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
-            bouncing = sorted(closed - set(np.flatnonzero(impact_result.ended).tolist()))
-            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), impact_result.v)
+            bouncing = sorted(closed - set(np.flatnonzero(impact.ended).tolist()))
+            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), impact.v)
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
-        self._go_on(mode.selection, here.state.v if impact_result is None else impact_result.onward)
-        if impact_result is not None:
-            contact_crossings.require_projected(run, impact_result.onward, here.state.v)
+        self._go_on(mode.selection, here.state.v if impact is None else impact.onward)
+        if impact is not None:
+            contact_crossings.require_projected(run, impact.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line
-        if impact_result is not None:
+        if impact is not None:
             # What the impact takes away is work done there: the balance of the energy goes on.
             run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
-        fresh = set() if impact_result is None else set(np.flatnonzero(impact_result.ended).tolist()) & lying
+        fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
         ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
         # Rebounds that something else cuts off are at their end here.
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
-        if impact_result is not None:
-            ending += [(j, run.t + float(impact_result.lasting[j])) for j in sorted(fresh)]
-        shared = {
-            *run.contacts.shared,
-            *mode.selection.indeterminate,
-            *(impact_result.shared if impact_result else ()),
-        }
+        if impact is not None:
+            ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh)]
+        shared = {*run.contacts.shared, *mode.selection.indeterminate, *(impact.shared if impact else ())}
         run.contacts = dataclasses.replace(
             run.contacts,
             touching=touching,
@@ -261,7 +255,7 @@ class ContactChanges:
         jumped += self.events.jumped(when, self.events.now())
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
-        self._report(_ContactReport(before, line, impact_result, lying_before, stay, events, cut), is_start)
+        self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
 
     def end_series(self) -> None:
@@ -296,21 +290,17 @@ class ContactChanges:
         self._run.statistics.evaluations += 1
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
-        run, names, impact_result = (
-            self._run,
-            [row.name for row in self._system.contacts.rows],
-            reported.impact_result,
-        )
+        run, names, impact = self._run, [row.name for row in self._system.contacts.rows], reported.impact
         impulses = np.zeros(self._rows + self._count)
         kinds: list[tuple[Kind, Iterable[int]]] = [
             ("accumulation", sorted(reported.cut)),
             ("contact", sorted(reported.cut)),
         ]
-        if impact_result is not None:
-            impulses[: self._rows] = impact_result.of_equalities
-            impulses[self._rows :] = impact_result.of_contacts
-            kinds.append(("impact", np.flatnonzero(impact_result.impacting).tolist()))
-        if impact_result is not None or not (is_start or run.t == run.grid.start):
+        if impact is not None:
+            impulses[: self._rows] = impact.of_equalities
+            impulses[self._rows :] = impact.of_contacts
+            kinds.append(("impact", np.flatnonzero(impact.impacting).tolist()))
+        if impact is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
             kinds.append(("contact", sorted(reported.enforced - reported.enforced_before - ending)))
             kinds.append(("release", sorted(reported.enforced_before - reported.enforced)))
@@ -335,7 +325,7 @@ class _ContactReport:
 
     before: Floats
     after: Floats
-    impact_result: ImpactResult | None
+    impact: ImpactResult | None
     enforced_before: set[int]
     enforced: set[int]
     events: list[int]

@@ -36,10 +36,10 @@ class StepLengthParameters:
     `test_steps_grow_by_ten_at_once` fails at 1 and 100."""
     pace: int = 5000
     """After so many steps a run is asked how many more it would take like this.
-    `test_a_run_that_would_take_days_lags` fails at 500 and 50000."""
+    `test_a_run_that_would_take_days_is_too_slow` fails at 500 and 50000."""
     hopeless: float = 1e10
     """So many steps would take days: the run stops.
-    At 1e9 `test_a_run_that_would_take_days_lags` fails."""
+    At 1e9 `test_a_run_that_would_take_days_is_too_slow` fails."""
     rest: float = 1e-6
     """The first step where nothing moves and the scale of time is unknown, in units of time.
     At 1e-5 `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large` fails."""
