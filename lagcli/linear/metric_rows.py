@@ -106,26 +106,24 @@ class LocalRows:
 
 
 class MetricRows:
-    """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero)."""
+    """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero).
+
+    unit: the rows, sparse (C, free); lengths: those they had in the metric, (C,), 1 for a row that vanishes.
+    """
 
     def __init__(self, B: Sparse, metric: Metric) -> None:
         self._metric, self._B = metric, B
         rows = LocalRows(metric.whitened(B))
-        self._lengths = rows.divisors
-        self._unit = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self._lengths[rows.row]))
+        self.lengths = rows.divisors
+        self.unit: Sparse = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self.lengths[rows.row]))
         self.count = rows.count
 
     def take(self, indices: list[int]) -> MetricRows:
         """Some of these rows."""
         part = object.__new__(MetricRows)
-        part._metric, part._B, part._lengths = self._metric, self._B[indices, :], self._lengths[indices]
-        part._unit, part.count = self._unit[indices, :], len(indices)
+        part._metric, part._B, part.lengths = self._metric, self._B[indices, :], self.lengths[indices]
+        part.unit, part.count = self.unit[indices, :], len(indices)
         return part
-
-    @property
-    def lengths(self) -> Floats:
-        """The lengths the rows had in the metric, (C,); 1 for a row that vanishes."""
-        return self._lengths
 
     def plain(self) -> MetricRows:
         """These rows with the unit metric in place of the masses; what may not move may not move in it either."""
@@ -133,26 +131,21 @@ class MetricRows:
 
     def turned_from(self, other: MetricRows) -> float:
         """The largest change of an entry between these unit rows and others of one pattern."""
-        change = LocalRows(self._unit - other._unit).values
+        change = LocalRows(self.unit - other.unit).values
         return float(np.abs(change).max(initial=0.0))
-
-    @property
-    def unit(self) -> Sparse:
-        """The rows, sparse (C, free)."""
-        return self._unit
 
     @cached_property
     def dense(self) -> Floats:
         """The rows as an array (C, free)."""
-        return np.array(self._unit)
+        return np.array(self.unit)
 
     @cached_property
     def _entries(self) -> LocalRows:
-        return LocalRows(self._unit)
+        return LocalRows(self.unit)
 
     @cached_property
     def _gram(self) -> ca.DM:
-        return ca.mtimes(self._unit, self._unit.T)
+        return ca.mtimes(self.unit, self.unit.T)
 
     @cached_property
     def _factors(self) -> ca.Linsol:
@@ -164,7 +157,7 @@ class MetricRows:
         """True if the smallest singular value is certainly far above rounding."""
         if self.count == 0:
             return True
-        if self.count > self._unit.shape[1] or 0 in self._norms_of_units():
+        if self.count > self.unit.shape[1] or 0 in self._norms_of_units():
             return False
         if self.is_large and self._least_with_hanging() > CERTAIN:
             return True
@@ -179,7 +172,7 @@ class MetricRows:
         """
         rows = self._entries
         holds = rows.values != 0
-        alone = holds & (np.bincount(rows.column[holds], minlength=self._unit.shape[1])[rows.column] == 1)
+        alone = holds & (np.bincount(rows.column[holds], minlength=self.unit.shape[1])[rows.column] == 1)
         own = np.sqrt(np.bincount(rows.row[alone], rows.values[alone] ** 2, minlength=self.count))
         hanging = own > HANGING
         rest = np.flatnonzero(~hanging)
@@ -263,7 +256,7 @@ class MetricRows:
     @property
     def is_large(self) -> bool:
         """True if the rows are too many to be looked at densely."""
-        return are_many(self.count, self._unit.shape[1])
+        return are_many(self.count, self.unit.shape[1])
 
     def _norms_of_units(self) -> Floats:
         return self._entries.norms
@@ -277,19 +270,19 @@ class MetricRows:
         weights, rows = self.weights(residual, damping), self._entries
         # Summed in the order of CasADi's product, without its conversions, which cost several times the sum.
         terms = rows.values * weights[rows.row]
-        step = np.asarray(np.bincount(rows.column, terms, minlength=self._unit.shape[1]), dtype=float)
+        step = np.asarray(np.bincount(rows.column, terms, minlength=self.unit.shape[1]), dtype=float)
         return -self._metric.unwhitened(step)
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
-        scaled = residual / self._lengths
+        scaled = residual / self.lengths
         if not scaled.any():
             return scaled  # nothing to solve: an exact start asks for no step, and an empty system needs no solver
         if damping > 0:
             return self._solved(scaled, damping)
         if self.are_independent or self.is_large:
             return self._solved(scaled, 0.0 if self.are_independent else SHIFT)
-        if self.count > self._unit.shape[1]:
+        if self.count > self.unit.shape[1]:
             left, sigma, _ = np.linalg.svd(self.dense, full_matrices=False)
             fixed = left[:, sigma > np.sqrt(GRAM_ROUNDOFF) * sigma.max(initial=0.0)]
             return np.asarray(fixed @ ((fixed.T @ scaled) / sigma[: fixed.shape[1]] ** 2))

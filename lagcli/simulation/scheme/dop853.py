@@ -34,41 +34,50 @@ class DormandPrince853:
 
     def step(self, numeric: NumericSystem) -> ca.Function:
         """See `method.Method.step`."""
-        return _step(numeric)
+        step = step_end.inputs(numeric)
+        t, h, y, k, _, p = step
+        stages, near = [k], {}
+        for s in range(1, dop853_tableau.STAGES):
+            inputs = t + dop853_tableau.C[s] * h, y + h * _mix(dop853_tableau.A[s], stages), p
+            if s in WATCHED and numeric.stage is not None:
+                rate, near[s] = numeric.stage(*inputs)
+            else:
+                rate = numeric.rhs(*inputs)
+            stages.append(rate)
+        change = _mix(dop853_tableau.B, stages)
+        # The weights of order 3 are those of order 8 but for three entries.
+        e3 = change + _mix(
+            [low - high for low, high in zip(dop853_tableau.E3, dop853_tableau.B, strict=True)], stages
+        )
+        e5 = _mix(dop853_tableau.E5, stages)
+        end = step_end.ended(numeric, step, y + h * change, (e5, e3), _combined)
+        hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
+        return ca.Function("step", list(step), end.outputs(hidden, stages[1:]))
 
     def dense(self, numeric: NumericSystem) -> ca.Function:
         """See `method.Method.dense`."""
-        return _dense(numeric)
+        t, h, y, k, _, p = step_end.inputs(numeric)
+        new, k_new = (ca.MX.sym(name, y.numel()) for name in ("new", "k_new"))
+        given = [k, *(ca.MX.sym(f"k{i}", y.numel()) for i in range(2, dop853_tableau.STAGES + 1))]
+        stages = [*given, k_new]
+        for extra, row in enumerate(dop853_tableau.A_DENSE):
+            node = dop853_tableau.C[dop853_tableau.STAGES + 1 + extra]
+            stages.append(numeric.rhs(t + node * h, y + h * _mix(row, stages), p))
+        change = new - y
+        rows = [change, h * stages[0] - change, 2 * change - h * (k_new + stages[0])]
+        rows += [h * _mix(row, stages) for row in dop853_tableau.D_DENSE]
+        return ca.Function("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
 
     def interpolated(self, y: Curve, coefficients: Curve, x: Curve) -> Curve:
         """See `method.Method.interpolated`."""
-        return interpolated(y, coefficients, x)
+        result: Curve | float = 0.0
+        for i in range(DENSE_ROWS - 1, -1, -1):
+            result = (result + coefficients[:, i]) * (x if i % 2 == 0 else 1.0 - x)
+        return result + y
 
 
 def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
     return ca.MX(sum(w * k for w, k in zip(weights, stages, strict=True) if w))
-
-
-def _step(numeric: NumericSystem) -> ca.Function:
-    step = step_end.inputs(numeric)
-    t, h, y, k, _, p = step
-    stages, near = [k], {}
-    for s in range(1, dop853_tableau.STAGES):
-        inputs = t + dop853_tableau.C[s] * h, y + h * _mix(dop853_tableau.A[s], stages), p
-        if s in WATCHED and numeric.stage is not None:
-            rate, near[s] = numeric.stage(*inputs)
-        else:
-            rate = numeric.rhs(*inputs)
-        stages.append(rate)
-    change = _mix(dop853_tableau.B, stages)
-    # The weights of order 3 are those of order 8 but for three entries.
-    e3 = change + _mix(
-        [low - high for low, high in zip(dop853_tableau.E3, dop853_tableau.B, strict=True)], stages
-    )
-    e5 = _mix(dop853_tableau.E5, stages)
-    end = step_end.ended(numeric, step, y + h * change, (e5, e3), _combined)
-    hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
-    return ca.Function("step", list(step), end.outputs(hidden, stages[1:]))
 
 
 def _hidden() -> ca.Function:
@@ -100,27 +109,3 @@ def _hidden() -> ca.Function:
 def _combined(h: Expression, e5: Expression, e3: Expression) -> Expression:
     """Hairer's combination of the error estimates of order 5 and 3."""
     return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)
-
-
-def _dense(numeric: NumericSystem) -> ca.Function:
-    size, parameters = step_end.sizes_of(numeric)
-    t, h = ca.MX.sym("t"), ca.MX.sym("h")
-    y, new, k_new = (ca.MX.sym(name, size) for name in ("y", "new", "k_new"))
-    given = [ca.MX.sym(f"k{i}", size) for i in range(1, dop853_tableau.STAGES + 1)]
-    p = ca.MX.sym("p", parameters)
-    stages = [*given, k_new]
-    for extra, row in enumerate(dop853_tableau.A_DENSE):
-        node = dop853_tableau.C[dop853_tableau.STAGES + 1 + extra]
-        stages.append(numeric.rhs(t + node * h, y + h * _mix(row, stages), p))
-    change = new - y
-    rows = [change, h * stages[0] - change, 2 * change - h * (k_new + stages[0])]
-    rows += [h * _mix(row, stages) for row in dop853_tableau.D_DENSE]
-    return ca.Function("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
-
-
-def interpolated(y: Curve, coefficients: Curve, x: Curve) -> Curve:
-    """The state at the fraction x of a step from y (m,) with dense coefficients (m, 7)."""
-    result: Curve | float = 0.0
-    for i in range(DENSE_ROWS - 1, -1, -1):
-        result = (result + coefficients[:, i]) * (x if i % 2 == 0 else 1.0 - x)
-    return result + y

@@ -74,13 +74,13 @@ class RunFunctions:
 class Integrals:
     """The integrals of one system, and its functions with any choice of their charts.
 
-    selection: the independent rows that the system is stepped with.
+    system: that they are of; selection: the independent rows that it is stepped with.
     Raises as `level_functions.charts` where a chart is no expression of the system.
     """
 
     def __init__(self, system: System, plain: RunFunctions, found: tuple[FirstIntegral, ...]) -> None:
         self.found = found
-        self._system, self._plain = system, plain
+        self.system, self._plain = system, plain
         self._first = np.cumsum([0, *(len(f.charts) for f in found)]).tolist()
         self._charts = level_functions.charts(system, [chart for f in found for chart in f.charts])
         self._built: dict[tuple[int | None, ...], RunFunctions] = {}
@@ -88,21 +88,16 @@ class Integrals:
         # What was built for each selection; not the integrals themselves, which would hold each other.
         self._by_selection = {self.selection: (plain, self._built)}
 
-    @property
-    def system(self) -> System:
-        """The system they are of."""
-        return self._system
-
     def hold_for(self, system: System) -> bool:
         """True if all that was built holds for other values of parameters too."""
         return self._charts.hold_for(system)
 
     def of(self, system: System) -> Integrals:
         """These integrals with all that was built of a system that has other values alone."""
-        if system is self._system:
+        if system is self.system:
             return self
         other = copy.copy(self)
-        other._system = system
+        other.system = system
         return other
 
     def keeping(self, selection: Selection) -> Integrals:
@@ -119,7 +114,7 @@ class Integrals:
     @cached_property
     def has_time(self) -> bool:
         """True if t occurs in what moves the system, in a chart of an integral, or in a declared event."""
-        charts, system = self._charts.charts, self._system
+        charts, system = self._charts.charts, self.system
         return (
             self._plain.numeric.has_time
             or any(level_functions.has_time(system, each) for each in charts)
@@ -142,7 +137,7 @@ class Integrals:
 
     @cached_property
     def _evaluate(self) -> Compiled:
-        function: Compiled = level_functions.compiled(self._system, self._charts.charts)
+        function: Compiled = level_functions.compiled(self.system, self._charts.charts)
         return function
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
     from lagcli.simulation.singularity.singularity_step import SingularStep
 
 Floats = npt.NDArray[np.float64]
-States = Callable[[Floats], Floats]
 
 # A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 MOST_RESIDUAL = 1e-9
@@ -253,12 +251,14 @@ class Stepper:
 
     def find_work(self, taken: float) -> None:
         """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
+        from lagcli.simulation.scheme import work_integral
+
         bound = self.bound
         bound.staged.trigger()
         self.make_dense()
         span = self.t, taken, self.tolerance[0]
         begin, coefficients = bound.y[:, None], self.rows.dense.results[0][:, :, None]
-        work = _work(
+        work = work_integral.within(
             bound.scratch, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T
         )
         self.count_scratch()
@@ -373,10 +373,3 @@ class Stepper:
         rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
         self.statistics.evaluations += len(rates)
         return stop_diagnosis.is_pole(rates)
-
-
-def _work(project: BoundFunction, span: tuple[float, float, float], y: Floats, states: States) -> Work | None:
-    """W within a step, as of `work_integral.within`."""
-    from lagcli.simulation.scheme import work_integral
-
-    return work_integral.within(project, span, y, states)
