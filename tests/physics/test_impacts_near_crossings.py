@@ -59,3 +59,32 @@ def test_a_crossing_close_behind_an_impact_is_passed_or_told_with_the_impact(pla
 def test_what_comes_to_rest_on_a_wall_near_a_crossing_stays():
     found = run(0.01, 0)
     assert np.abs(found["a.y"][found.t > 1.6] - 0.01).max() < 1e-10
+
+
+RAY = """\
+lagcli: 1
+parameters: {wall: 1, mass: 2}
+particles: {a: {mass: mass, position: [-1, -0.5, 0], velocity: [1, 0.5, 0]}}
+forces: {weight: {to: a, force: "[0, 0, -m*(1 + a.y)]"}}
+differential: {ray: "a.x*d(a.y) - a.y*d(a.x) = 0"}
+inequality:
+  floor: a.z >= 0
+  wall: {condition: "a.x <= wall", restitution: 0.5}
+simulation: {duration: 3, samples: 13}
+"""
+
+
+def test_contacts_are_watched_on_the_level_of_an_integral_across_a_crossing():
+    """y/x is enforced, which takes more numbers than the parameters; at x = y = 0 the row vanishes."""
+    model = lagcli.loads(RAY)
+    found = lagcli.simulate(model)
+    assert found.stats.singular_times == pytest.approx([1], abs=1e-6)
+    assert list(zip(found.events["kind"], found.events["name"], strict=True)) == [
+        ("crossing", "ray"),
+        ("impact", "wall"),
+    ]
+    x = np.where(found.t <= 2, found.t - 1, 1 - 0.5 * (found.t - 2))
+    assert found["a.x"] == pytest.approx(x, abs=1e-11)
+    assert found["a.y"] == pytest.approx(x / 2, abs=1e-11)
+    assert found["lambda.floor"] == pytest.approx(2 * (1 + x / 2), abs=1e-10)
+    assert lagcli.audit(model).passed

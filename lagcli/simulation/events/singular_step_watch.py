@@ -37,7 +37,7 @@ class SingularStepWatch:
         """w and dw/dx at the fraction x of the step."""
         run, step = self._run, self._step_across.step
         t = run.origin + step.t + x * step.h
-        w, slope = self._functions.moving(t, step.state(x), step.slope(x), run.bound.enforced.p)
+        w, slope = self._functions.moving(t, step.state(x), step.slope(x), run.bound.p)
         return np.array(w).ravel(), step.h * np.array(slope).ravel()
 
     def event(self, x: float, name: str, log: IncidentLog) -> Incident:
