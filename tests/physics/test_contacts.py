@@ -94,3 +94,21 @@ def test_an_impact_at_the_start_is_in_the_balance_of_the_energy(table, e):
     assert run.events["t"][0] == 0
     assert run.events["kind"][0] == "impact"
     assert run.stats.energy_imbalance < 1e-9
+
+
+def test_a_wall_that_jumps_is_named_where_an_integral_is_enforced():
+    """y/x is enforced, which takes more numbers than the parameters."""
+    model = lagcli.loads("""
+lagcli: 1
+parameters: {mass: 2, late: 0.5, high: 0.1}
+particles: {a: {mass: mass, position: [1, 0.5, 0], velocity: [1, 0.5, 0]}}
+forces: {weight: {to: a, force: "[0, 0, -m]"}}
+differential: {ray: "a.x*d(a.y) - a.y*d(a.x) = 0"}
+inequality: {floor: "a.z >= high*max(sign(t - late), 0)"}
+simulation: {duration: 1, samples: 5}
+""")
+    with pytest.raises(
+        lagcli.SimulationStopped, match="the wall of the closed contact `floor` jumps there"
+    ) as stop:
+        lagcli.simulate(model)
+    assert stop.value.t == pytest.approx(0.5, abs=1e-12)

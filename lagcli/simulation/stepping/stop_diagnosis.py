@@ -156,10 +156,8 @@ def _wall(enforced: EnforcedInvariants, here: initial.State, beyond: initial.Sta
     closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
     if not closed:
         return ""
-    sides = [
-        np.array(numeric.gaps(t, np.concatenate([here.q, here.v, [0.0]]), here.p)).ravel()[closed]
-        for t in (here.t, beyond.t)
-    ]
+    y, p = np.concatenate([here.q, here.v, [0.0]]), enforced.parameters
+    sides = [np.array(numeric.gaps(t, y, p)).ravel()[closed] for t in (here.t, beyond.t)]
     change = np.abs(sides[1] - sides[0])
     worst = int(np.argmax(change))
     return system.contacts.rows[closed[worst]].name if change[worst] > 0 else ""
