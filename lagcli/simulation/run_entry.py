@@ -101,15 +101,16 @@ def begin(system: System, cached: CachedFunctions, plan: RunPlan) -> RunInBlocks
         initial.require_finite(
             system, enforced.functions.numeric, dataclasses.replace(start, p=enforced.parameters)
         )
-    first, chosen = RunStart(start.q, start.v, plan.is_singular), system.model.simulation
+    chosen, notes = system.model.simulation, (*not_enforced, *plan.notes)
+    first = RunStart(enforced, start.q, start.v, chosen, timed, plan.is_singular, notes)
     rows = TableRows(system.columns, plan.ends_only and cached.has_total_columns(system))
-    run = run_start.start(enforced, first, chosen, rows, (*not_enforced, *plan.notes), timed)
+    run = run_start.start(first, rows)
     if not plan.is_repeated:
         return RunInBlocks(run, chosen, system.columns)
     # Loaded here: most runs are not repeated.
     from lagcli.simulation.global_error.reference_run import RunWithReference
 
-    return RunInBlocks(run, chosen, system.columns, RunWithReference(system, run, enforced, first, chosen))
+    return RunInBlocks(run, chosen, system.columns, RunWithReference(run, first))
 
 
 def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInBlocks:

@@ -9,9 +9,6 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import time_functions
-from lagcli.equations.system import System
-from lagcli.model.model import Simulation
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_sides import IncidentErrors
@@ -21,7 +18,6 @@ from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident, Tally
 from lagcli.simulation.scheme import step_tolerance
-from lagcli.simulation.scheme.invariants import EnforcedInvariants
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,24 +33,18 @@ class RunWithReference:
 
     COLUMNS = error_estimate.COLUMNS
 
-    def __init__(
-        self,
-        system: System,
-        run: loop.Run,
-        enforced: EnforcedInvariants,
-        begin: run_start.RunStart,
-        settings: Simulation,
-    ) -> None:
+    def __init__(self, run: loop.Run, begin: run_start.RunStart) -> None:
+        settings, system = begin.settings, begin.enforced.system
         again = error_estimate.repeated(settings)
         self._tolerance = float(step_tolerance.of_steps(again)[0])
         self._run = run
-        smaller = dataclasses.replace(begin, part=error_estimate.PARAMETERS.first_step, is_again=True)
-        rows, timed = TableRows(system.columns), time_functions.functions(system.model)
-        self._again = run_start.start(enforced, smaller, again, rows, (), timed)
+        part = error_estimate.PARAMETERS.first_step
+        smaller = dataclasses.replace(begin, settings=again, notes=(), part=part, is_again=True)
+        self._again = run_start.start(smaller, TableRows(system.columns))
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
         self._broken: run_stop.Stop | None = None
-        window = error_estimate.window(run.grid.count) if enforced.has_time else 0
+        window = error_estimate.window(run.grid.count) if begin.enforced.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = error_estimate.Parting(window, relative, settings.atol or 0.0)
         self.columns_of_kinds, factor = (

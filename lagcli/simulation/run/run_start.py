@@ -30,29 +30,27 @@ FIRST = 0.1
 
 @frozen
 class RunStart:
-    """A consistent start, q and v (n,); is_singular: the rows are dependent there and not nearby; part: of the usual
-    first step, with which the run begins; is_again: it repeats another run and must not miss what that one may."""
+    """A consistent start, q and v (n,), and all that a run from there goes with.
 
+    enforced: the functions, with the integrals that are enforced there; timed: what the model says about t alone;
+    is_singular: the rows are dependent there and not nearby; notes: what was said about integrals; part: of the usual
+    first step, with which the run begins; is_again: it repeats another run and must not miss what that one may.
+    """
+
+    enforced: EnforcedInvariants
     q: Floats
     v: Floats
+    settings: Simulation
+    timed: TimeFunctions | None = None
     is_singular: bool = False
+    notes: tuple[str, ...] = ()
     part: float = 1.0
     is_again: bool = False
 
 
-def start(
-    enforced: EnforcedInvariants,
-    begin: RunStart,
-    settings: Simulation,
-    rows: TableRows,
-    notes: tuple[str, ...] = (),
-    timed: TimeFunctions | None = None,
-) -> Run:
-    """A run from a consistent start.
-
-    enforced: the functions, with the integrals that are enforced there; notes: what was said about them; timed: what
-    the model says about t alone.
-    """
+def start(begin: RunStart, rows: TableRows) -> Run:
+    """A run from a consistent start."""
+    enforced, settings = begin.enforced, begin.settings
     origin = grids.origin(settings, enforced.has_time)
     grid = _grid(settings, origin)
     state = RunState(
@@ -62,11 +60,12 @@ def start(
         pace_from=grid.start,
         selection=enforced.selection,
         invariant_values=enforced.invariant_values,
-        notes=notes,
+        notes=begin.notes,
         origin=origin,
         turns=Turns(enforced.system).of(enforced.p),
     )
-    stepper = Stepper(enforced, state, settings, grid, timed if enforced.has_time else None, begin.is_again)
+    timed = begin.timed if enforced.has_time else None
+    stepper = Stepper(enforced, state, settings, grid, timed, begin.is_again)
     return Run(stepper, RowWriter(stepper, rows, 0), functools.partial(_begin, stepper, begin))
 
 
