@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.api import simulate
 from lagcli.api.models.load import Path, as_model
-from lagcli.api.simulate import simulate
+from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
 from lagcli.output.animation import builder, links, page, point_tracks
 from lagcli.output.animation.builder import Motion
@@ -36,7 +37,18 @@ def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
     """
     model = as_model(model)
     require_few(model)
-    return of_run(model, dict(simulate(model, **settings)))  # type: ignore[arg-type]
+    return of_run(model, dict(simulate.simulate(model, **settings)))  # type: ignore[arg-type]
+
+
+def as_far(model: Model, settings: Mapping[str, object], row: str | None) -> tuple[Scene, str]:
+    """The scene of a run as far as it goes, and why it stopped before its end, or nothing.
+
+    settings, row: as of `run_settings.of_options`, which raises `BadRequest`; otherwise as `of_model`.
+    """
+    model = run_settings.of_options(model, settings, row)
+    require_few(model)
+    run, reason = simulate.as_far(model)
+    return of_run(model, dict(run)), reason
 
 
 def require_few(model: Model) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,15 +34,6 @@ FOLLOW = (
 # Motions are followed so many times the duration of the run, of no more than so many coordinates; the first part of it
 # tells whether they are steady.
 LONGEST, MOST_FOLLOWED, FIRST = 2.2, 60, 0.02
-
-
-class ModesSettings(TypedDict):
-    """The keywords of `modes`, None where the file's stays."""
-
-    about: str
-    assemble: bool | None
-    limit: float | None
-    lowest: int | None
 
 
 class NoEquilibriumError(Exception):

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, BinaryIO
 
 from lagcli.api.models.load import Path
-from lagcli.api.simulate import simulate
+from lagcli.api.runs import run_settings
+from lagcli.api.simulate import as_far, simulate
 from lagcli.model.model import Model
 from lagcli.output.files import formats
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.tables import read_table
 from lagcli.output.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -51,17 +55,84 @@ def plot(
     return chart_figure.compose(drawn)
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class AskedChart:
+    """The options of `lagcli plot` that say what is drawn, as they are written; run, begin: the settings of the runs of
+    models and the row that they start from."""
+
+    y: tuple[str, ...]
+    x: str | None
+    xy: tuple[str, ...]
+    events: str | None
+    log: bool
+    title: str | None
+    run: Mapping[str, object]
+    begin: str | None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class DrawnRuns:
+    """A chart, and why the runs in it stopped before their ends."""
+
+    chart: ChartData
+    stopped: list[str]
+
+
+def steps(sources: Iterable[BinaryIO | str | Model], asked: AskedChart) -> Iterator[str | DrawnRuns]:
+    """Read tables, on a stream as CSV or in files, and simulate models: yields notes on runs, and last the chart.
+
+    Raises `BadRequest`, worded for the options of the command, and `ModelError`.
+    """
+    # Other functions draw no charts.
+    from lagcli.output.charts import chart_table, compose
+
+    tables: list[ChartTable] = []
+    stopped: list[str] = []
+    with contextlib.ExitStack() as stack:
+        try:
+            for source in sources:
+                if isinstance(source, Model):
+                    # With the rows before and after incidents, so that jumps are upright.
+                    model = run_settings.of_options(source, asked.run, asked.begin)
+                    run, reason = as_far(model, event_rows=True)
+                    stopped += [reason] if reason else []
+                    yield from run.notes
+                    tables.append(chart_table.of_run(run, source.path))
+                elif isinstance(source, str):
+                    tables.append(_in_file(source))
+                else:
+                    tables.append(stack.enter_context(chart_table.of_stream(source, "<stdin>")))
+            found = _asked_chart(tables, asked)
+        except (*read_table.UNREADABLE, compose.UndrawableColumns) as error:
+            raise BadRequest(str(error)) from None
+    yield DrawnRuns(found, stopped)
+
+
+def _in_file(path: str) -> ChartTable:
+    from lagcli.output.charts import chart_table
+
+    try:
+        return chart_table.of_file(path)
+    except OSError as error:
+        raise BadRequest(f"cannot read {path}: {error.strerror}") from None
+
+
+def _asked_chart(tables: Sequence[ChartTable], asked: AskedChart) -> ChartData:
+    from lagcli.output.charts import compose
+
+    choice = compose.chosen(asked.y, x=asked.x, xy=asked.xy, is_log=asked.log, title=asked.title)
+    try:
+        return chart(marked(tables, asked.events), choice)
+    except OSError as error:
+        raise BadRequest(f"cannot read {error.filename or 'a table'}: {error.strerror}") from None
+
+
 def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
     """The chart of columns of tables, and of those that the choice defines. Raises `compose.UndrawableColumns`."""
     from lagcli.api import defined_columns
     from lagcli.output.charts import compose
 
     return compose.chart(*defined_columns.added(tables, choice))
-
-
-def is_table(path: Path) -> bool:
-    """True for the file of a table, by its ending; other files are models."""
-    return os.path.splitext(os.fspath(path))[1].lower().removeprefix(".") in formats.TABLES
 
 
 def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartTable]:
@@ -82,6 +153,6 @@ def _table(run: Trajectory | Model | Path) -> ChartTable:
         return chart_table.of_run(run)
     if isinstance(run, Model):
         return chart_table.of_run(simulate(run, event_rows=True), run.path)
-    if is_table(run):
+    if formats.is_table(run):
         return chart_table.of_file(run)
     return chart_table.of_run(simulate(run, event_rows=True), os.fspath(run))

@@ -7,16 +7,15 @@ import pathlib
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import audit, check, derive
+from lagcli.api import audit, check, derive, simulate
 from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
-from lagcli.api.simulate import simulate
 from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts
 from lagcli.model.model import Model
 from lagcli.output import table_columns
-from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.output.trajectory import Trajectory
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
 
@@ -58,7 +57,7 @@ def report(
     model = as_model(model)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, changes))
     checked = check.check(model, limit=limit)
-    run = _run(model, digits, limit)
+    run, _ = simulate.as_far(model, digits=digits, limit=limit)
     audited = _audited(model, run)
     parts = report_sections.ReportParts(
         model,
@@ -77,14 +76,6 @@ def report(
         audited.passed,
         None if run.stats.stopped is None else run.stats.stopped.reason,
     )
-
-
-def _run(model: Model, digits: bool, limit: float | None) -> Trajectory:
-    """The run as far as it goes."""
-    try:
-        return simulate(model, digits=digits, limit=limit)
-    except SimulationStopped as stopped:
-        return stopped.trajectory
 
 
 def _audited(model: Model, run: Trajectory) -> Audit:

@@ -11,7 +11,7 @@ from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
 from lagcli.output.runs import run_in_memory
-from lagcli.output.trajectory import Trajectory
+from lagcli.output.trajectory import SimulationStopped, Trajectory
 
 
 @progress.phase("simulating")
@@ -67,3 +67,14 @@ def simulate(
     if event_rows:
         run.add_event_rows()
     return run_in_memory.in_memory(run, columns, checkpoint, began)
+
+
+def as_far(model: Model, **settings: object) -> tuple[Trajectory, str]:
+    """The table of a run as far as it goes, and why it stopped before its end, or nothing.
+
+    settings: keywords of `simulate`, which raises all but `SimulationStopped`.
+    """
+    try:
+        return simulate(model, **settings), ""  # type: ignore[arg-type]
+    except SimulationStopped as stopped:
+        return stopped.trajectory, stopped.reason

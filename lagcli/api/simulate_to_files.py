@@ -20,20 +20,12 @@ def begin(
     settings: what is None is as the model says; row: `FILE` or `FILE:ROW`. Raises `BadRequest`, worded for the options
     of the command, and `diagnostics.ModelError`.
     """
-    if row is not None:
-        # Other runs read no tables.
-        from lagcli.api.runs import start_row
-
-        if request.resume is not None:
-            raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
-        model = start_row.of_option(model, row)
-    try:
-        chosen = run_settings.chosen(model, settings)
-    except ValueError as error:
-        raise BadRequest(str(error)) from None
+    if row is not None and request.resume is not None:
+        raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
+    model = run_settings.of_options(model, settings, row)
     try:
         run = prepare_run.prepare(
-            model, chosen, request.resume, request.limit, request.digits, may_be_over=True
+            model, model.simulation, request.resume, request.limit, request.digits, may_be_over=True
         )
     except checkpoint.CheckpointError as error:
         raise BadRequest(f"--resume {error}") from None

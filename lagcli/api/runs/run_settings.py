@@ -4,31 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypedDict
+from typing import Any, TypeAlias
 
 from lagcli.model import settings
 from lagcli.model.model import Model, Simulation
+from lagcli.output.files.write_guard import BadRequest
 
+Changes: TypeAlias = Mapping[str, Any]  # settings by their names; what is None is as the model says
 REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol", "max_step"))
-
-
-class RepeatedRuns(TypedDict):
-    """The settings of the runs of `compare` and `limit`, None where the file's stays."""
-
-    duration: float | None
-    output_step: float | None
-    samples: int | None
-    rtol: float | None
-    atol: float | None
-    max_step: float | None
-    assemble: bool | None
 
 
 class BadSetting(ValueError):
     """Settings that no run can have; the message says which."""
 
 
-def chosen(model: Model, changes: Mapping[str, Any]) -> Simulation:
+def chosen(model: Model, changes: Changes) -> Simulation:
     """The settings of the file, with `changes` that are not None. Raises `BadSetting`, `ValueError`, `TypeError`."""
     given = {key: value for key, value in changes.items() if value is not None}
     unknown = given.keys() - {field.name for field in dataclasses.fields(Simulation)}
@@ -45,6 +35,22 @@ def chosen(model: Model, changes: Mapping[str, Any]) -> Simulation:
     if faults:
         raise BadSetting("; ".join(faults))
     return changed
+
+
+def of_options(model: Model, changes: Changes, row: str | None = None) -> Model:
+    """The model with the settings of a command and, where a row of a table is given, `FILE` or `FILE:ROW`, its start.
+
+    Raises `BadRequest`, worded for the options, in place of what `chosen` and `start_row.at` raise.
+    """
+    if row is not None:
+        # Other runs read no tables.
+        from lagcli.api.runs import start_row
+
+        model = start_row.of_option(model, row)
+    try:
+        return dataclasses.replace(model, simulation=chosen(model, changes))
+    except ValueError as error:
+        raise BadRequest(str(error)) from None
 
 
 def seconds(limit: float | None) -> float:

@@ -7,7 +7,7 @@ import os
 import pathlib
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,7 +27,6 @@ from lagcli.output.files import atomic_file, file_requests, formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.output.animation.scene import Scene
-    from lagcli.output.trajectory import SimulationStopped
 
 
 @exits.command
@@ -72,27 +71,13 @@ def animate(
     The page on standard output without -o. A model is simulated with its own settings. Exit 3 where the run stops
     before its end: the page of what there is stands in FILE.partial, and FILE is as it was.
     """
-    given: AnimatedRun = {
+    given: dict[str, object] = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "method": method, "assemble": True if assemble else None, "begin": begin,
     }  # fmt: skip
     options = AnimateOptions(source, output, model, tuple(changes or ()), quiet, verbose)
     options.require(given)
     carry_out(options, given)
-
-
-class AnimatedRun(TypedDict):
-    """The settings of the run, None where the file's stays."""
-
-    duration: float | None
-    output_step: float | None
-    samples: int | None
-    rtol: float | None
-    atol: float | None
-    max_step: float | None
-    method: str | None
-    assemble: bool | None
-    begin: str | None
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -109,14 +94,14 @@ class AnimateOptions:
     @property
     def is_table(self) -> bool:
         """True if the source is a table by its ending."""
-        return pathlib.Path(self.source).suffix.lower().removeprefix(".") in formats.TABLES
+        return formats.is_table(self.source)
 
     @property
     def file(self) -> str | None:
         """The file that is written; None for standard output."""
         return None if self.output in (None, "-") else self.output
 
-    def require(self, given: AnimatedRun) -> None:
+    def require(self, given: dict[str, object]) -> None:
         """Refuse what cannot be done. Raises `exits.UsageError`, `write_guard.WriteError`."""
         if not self.is_table and self.model is not None:
             raise exits.UsageError(f"--model is of a table, and {self.source} is a model")
@@ -141,29 +126,25 @@ class AnimateOptions:
             )
 
 
-def carry_out(options: AnimateOptions, given: AnimatedRun) -> None:
+def carry_out(options: AnimateOptions, given: dict[str, object]) -> None:
     """Make the scene and write it. Raises `exits.Exit` with 3 where the run stopped before its end."""
     from lagcli.output.animation.point_tracks import NothingToShow
 
     write = writer(options.file)
-    stopped: SimulationStopped | None = None
     try:
-        if options.is_table:
-            scene = _of_table(options)
-        else:
-            scene, stopped = _of_model(options, given)
+        scene, reason = _of_table(options) if options.is_table else _of_model(options, given)
     except NothingToShow as error:
         raise exits.UsageError(str(error)) from None
     target = pathlib.Path(options.file) if options.file is not None else None
-    if stopped is not None and target is not None:
+    if reason and target is not None:
         target = atomic_file.partial_of(target)
     write(target, scene)
     if not options.quiet:
         print_report(target, scene)
-    if stopped is not None:
+    if reason:
         if target is not None:
             exits.print_err(f"lagcli: what there is of the run is in {target}")
-        exits.print_err(f"lagcli: {stopped}")
+        exits.print_err(f"lagcli: {reason}")
         raise exits.Exit(exits.STOPPED)
 
 
@@ -207,35 +188,25 @@ def _write_page(path: pathlib.Path | None, scene: Scene) -> None:
         page.write(path, scene)
 
 
-def _of_table(options: AnimateOptions) -> Scene:
+def _of_table(options: AnimateOptions) -> tuple[Scene, str]:
     from lagcli.api import animate as animating
     from lagcli.output.tables import read_table
 
     model = model_reading.load(options.model, list(options.changes)) if options.model is not None else None
     try:
-        return animating.of_file(options.source, model)
+        return animating.of_file(options.source, model), ""
     except read_table.UNREADABLE as error:
         raise exits.UsageError(str(error)) from None
     except OSError as error:
         raise exits.UsageError(f"cannot read {options.source}: {error.strerror or error}") from None
 
 
-def _of_model(options: AnimateOptions, given: AnimatedRun) -> tuple[Scene, SimulationStopped | None]:
+def _of_model(options: AnimateOptions, given: dict[str, object]) -> tuple[Scene, str]:
     from lagcli.api import animate as animating
-    from lagcli.api.runs import run_settings, start_row
-    from lagcli.output.trajectory import SimulationStopped
 
     model = model_reading.load(options.source, list(options.changes))
     if options.verbose:
         exits.print_err_all(warning.render() for warning in model.warnings)
-    if given["begin"] is not None:
-        model = start_row.of_option(model, given["begin"])
     settings = {key: value for key, value in given.items() if key != "begin"}
-    try:
-        run_settings.chosen(model, settings)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
-    try:
-        return animating.of_model(model, settings), None
-    except SimulationStopped as stop:
-        return animating.of_run(model, dict(stop.trajectory)), stop
+    row = given["begin"]
+    return animating.as_far(model, settings, None if row is None else str(row))

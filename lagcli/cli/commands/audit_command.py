@@ -6,7 +6,7 @@ import dataclasses
 import os
 import pathlib
 import textwrap
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -63,7 +63,7 @@ def audit(
     asked = AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
     asked.require(model)
     read = model_reading.read(model, changes, as_json)
-    given: AuditedRun = {
+    given: options.RunSettings = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
@@ -105,18 +105,7 @@ class AuditOptions:
             )
 
 
-class AuditedRun(TypedDict):
-    """The settings of the run, None where the file's stays."""
-
-    duration: float | None
-    samples: int | None
-    rtol: float | None
-    atol: float | None
-    max_step: float | None
-    assemble: bool | None
-
-
-def carry_out(model: Model, given: AuditedRun, options: AuditOptions) -> None:
+def carry_out(model: Model, given: options.RunSettings, options: AuditOptions) -> None:
     """Audit and print the report. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before
     its end."""
     found = _audited(model, given, options)
@@ -137,7 +126,7 @@ def carry_out(model: Model, given: AuditedRun, options: AuditOptions) -> None:
         raise exits.Exit(exits.STOPPED)
 
 
-def _audited(model: Model, given: AuditedRun, options: AuditOptions) -> Audit:
+def _audited(model: Model, given: options.RunSettings, options: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model, `exits.Exit` with 3 where
     the run stopped before its first row."""
     from lagcli.api import audit as auditing

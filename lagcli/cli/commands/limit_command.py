@@ -13,7 +13,6 @@ from lagcli.cli.terminal import console, exits
 from lagcli.output.files import file_requests, json_text, write_guard
 
 if TYPE_CHECKING:
-    from lagcli.api.runs.run_settings import RepeatedRuns
     from lagcli.formulations.stiff_ladder import StiffLimit
     from lagcli.model.model import Model
     from lagcli.output.figures.limit_figure import LimitCurves
@@ -70,7 +69,7 @@ def limit(
     asked = LimitOptions(constraint, stiffness, unprestressed, ramp, output, plot, as_json, quiet)
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: RepeatedRuns = {
+    given: options.RunSettings = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "assemble": True if assemble else None,
     }  # fmt: skip
@@ -95,7 +94,7 @@ class LimitOptions:
         file_requests.require_outputs(model, self.output, self.plot, self.as_json)
 
 
-def carry_out(model: Model, settings: RepeatedRuns, options: LimitOptions) -> None:
+def carry_out(model: Model, settings: options.RunSettings, options: LimitOptions) -> None:
     """Make the runs and print the result. Raises `exits.UsageError`, `exits.Exit` where a run stopped."""
     from lagcli.api import limit as limiting
 

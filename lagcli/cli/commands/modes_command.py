@@ -16,7 +16,6 @@ from lagcli.model import settings
 from lagcli.output.files import file_requests, formats, json_text, write_guard
 
 if TYPE_CHECKING:
-    from lagcli.api import find_modes
     from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
 
@@ -59,7 +58,7 @@ def modes(
     asked = ModesOptions(plot, animate, as_json, quiet)
     asked.require(model)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: find_modes.ModesSettings = {
+    given: options.RunSettings = {
         "about": about, "assemble": True if assemble else None, "limit": limit,
         "lowest": lowest,
     }  # fmt: skip
@@ -87,7 +86,7 @@ class ModesOptions:
             file_requests.require_writable(file_requests.model_file(model), files)
 
 
-def carry_out(model: Model, settings: find_modes.ModesSettings, options: ModesOptions) -> None:
+def carry_out(model: Model, settings: options.RunSettings, options: ModesOptions) -> None:
     """Find the modes and print them. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
     from lagcli.api import find_modes
     from lagcli.output.trajectory import SimulationStopped

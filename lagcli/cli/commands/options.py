@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
@@ -44,6 +44,7 @@ AssembleOption = Annotated[
     bool, typer.Option("--assemble", help="move the start to the nearest consistent state")
 ]
 OutputStepOption = Annotated[float | None, typer.Option("--output-step", help="time between rows")]
+RunSettings: TypeAlias = dict[str, Any]  # keywords of a function of the API, None where the file's stays
 # Of runs that a command makes several of.
 RunsDurationOption = Annotated[float | None, typer.Option(help="length of the runs")]
 RunsRtolOption = Annotated[float | None, typer.Option(help="relative tolerance of the runs")]

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import os
-import pathlib
 import sys
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -27,11 +24,8 @@ from lagcli.model import settings
 from lagcli.output.files import file_requests, formats, write_guard
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+    from lagcli.api.plot import AskedChart, DrawnRuns
     from lagcli.output.charts.chart import ChartData
-    from lagcli.output.charts.chart_table import ChartTable
-    from lagcli.output.trajectory import Trajectory
 
 
 FilesArgument = Annotated[
@@ -107,16 +101,15 @@ def plot(
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn.
     """
+    from lagcli.api import plot as plotting
     from lagcli.cli.terminal import watching
 
     run = {
         "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
         "max_step": max_step, "method": method, "assemble": True if assemble else None,
     }  # fmt: skip
-    options = PlotOptions(
-        tuple(files), tuple(y or ()), x, tuple(xy or ()), events, log, title, output, show,
-        tuple(changes or ()), run, begin, quiet,
-    )  # fmt: skip
+    asked = plotting.AskedChart(tuple(y or ()), x, tuple(xy or ()), events, log, title, run, begin)
+    options = PlotOptions(tuple(files), asked, output, show, tuple(changes or ()), quiet)
     options.require()
     if watch:
         watching.follow(options.read, lambda: carry_out(options), quiet)
@@ -125,31 +118,19 @@ def plot(
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PlotOptions:
-    """Options of `plot`: what is drawn, and where; of models `changes` (`--set`), `run` (the settings) and `begin`."""
+    """Options of `plot`: which files, what of them and of models with `changes` (`--set`) is drawn, and where."""
 
     files: tuple[str, ...]
-    y: tuple[str, ...] = ()
-    x: str | None = None
-    xy: tuple[str, ...] = ()
-    events: str | None = None
-    log: bool = False
-    title: str | None = None
-    output: str | None = None
-    show: bool = False
-    changes: tuple[str, ...] = ()
-    run: Mapping[str, float | int | str | bool | None] = dataclasses.field(default_factory=dict)
-    begin: str | None = None
-    quiet: bool = False
+    asked: AskedChart
+    output: str | None
+    show: bool
+    changes: tuple[str, ...]
+    quiet: bool
 
     @property
     def read(self) -> tuple[str, ...]:
         """The files that are read, but that of `--from`, which is where a run begins."""
-        return (*self.files, *([self.events] if self.events is not None else []))
-
-    @property
-    def models(self) -> tuple[str, ...]:
-        """The files that are models, by their endings."""
-        return tuple(name for name in self.files if name != "-" and not is_table(name))
+        return (*self.files, *([self.asked.events] if self.asked.events is not None else []))
 
     @property
     def is_shown(self) -> bool:
@@ -158,31 +139,27 @@ class PlotOptions:
 
     def require(self) -> None:
         """Refuse what cannot be done for these files."""
+        events = self.asked.events
         model_reading.require_models(list(self.files))
         file_requests.require_endings((self.output, formats.FIGURES))
         if self.output is None and not self.show and not sys.stdout.isatty():
             raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
-        if self.events is not None:
-            file_requests.require_endings((self.events, formats.TABLES))
-            if not os.path.exists(self.events):
-                raise exits.UsageError(f"--events: there is no file {self.events}")
-        given = {**self.run, "from": self.begin, "set": self.changes or None}
+        if events is not None:
+            file_requests.require_endings((events, formats.TABLES))
+            if not os.path.exists(events):
+                raise exits.UsageError(f"--events: there is no file {events}")
+        given = {**self.asked.run, "from": self.asked.begin, "set": self.changes or None}
         options = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
-        if not self.models and options:
+        if options and all(name == "-" or formats.is_table(name) for name in self.files):
             raise exits.UsageError(
                 f"{options[0]} is for a MODEL that is simulated, and there are tables alone"
             )
         if self.output is not None:
             read = [file for name in self.files for file in file_requests.model_file(name)]
-            read += [file_requests.File("--events", self.events)] if self.events is not None else []
+            read += [file_requests.File("--events", events)] if events is not None else []
             file_requests.require_writable(
                 read, [file_requests.File("--output", self.output, is_written=True)]
             )
-
-
-def is_table(name: str) -> bool:
-    """True for the name of a table, by its ending."""
-    return pathlib.PurePath(name).suffix.lower().removeprefix(".") in formats.TABLES
 
 
 def carry_out(options: PlotOptions) -> None:
@@ -191,80 +168,39 @@ def carry_out(options: PlotOptions) -> None:
     Raises `exits.UsageError`, `write_guard.WriteError`, `diagnostics.ModelError`, and `exits.Exit` with 3 where a run
     stopped before its end, after its rows have been drawn.
     """
-    from lagcli.output.charts import compose
-    from lagcli.output.tables import read_table
-
-    stopped: list[str] = []
-    with contextlib.ExitStack() as stack:
-        try:
-            tables = [stack.enter_context(_opened(name, options, stopped)) for name in options.files]
-            chart = _chart(tables, options)
-        except (*read_table.UNREADABLE, compose.UndrawableColumns) as error:
-            raise exits.UsageError(str(error)) from None
+    drawn = _drawn(options)
     if options.output is not None:
         with write_guard.drawing(options.output):
             from lagcli.output.charts import chart_figure
 
-            chart_figure.draw(options.output, chart)
+            chart_figure.draw(options.output, drawn.chart)
     if options.is_shown:
-        _show(chart)
-    if stopped:
-        exits.print_err_all(f"lagcli: {reason}" for reason in stopped)
+        _show(drawn.chart)
+    if drawn.stopped:
+        exits.print_err_all(f"lagcli: {reason}" for reason in drawn.stopped)
         raise exits.Exit(exits.STOPPED)
 
 
-def _chart(tables: list[ChartTable], options: PlotOptions) -> ChartData:
-    from lagcli.api import plot
-    from lagcli.output.charts import compose
+def _drawn(options: PlotOptions) -> DrawnRuns:
+    """The chart, made with notes on the runs of models on the way."""
+    from lagcli.api import plot as plotting
 
-    choice = compose.chosen(options.y, x=options.x, xy=options.xy, is_log=options.log, title=options.title)
-    try:
-        return plot.chart(plot.marked(tables, options.events), choice)
-    except OSError as error:
-        raise exits.UsageError(f"cannot read {error.filename or 'a table'}: {error.strerror}") from None
-
-
-@contextlib.contextmanager
-def _opened(name: str, options: PlotOptions, stopped: list[str]) -> Iterator[ChartTable]:
-    """A table, of a model the one that it gives now; why its run stopped, where it did, goes to `stopped`."""
-    from lagcli.output.charts import chart_table
-
-    if name == "-":
-        with chart_table.of_stream(sys.stdin.buffer, "<stdin>") as table:
-            yield table
-    elif is_table(name):
-        try:
-            table = chart_table.of_file(name)
-        except OSError as error:
-            raise exits.UsageError(f"cannot read {name}: {error.strerror}") from None
-        yield table
-    else:
-        yield chart_table.of_run(_simulated(name, options, stopped), name)
-
-
-def _simulated(name: str, options: PlotOptions, stopped: list[str]) -> Trajectory:
-    """The run of a model with the settings of the options. Raises `exits.UsageError`, `diagnostics.ModelError`."""
-    # Tables are drawn without the integrator.
-    from lagcli.api import simulate
-    from lagcli.api.runs import run_settings, start_row
-    from lagcli.output.trajectory import SimulationStopped
-
-    model = model_reading.load(name, list(options.changes))
-    if options.begin is not None:
-        model = start_row.of_option(model, options.begin)
-    try:
-        run_settings.chosen(model, options.run)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
-    try:
-        # With the rows before and after incidents, so that jumps are upright.
-        made = simulate.simulate(model, event_rows=True, **options.run)  # type: ignore[arg-type] # checked just now
-    except SimulationStopped as stop:
-        stopped.append(stop.reason)
-        made = stop.trajectory
-    if not options.quiet:
-        exits.print_err_all(f"note: {note}" for note in made.notes)
-    return made
+    sources = (
+        sys.stdin.buffer
+        if name == "-"
+        else name
+        if formats.is_table(name)
+        else model_reading.load(name, list(options.changes))
+        for name in options.files
+    )
+    found: DrawnRuns | None = None
+    for step in plotting.steps(sources, options.asked):
+        if not isinstance(step, str):
+            found = step
+        elif not options.quiet:
+            exits.print_err(f"note: {step}")
+    assert found is not None
+    return found
 
 
 def _show(chart: ChartData) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import pathlib
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,6 +16,7 @@ from lagcli.cli.commands.options import (
     LimitOption,
     ModelArgument,
     QuietOption,
+    RunSettings,
     SetOption,
     VerboseOption,
 )
@@ -68,22 +69,11 @@ def report(
     options = ReportOptions(output, title, digits, limit, quiet, pdf)
     options.require(model)
     read = model_reading.read(model, changes, False, verbose)
-    given: ReportedRun = {
+    given: RunSettings = {
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
         "assemble": True if assemble else None,
     }  # fmt: skip
     carry_out(read, given, options)
-
-
-class ReportedRun(TypedDict):
-    """The settings of the run, None where the file's stays."""
-
-    duration: float | None
-    samples: int | None
-    rtol: float | None
-    atol: float | None
-    max_step: float | None
-    assemble: bool | None
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -126,7 +116,7 @@ class ReportOptions:
                 raise exits.UsageError(f"--pdf: {error}") from None
 
 
-def carry_out(model: Model, settings: ReportedRun, options: ReportOptions) -> None:
+def carry_out(model: Model, settings: RunSettings, options: ReportOptions) -> None:
     """Write the page. Raises `exits.Exit` with 1 where the audit fails, with 3 where the run stopped before its end."""
     from lagcli.api import report as reporting
     from lagcli.output.report import pdf_programs

@@ -38,6 +38,11 @@ class UnknownFormat(ValueError):
         )
 
 
+def is_table(path: str | os.PathLike[str]) -> bool:
+    """True for the file of a table, by its ending; other files are models."""
+    return os.path.splitext(os.fspath(path))[1].lower().removeprefix(".") in TABLES
+
+
 def of(path: Path, known: tuple[str, ...]) -> str:
     """The ending of ``path``, in lower case, without its dot; ``UnknownFormat`` if it is not in ``known``.
 
