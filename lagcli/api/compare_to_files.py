@@ -29,15 +29,11 @@ def compare_to_files(
     lines = []
     if found.principles is not None and output is not None:
         vakonomic = found.formulations[-1]
-        plan = TablePlan("--output", None if output == "-" else output, vakonomic.columns)
         whence = provenance.of(models[0]).as_json() | {"vakonomic": {"mu": dict(found.principles.mu)}}
-        with safe_table.opened(plan, whence) as table:
-            table.write(vakonomic.table)
-            if vakonomic.stopped:
-                saved = table.keep()
-                lines.append(f"lagcli: the vakonomic motion stopped; {saved}" if saved else "")
-            else:
-                table.complete()
+        plan, is_partial = TablePlan.of_option(output, vakonomic.columns), bool(vakonomic.stopped)
+        saved = safe_table.write(plan, whence, vakonomic.table, is_partial)
+        if is_partial:
+            lines.append(f"lagcli: the vakonomic motion stopped; {saved}" if saved else "")
     if found.principles is not None and plot is not None:
         _draw(models[0], found, plot)
     return found, lines

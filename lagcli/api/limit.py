@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import pathlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
+from lagcli.output.files import write_guard
 
 if TYPE_CHECKING:
     from lagcli.formulations.stiff_ladder import StiffLimit
+    from lagcli.output.figures.limit_figure import LimitCurves
 
 STIFFNESS = "1e3:1e5"
 
@@ -64,3 +67,61 @@ def limit(
         raise ValueError("ramp: a range of stiffnesses is needed, LOW:HIGH")
     plan = LimitPlan(constraint, rungs, unprestressed, ramp is not None, told or (lambda sentence: None))
     return stiff_runs.limit(model, chosen, plan)
+
+
+def limit_to_files(
+    model: Model, asked: Mapping[str, object], output: str | None, plot: str | None
+) -> tuple[StiffLimit, list[str]]:
+    """The answer of `limit` to these keywords, its table and its figure in files, and lines to print about the table.
+
+    output: `-` for standard output. Raises what `limit` raises, `WriteError`, `BadRequest`.
+    """
+    found = limit(model, **asked)  # type: ignore[arg-type]
+    lines = []
+    if output is not None:
+        # Most limits are printed alone.
+        from lagcli.output.runs import safe_table
+        from lagcli.output.runs.safe_table import TablePlan
+        from lagcli.output.tables import provenance
+
+        names, rows = found.table
+        whence = provenance.of(model).as_json() | {"limit": {"constraint": found.constraint}}
+        saved = safe_table.write(TablePlan.of_option(output, names), whence, rows, bool(found.stopped))
+        lines += [f"lagcli: {saved or 'a run stopped'}"] if found.stopped else []
+    if plot is not None and found.rungs:
+        with write_guard.drawing(plot):
+            # matplotlib takes a third of a second to load: only where a figure is asked for.
+            from lagcli.output.figures import limit_figure
+
+            title = f"{model.title or pathlib.Path(model.path).stem}: `{found.constraint}` as a stiff spring"
+            limit_figure.draw(plot, _curves(found), title, model.units.time)
+    return found, lines
+
+
+def _curves(found: StiffLimit) -> LimitCurves:
+    """The curves of the figure."""
+    import numpy as np
+
+    from lagcli.output.figures.limit_figure import LimitCurves
+
+    rungs = found.rungs
+    if found.force is not None:
+        forces = [("-k f as k rises", found.force)]
+    else:
+        ends = [rungs[0], rungs[-1]] if len(rungs) > 1 else [rungs[0]]
+        forces = [(f"-k f, k = {one.stiffness:.3g}", one.force) for one in ends]
+    by_mean = found.rate_of == "mean_error"
+    errors = [(one.stiffness, (one.mean_error or 0.0) if by_mean else one.max_error) for one in rungs]
+    k = np.array([one.stiffness for one in rungs])
+    rate = "" if found.rate is None else f", slope {-found.rate.slope:.3f}".replace("-", "−")
+    return LimitCurves(
+        found.constraint,
+        found.t,
+        found.multiplier,
+        forces,
+        np.array([(one.stiffness, one.force.min(), one.force.max()) for one in rungs]),
+        np.array(errors),
+        None if found.rate is None else found.rate.line(k),
+        rate,
+        "mean error" if by_mean else "largest error",
+    )

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 import lagcli
-from lagcli.api import report
+from lagcli.api import simulate
 from lagcli.output.figures import labels
 from lagcli.output.report import (
     latex_text,
@@ -182,14 +182,14 @@ def test_a_stopped_run_is_written_and_told(tmp_path):
 
 def test_a_report_whose_audit_fails_is_written_and_told(tmp_path, monkeypatch):
     """A run whose multiplier is off by a hundredth is no motion of the model."""
-    made = report._run
+    made = simulate.as_far
 
-    def bent(model, digits, limit):
-        run = made(model, digits, limit)
+    def bent(model, **settings):
+        run, reason = made(model, **settings)
         run.rows[:, run.columns.index("lambda.rod")] *= 1.01
-        return run
+        return run, reason
 
-    monkeypatch.setattr(report, "_run", bent)
+    monkeypatch.setattr(simulate, "as_far", bent)
     file = tmp_path / "report.html"
     _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(file), "--duration", "1")
     assert code == 1

@@ -155,3 +155,46 @@ def test_a_sweep_that_is_gone_on_with_and_one_that_is_merged_take_no_more_entrie
     merged = walked("sweep", "--merge", *parts, "-o", tmp_path / "all.csv")
     assert {"output", "errors"} == entered(merged, "cli").keys()
     assert_few_from_above(merged)
+
+
+# A table, a sentence and a note are each printed by one function, which escapes what a terminal would act on.
+PRINTERS = 3
+
+
+def assert_few_but_for_escapes(places: Places) -> None:
+    assert too_many(places, "cli").keys() <= {"errors"}
+    assert len(entered(places, "cli").get("errors", ())) <= PRINTERS
+
+
+BRIEF = ("--duration", "0.1", "--samples", "5")
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [
+        ("compare", BRIEF),
+        ("compare", (MODELS / "pendulum.yaml", *BRIEF)),
+        ("equilibrium", ("--starts", "2")),
+        ("stationary", ("--of", "a.z", "--starts", "2")),
+        ("modes", ()),
+        ("limit", ("--constraint", "rod", *BRIEF)),
+        ("limit", ("--constraint", "rod", *BRIEF, "-o", "-", "--plot", "limit.svg")),
+        ("plot", (*BRIEF, "--show")),
+        ("report", BRIEF),
+        ("animate", BRIEF),
+    ],
+)
+def test_commands_that_run_a_model_more_than_once_or_draw_it_enter_each_package_once_or_twice(
+    command: str, options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    places = walked(command, MODELS / "pendulum.yaml", *options)
+    assert "api" in entered(places, "cli")
+    assert_few_but_for_escapes(places)
+
+
+def test_two_principles_with_their_files_take_no_more_entries(tmp_path: Path) -> None:
+    files = ("--vakonomic", "-o", tmp_path / "other.csv", "--plot", tmp_path / "both.svg")
+    places = walked("compare", MODELS / "rolling-disk.yaml", *BRIEF, *files)
+    assert len(list(tmp_path.iterdir())) == 2
+    assert_few_but_for_escapes(places)

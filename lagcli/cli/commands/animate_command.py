@@ -113,17 +113,11 @@ class AnimateOptions:
             if self.changes and self.model is None:
                 raise exits.UsageError("--set is of a model; give that of the table with --model")
         model_reading.require_models([self.source, *([self.model] if self.model else [])])
-        file_requests.require_endings((self.file, formats.ANIMATIONS))
         if self.file is None and sys.stdout.isatty():
             raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
         if self.file is not None:
-            known = [
-                *file_requests.model_file(self.source),
-                *(file_requests.model_file(self.model) if self.model else ()),
-            ]
-            file_requests.require_writable(
-                known, [file_requests.File("--output", self.file, is_written=True)]
-            )
+            read = [("MODEL", self.source), ("MODEL", self.model or None)]
+            file_requests.require(read, ("--output", self.file, formats.ANIMATIONS))
 
 
 def carry_out(options: AnimateOptions, given: dict[str, object]) -> None:

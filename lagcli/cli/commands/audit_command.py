@@ -95,10 +95,8 @@ class AuditOptions:
             if not os.path.exists(self.events):
                 raise exits.UsageError(f"--events: there is no file {self.events}")
         if self.plot is not None:
-            given = (("--run", self.table), ("--events", self.events))
-            read = [file_requests.File(option, file) for option, file in given if file is not None]
-            figure = file_requests.File("--plot", self.plot, is_written=True)
-            file_requests.require_writable(file_requests.model_file(model), [*read, figure])
+            read = [("MODEL", model), ("--run", self.table), ("--events", self.events)]
+            file_requests.require(read, ("--plot", self.plot, formats.FIGURES))
         if self.table is not None and self.has_rows:
             raise exits.UsageError(
                 "--run: the table has its own rows; --duration and --samples are of a new run"

@@ -8,7 +8,6 @@ import typer
 
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
-from lagcli.errors import diagnostics
 from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
@@ -124,13 +123,13 @@ def _components(parts: Components) -> None:
     for label, indices in (("independent", parts.independent), ("dependent", parts.dependent)):
         names = [_component(parts, i) for i in indices[:MOST_LINES]]
         more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
-        console.paragraph(diagnostics.printable(f"{label}: {', '.join(names) or 'none'}{more}"), "    ")
+        console.paragraph(f"{label}: {', '.join(names) or 'none'}{more}", "    ")
     for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
         terms = [
             (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
         ]
         line = f"    d{parts.names[index]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
-        console.paragraph(diagnostics.printable(line), "        ")
+        console.paragraph(line, "        ")
 
 
 def _component(parts: Components, index: int) -> str:

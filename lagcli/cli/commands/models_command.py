@@ -74,7 +74,7 @@ def found(name: str) -> GalleryModel:
     one = gallery_models.find(name)
     if one is None:
         hint = diagnostics.nearest(name, [model.name for model in models]) or "`lagcli models` lists them"
-        raise exits.UsageError(f"there is no model `{diagnostics.printable(name)}` in the gallery; {hint}")
+        raise exits.UsageError(f"there is no model `{name}` in the gallery; {hint}")
     return one
 
 

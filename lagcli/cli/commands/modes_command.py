@@ -11,7 +11,6 @@ import typer
 
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
-from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.output.files import file_requests, formats, json_text, write_guard
 
@@ -77,13 +76,8 @@ class ModesOptions:
     def require(self, model: str) -> None:
         """Refuse what cannot be done for this MODEL."""
         model_reading.require_models([model])
-        file_requests.require_endings((self.animate, ("html",)), (self.plot, formats.FIGURES))
-        named = (("--plot", self.plot), ("--animate", self.animate))
-        files = [
-            file_requests.File(option, name, is_written=True) for option, name in named if name is not None
-        ]
-        if files:
-            file_requests.require_writable(file_requests.model_file(model), files)
+        page, figure = ("--animate", self.animate, ("html",)), ("--plot", self.plot, formats.FIGURES)
+        file_requests.require([("MODEL", model)], page, figure)
 
 
 def carry_out(model: Model, settings: options.RunSettings, options: ModesOptions) -> None:
@@ -139,7 +133,7 @@ def _print_report(found: Modes) -> None:
     """The modes as a table, then the verdict."""
     if not found.count:
         console.paragraph(f"{VERDICTS[found.stable]}: {found.reason}", "    ")
-        console.paragraph(diagnostics.printable(_reference_text(found)), "    ")
+        console.paragraph(_reference_text(found), "    ")
         return
     unit = found.units.time if found.units else "s"
     headers, rows = _multipliers(found) if found.multipliers is not None else _modes(found, unit)
@@ -151,8 +145,8 @@ def _print_report(found: Modes) -> None:
     if hidden > 0:
         console.paragraph(f"{hidden} more are given with --json", "    ")
     verdict = f"{VERDICTS[found.stable]}: {found.reason}"
-    console.paragraph(diagnostics.printable(verdict), "    ")
-    console.paragraph(diagnostics.printable(_reference_text(found)), "    ")
+    console.paragraph(verdict, "    ")
+    console.paragraph(_reference_text(found), "    ")
 
 
 def _reference_text(found: Modes) -> str:

@@ -109,9 +109,7 @@ def _require(template: str) -> None:
     if template not in model_templates.TEMPLATES:
         hint = diagnostics.nearest(template, model_templates.TEMPLATES)
         known = diagnostics.listed(list(model_templates.TEMPLATES))
-        raise exits.UsageError(
-            f"there is no template `{diagnostics.printable(template)}`; {hint or f'there are {known}'}"
-        )
+        raise exits.UsageError(f"there is no template `{template}`; {hint or f'there are {known}'}")
 
 
 def _asked_name() -> str:
@@ -135,7 +133,7 @@ def _asked_template() -> str:
             return names[int(answer) - 1]
         if answer in names:
             return answer
-        exits.print_err(f"there is no template `{diagnostics.printable(answer)}`")
+        exits.print_err(f"there is no template `{answer}`")
     raise exits.UsageError("no template was chosen; --template NAME names one")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import sys
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
@@ -25,6 +25,7 @@ from lagcli.output.files import file_requests, formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.api.plot import AskedChart, DrawnRuns
+    from lagcli.model.model import Model
     from lagcli.output.charts.chart import ChartData
 
 
@@ -141,8 +142,9 @@ class PlotOptions:
         """Refuse what cannot be done for these files."""
         events = self.asked.events
         model_reading.require_models(list(self.files))
-        file_requests.require_endings((self.output, formats.FIGURES))
-        if self.output is None and not self.show and not sys.stdout.isatty():
+        if self.output is not None:
+            file_requests.require_endings((self.output, formats.FIGURES))
+        elif not self.show and not sys.stdout.isatty():
             raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
         if events is not None:
             file_requests.require_endings((events, formats.TABLES))
@@ -150,16 +152,17 @@ class PlotOptions:
                 raise exits.UsageError(f"--events: there is no file {events}")
         given = {**self.asked.run, "from": self.asked.begin, "set": self.changes or None}
         options = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
-        if options and all(name == "-" or formats.is_table(name) for name in self.files):
+        if options and not any(map(_is_model, self.files)):
             raise exits.UsageError(
                 f"{options[0]} is for a MODEL that is simulated, and there are tables alone"
             )
         if self.output is not None:
-            read = [file for name in self.files for file in file_requests.model_file(name)]
-            read += [file_requests.File("--events", events)] if events is not None else []
-            file_requests.require_writable(
-                read, [file_requests.File("--output", self.output, is_written=True)]
-            )
+            read = [*(("MODEL", name) for name in self.files), ("--events", events)]
+            file_requests.require(read, ("--output", self.output, formats.FIGURES))
+
+
+def _is_model(name: str) -> bool:
+    return name != "-" and not formats.is_table(name)
 
 
 def carry_out(options: PlotOptions) -> None:
@@ -185,16 +188,13 @@ def _drawn(options: PlotOptions) -> DrawnRuns:
     """The chart, made with notes on the runs of models on the way."""
     from lagcli.api import plot as plotting
 
-    sources = (
-        sys.stdin.buffer
-        if name == "-"
-        else name
-        if formats.is_table(name)
-        else model_reading.load(name, list(options.changes))
-        for name in options.files
-    )
+    def source(name: str) -> BinaryIO | str | Model:
+        if _is_model(name):
+            return model_reading.load(name, list(options.changes))
+        return sys.stdin.buffer if name == "-" else name
+
     found: DrawnRuns | None = None
-    for step in plotting.steps(sources, options.asked):
+    for step in plotting.steps(map(source, options.files), options.asked):
         if not isinstance(step, str):
             found = step
         elif not options.quiet:

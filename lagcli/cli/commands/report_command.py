@@ -97,10 +97,8 @@ class ReportOptions:
             raise exits.UsageError(f"--pdf {self.pdf}: the page is no PDF; write -o report.pdf")
         if self.output == "-":
             return
-        file_requests.require_endings((self.output, report_page.FORMATS))
+        file_requests.require([("MODEL", model)], ("--output", self.output, report_page.FORMATS))
         target = pathlib.Path(self.output)
-        files = [file_requests.File("--output", self.output, is_written=True)]
-        file_requests.require_writable(file_requests.model_file(model), files)
         if target.suffix.lower() == ".md":
             folder = report_page.figure_folder(target)
             if folder.exists() and not folder.is_dir():

@@ -7,7 +7,6 @@ import sys
 from typing import TYPE_CHECKING
 
 from lagcli.cli.terminal import console, exits
-from lagcli.errors import diagnostics
 from lagcli.output.files import file_requests, json_text, write_guard
 
 if TYPE_CHECKING:
@@ -94,7 +93,7 @@ def _print_report(found: StaticReport) -> None:
         console.paragraph("more columns and rows are given with --json and -o FILE", "    ")
     count = "1 point" if len(found.points) == 1 else f"{len(found.points)} points"
     proved = "; it is proved that there are no others" if found.complete else "; there may be others"
-    console.paragraph(diagnostics.printable(f"{count} from {_starts(found)}{proved}"), "    ")
+    console.paragraph(f"{count} from {_starts(found)}{proved}", "    ")
 
 
 def _entry(value: float) -> str:

@@ -114,11 +114,25 @@ def require_outputs(model: str, output: str | None, plot: str | None, as_json: b
     if as_json and output == "-":
         raise BadRequest("--output -: --json has standard output; give a file")
     table = None if output == "-" else output
-    require_endings((table, formats.TABLES), (plot, formats.FIGURES))
-    named = (("--output", table), ("--plot", plot))
-    files = [File(option, name, is_written=True) for option, name in named if name is not None]
+    require([("MODEL", model)], ("--output", table, formats.TABLES), ("--plot", plot, formats.FIGURES))
+
+
+def require(
+    read: Iterable[tuple[str, str | None]], *written: tuple[str, str | None, tuple[str, ...]]
+) -> None:
+    """Refuse files to write, of those that are given, whose names end in none of the formats beside them, that are
+    another file of these, or cannot be made.
+
+    read: options with their files; a MODEL may be standard input.
+    """
+    files = [(option, name, known) for option, name, known in written if name is not None]
+    require_endings(*((name, known) for _, name, known in files))
     if files:
-        require_writable(model_file(model), files)
+        others: list[File] = []
+        for option, name in read:
+            if name is not None:
+                others += model_file(name) if option == "MODEL" else [File(option, name)]
+        require_writable(others, [File(option, name, is_written=True) for option, name, _ in files])
 
 
 def require_writable(

@@ -44,6 +44,11 @@ class TablePlan:
     has_event_rows: bool = False
     noun: str = "rows"
 
+    @classmethod
+    def of_option(cls, output: str, names: Sequence[str]) -> TablePlan:
+        """The table of `--output`, `-` for standard output."""
+        return cls("--output", None if output == "-" else output, tuple(names))
+
     @property
     def texts(self) -> tuple[str, ...]:
         """The columns of text."""
@@ -184,3 +189,16 @@ def opened(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTa
             except table_format.MissingExtra as error:
                 raise BadRequest(str(error)) from None
             yield SafeTable(stack.enter_context(sink), plan)
+
+
+def write(plan: TablePlan, provenance: Mapping[str, object], rows: Floats, is_partial: bool) -> str:
+    """Write the rows of a table, of which there are no others; one of a run that stopped is saved beside the file.
+
+    Returns where that is, as a part of a sentence, or nothing. Raises as `opened`, and `WriteError`.
+    """
+    with opened(plan, provenance) as table:
+        table.write(rows)
+        if is_partial:
+            return table.keep()
+        table.complete()
+    return ""

@@ -76,10 +76,7 @@ class SweepRequest:
         elif not self.is_dataset:
             file_requests.require_outputs(model, self.output, None, self.as_json)
             if points not in (None, "-"):
-                given = file_requests.File("--points", str(points))
-                file_requests.require_writable(
-                    [given], [file_requests.File("--output", self.target, is_written=True)]
-                )
+                file_requests.require([("--points", points)], ("--output", self.target, formats.TABLES))
 
     def require_merge(self, paths: Iterable[str]) -> None:
         """Refuse what cannot be done with the tables of these shards."""
@@ -89,6 +86,6 @@ class SweepRequest:
             return
         if self.is_dataset:
             raise BadRequest(f"--merge: {self.target} is a folder; the parts of a dataset need no merging")
-        file_requests.require_endings((self.target, formats.TABLES))
-        read = [file_requests.File("--merge", path) for path in paths]
-        file_requests.require_writable(read, [file_requests.File("--output", self.target, is_written=True)])
+        file_requests.require(
+            [("--merge", path) for path in paths], ("--output", self.target, formats.TABLES)
+        )
