@@ -166,7 +166,7 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
 def _bases(numeric: NumericSystem, state: State) -> Bases:
     """The bases at a state that satisfies the rows."""
     rows = sample_points.rows(numeric, state)
-    found = rank.rank(rows)
+    found = rank.estimate(rows)
     metric, name = _metric(numeric, state)
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     right = np.zeros((0, state.q.size))

@@ -211,7 +211,7 @@ def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
     """The rows that depend on rows before them. Of very many they are looked for among rows that share a dependency."""
     from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
 
-    found = rank.rank(rows).value if rows.is_large else None
+    found = rank.estimate(rows).value if rows.is_large else None
     if found is None:
         return independent_rows.redundant(rows)
     flags = np.zeros(rows.count, dtype=bool)
@@ -310,10 +310,10 @@ def _ranks(
         if sample_points.is_finite(numeric, point):
             rows = _normalized_rows(numeric, point)
             rows = rows if len(effective) == rows.count else rows.take(effective)
-            found.everything.append(rank.rank(rows))
+            found.everything.append(rank.estimate(rows))
             complete = len(holonomic_rows) == rows.count
             found.of_holonomic.append(
-                found.everything[-1] if complete else rank.rank(rows.take(holonomic_rows))
+                found.everything[-1] if complete else rank.estimate(rows.take(holonomic_rows))
             )
     return found
 

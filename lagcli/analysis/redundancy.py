@@ -53,7 +53,7 @@ def begin(
     if not system.rows.rows:
         return StartSelection(numeric.selection)
     rows = sample_points.rows(numeric, state)
-    found = rank.rank(rows)
+    found = rank.estimate(rows)
     if found.value == rows.count:
         return StartSelection(numeric.selection)
     if found.value is None:
@@ -69,7 +69,7 @@ def begin(
     lower_rank = _states_of_lower_rank(numeric, found, orbits)
     # Rows that are dependent at the start alone are looked at where the motion leads.
     ahead = [] if lower_rank else _ahead(whole[1], state)
-    along = {rank.rank(sample_points.rows(numeric, point)).low: point for point in reversed(ahead)}
+    along = {rank.estimate(sample_points.rows(numeric, point)).low: point for point in reversed(ahead)}
     count = max([found.value, *along])
     there = along[count] if count > found.value else state
     surface = codimension.examine(system, numeric, there)
@@ -78,13 +78,13 @@ def begin(
     if surface.kind == "undecided":
         raise refusals.undecided(system, numeric, there, surface)
     around = [sample_points.rows(numeric, point) for point in lower_rank or _around(*whole, there)]
-    if surface.kind == "singular" or max((rank.rank(each).low for each in around), default=0) > count:
+    if surface.kind == "singular" or max((rank.estimate(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
     chosen = independent_rows.dependence(sample_points.rows(numeric, there), count, system.holonomic_count)
     generic = (
         independent_rows.over(each, chosen.independent).selection
         for each in around
-        if rank.rank(each).value == count
+        if rank.estimate(each).value == count
     )
     return StartSelection(independent_rows.joined(chosen.selection, generic), count > found.value)
 
@@ -99,7 +99,7 @@ def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequ
     states = [state for orbit in followed for state in orbit.states]
     return (
         states
-        if all(rank.rank(sample_points.rows(numeric, each)).value == found.value for each in states)
+        if all(rank.estimate(sample_points.rows(numeric, each)).value == found.value for each in states)
         else []
     )
 

@@ -76,7 +76,7 @@ def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.R
         if sample_points.is_finite(numeric, point):
             B = numeric.rows(point.t, point.q, point.v, point.p)[0]
             rows = MetricRows(B, initial.metric_at(numeric, point))
-            found.append((rank.rank(rows), rows))
+            found.append((rank.estimate(rows), rows))
     return found
 
 
@@ -95,7 +95,7 @@ def _unsure(best: rank.Rank, rows: MetricRows, surface: Codimension, holonomic: 
         unsure.update(i for vector in best.dependences for i in rank.participants(vector))
     if surface.kind == "undecided":
         unsure.update(surface.rows)
-    if surface.kind == "singular" and rank.rank(rows.take(list(range(holonomic)))).low < (
+    if surface.kind == "singular" and rank.estimate(rows.take(list(range(holonomic)))).low < (
         surface.codimension or 0
     ):
         unsure.update(surface.rows)  # no walk came to a generic point
@@ -109,7 +109,8 @@ def _elsewhere(
     return [
         independent_rows.over(rows, independent).selection
         for one, rows in found
-        if one.value == len(independent) and rank.rank(rows.take(list(independent))).value == len(independent)
+        if one.value == len(independent)
+        and rank.estimate(rows.take(list(independent))).value == len(independent)
     ]
 
 

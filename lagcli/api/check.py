@@ -31,11 +31,11 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     ready = cache.compiled(model)
     residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
     moved = None
-    apart = gaps.gaps(ready.system, ready.numeric, initial.declared(ready.system))
+    apart = gaps.at_state(ready.system, ready.numeric, initial.declared(ready.system))
     if (assemble or model.simulation.assemble) and (apart.violated or not residuals.consistent):
         model, done = assemble_start.assembled(model)
         moved, ready = assembly_moves.moves(model, done), cache.compiled(model)
-    sides = gaps.gaps(ready.system, ready.numeric, initial.declared(ready.system)).sides
+    sides = gaps.at_state(ready.system, ready.numeric, initial.declared(ready.system)).sides
     whole, examined = count_dof.examined(ready, seconds)
     built, numeric, case = ready.system, ready.numeric, whole.case
     found, counted = whole.found, examined.count

@@ -48,7 +48,7 @@ class NumericSystem:
 
     def __init__(self, system: System, parts: shared.Parts | None = None) -> None:
         self._system = system
-        self._parts = parts or shared.parts(system)
+        self._parts = parts or shared.build(system)
         self.n: int = system.symbols.q.numel()
         self.recent = RecentAnswers()
 

@@ -202,7 +202,7 @@ class Parts:
         return dataclasses.replace(self, p=ca.vertcat(self.p, c), g=levels, dg=dg)
 
 
-def parts(system: System) -> Parts:
+def build(system: System) -> Parts:
     """The shared expressions of a system."""
     rows, dynamics = system.rows, system.dynamics
     t, v = system.symbols.t, system.symbols.v

@@ -95,7 +95,7 @@ class Environment:
 
     def either(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> list[ca.SX]:
         """SX of a scalar or vector expression, as one or three."""
-        value = evaluate.evaluate(expression.tree, algebra or self._plain)
+        value = evaluate.value(expression.tree, algebra or self._plain)
         return list(value) if isinstance(value, tuple) else [value]
 
     def vector(self, vector: nouns.VectorExpression, algebra: SymbolicAlgebra | None = None) -> Triple:
@@ -159,7 +159,7 @@ class Environment:
     def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
-            self._values[name] = evaluate.evaluate(self.names.definitions[name], self._plain)
+            self._values[name] = evaluate.value(self.names.definitions[name], self._plain)
         return self._values[name]
 
     def _fill(self) -> None:

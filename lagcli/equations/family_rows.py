@@ -176,7 +176,7 @@ class MemberLeaves:
 
     def definition(self, name: str) -> Value:
         """The value of a definition, evaluated over these leaves."""
-        return evaluate.evaluate(
+        return evaluate.value(
             self._environment.names.definitions[name], self._environment.algebra(leaves=self)
         )
 

@@ -35,7 +35,7 @@ class Symbols:
     parameters: Mapping[str, evaluate.Value[ca.SX]]
 
 
-def symbols(model: nouns.Model) -> Symbols:
+def fresh(model: nouns.Model) -> Symbols:
     """Fresh symbols for a model; parameters are named so that `FixedExponents` knows them."""
     parameters: dict[str, evaluate.Value[ca.SX]] = {}
     flat = []

@@ -114,7 +114,7 @@ Restated = Callable[
 
 def build(model: nouns.Model, restated: Restated | None = None) -> System:
     """The system of a model. Raises `diagnostics.ModelError` for laws that cannot act and degenerate bodies."""
-    s = symbols.symbols(model)
+    s = symbols.fresh(model)
     fixed = FixedExponents(model)
     env = Environment(model, s, fixed)
     bodies = geometries(model, s, env)

@@ -109,7 +109,7 @@ def _walk(node: tree.Node, algebra: _Algebra) -> None:
     if isinstance(node, tree.Relation):
         evaluate.difference(node, algebra)
     else:
-        evaluate.evaluate(node, algebra)
+        evaluate.value(node, algebra)
 
 
 class _Timed:
@@ -301,7 +301,7 @@ class _Leaves:
 
     def define(self, name: str, record: _Record) -> None:
         """Evaluate a definition after those it uses."""
-        self._known[name] = evaluate.evaluate(self._meanings[name], _Algebra(record, self, {}))
+        self._known[name] = evaluate.value(self._meanings[name], _Algebra(record, self, {}))
 
     def named(self, name: str, member: str) -> evaluate.Value[_Value]:
         """A name, or a component or velocity of what it stands for: the value, three of them for a vector."""
@@ -335,7 +335,7 @@ class _Algebra:
         """Rates and differentials: of the motion."""
         argument = node.arguments[0]
         if node.function == "d":
-            value = evaluate.evaluate(argument, self)
+            value = evaluate.value(argument, self)
             return _three(map(_moved, value)) if isinstance(value, tuple) else _moved(value)
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         return self.atom(argument)

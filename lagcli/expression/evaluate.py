@@ -70,7 +70,7 @@ class Algebra(Protocol[S]):
         """A scalar function, by its name in the model format."""
 
 
-def evaluate(node: tree.Node, algebra: Algebra[S]) -> Value[S]:
+def value(node: tree.Node, algebra: Algebra[S]) -> Value[S]:
     """The value of a tree: a scalar, or a tuple of three for a vector. Raises `ExpressionError`."""
     return _Walk(algebra).value(node)
 

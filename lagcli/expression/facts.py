@@ -127,7 +127,7 @@ class FactsAlgebra:
             self._refuse(node, _differential_of(Facts()))
         argument = node.arguments[0]
         inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
-        value = evaluate.evaluate(argument, inner)
+        value = evaluate.value(argument, inner)
         if isinstance(value, tuple):
             x, y, z = map(_differential_of, value)
             return self._leaf(node, (x, y, z))

@@ -56,7 +56,7 @@ class DenseFunctions:
         inputs = [symbols.t, symbols.q, symbols.v, system.p]
         self._forces = BoundFunction(_function("forces", inputs, forces), [*own, self._v, np.array(p)])
         self._is_diagonal = bool(dynamics.M.sparsity().is_diag())
-        self._record = numeric.table(system, parts.parts(system))
+        self._record = numeric.table(system, parts.build(system))
         self._p = p
         self.timed = time_functions.functions(system.model)
         self.calls = 0

@@ -74,7 +74,7 @@ def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> b
             raise ExpressionError("no-differential", message, node.start, node.end, hint)
         return False
     for term in terms:
-        value = evaluate.evaluate(term, algebra)
+        value = evaluate.value(term, algebra)
         parts = value if isinstance(value, tuple) else (value,)
         if any("velocity" in part.reads for part in parts):
             message = "differentials and velocities are mixed in one equation"
@@ -129,7 +129,7 @@ def _condition(formulas: Formulas, node: yaml_tree.AnyNode) -> Expression | None
 
 def _require_condition(node: tree.Relation, algebra: FactsAlgebra) -> None:
     """Raise `ExpressionError` for what is no condition on coordinates."""
-    left, right = evaluate.evaluate(node.left, algebra), evaluate.evaluate(node.right, algebra)
+    left, right = evaluate.value(node.left, algebra), evaluate.value(node.right, algebra)
     if isinstance(left, tuple) or isinstance(right, tuple):
         message = "a condition compares two numbers, and here is a vector"
         hint = "give each component an entry of its own, `a.x >= 0`; a distance is `norm(a) >= 1`"

@@ -131,7 +131,7 @@ class Reader:
         try:
             low, high = (integers.evaluate(bound, lookup) for bound in (one.low, one.high))
         except ExpressionError as error:
-            self._formulas.within(family.family("", (), variables)).trouble(node, error)
+            self._formulas.within(family.with_indices("", (), variables)).trouble(node, error)
             return None
         first = np.broadcast_to(np.asarray(low, dtype=np.int64), count)
         lengths = np.maximum(0, high - first + 1)
@@ -157,7 +157,7 @@ class Reader:
                 return None
             holds = integers.holds(condition, self._formulas.scope.indexed.integer_lookup(variables))
         except ExpressionError as error:
-            self._formulas.within(family.family("", (), variables)).trouble(node, error)
+            self._formulas.within(family.with_indices("", (), variables)).trouble(node, error)
             return None
         chosen = np.flatnonzero(np.broadcast_to(holds, count))
         return {name: values[chosen] for name, values in variables.items()}, chosen.size
@@ -174,8 +174,8 @@ class Reader:
             if not variables and error.code == "unknown-name":
                 index = name.value[error.start : error.end]
                 error.hint = error.hint or f"a family needs the range of its index: `for: {index} = 1..N`"
-            self._formulas.within(family.family("", (), variables)).trouble(name, error)
+            self._formulas.within(family.with_indices("", (), variables)).trouble(name, error)
             return None
         self._budget.left -= count
         indices = list(zip(*(column.tolist() for column in columns), strict=True))
-        return family.family(key.owner, indices, variables)
+        return family.with_indices(key.owner, indices, variables)

@@ -166,7 +166,7 @@ class Formulas:
     ) -> Either | None:
         """Facts of a checked expression of a scalar or a vector, or None where it is wrong."""
         algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
-        return self._checked(expression, lookup, lambda: evaluate.evaluate(expression.tree, algebra))
+        return self._checked(expression, lookup, lambda: evaluate.value(expression.tree, algebra))
 
     def _checked(self, expression: Expression, lookup: Lookup | None, compute: Callable[[], T]) -> T | None:
         try:

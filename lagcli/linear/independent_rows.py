@@ -63,7 +63,7 @@ def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
     first: list[int] = []
     if 0 < holonomic < rows.count:
         part = rows.take(list(range(holonomic)))
-        rank_there = rank.rank(part).low
+        rank_there = rank.estimate(part).low
         first = list(range(holonomic)) if rank_there == holonomic else _independent(part, rank_there, [])
     return over(rows, tuple(_independent(rows, count, first)))
 

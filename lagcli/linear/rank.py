@@ -40,7 +40,7 @@ class Rank:
         return self.low if self.low == self.high else None
 
 
-def rank(rows: MetricRows) -> Rank:
+def estimate(rows: MetricRows) -> Rank:
     """Rank of C rows. It does not depend on the metric, so that the clearer of two metrics decides.
 
     The mass metric serves rows over lengths and angles; extreme ratios of masses blur it, and not the plain one.

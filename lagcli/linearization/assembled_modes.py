@@ -37,7 +37,7 @@ def modes(
     if found.here.q.size > DENSE:
         return _of_lowest(functions, found, wanted, notes)
     free = _free(built, found)
-    every = spectrum.spectrum(free)
+    every = spectrum.compute(free)
     judged = stability.verdict(functions, found.here, every, found.kind == "equilibrium")
     values = _eigenvalues(every)
     return Modes(
@@ -60,7 +60,7 @@ def modes(
 def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes: tuple[str, ...]) -> Modes:
     """The lowest modes of a large model."""
     built = functions.system
-    some = lowest.lowest(found.linear, wanted)
+    some = lowest.modes(found.linear, wanted)
     judged = stability.of_lowest(functions, found.here, some, found.kind == "equilibrium")
     values = some.values
     both = [
@@ -127,7 +127,7 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
 
 def _free(built: System, found: Steady) -> freedoms.Freedoms:
     try:
-        return freedoms.freedoms(found.linear, found.here.q)
+        return freedoms.find(found.linear, found.here.q)
     except freedoms.HiddenConditionError:
         row = built.rows.rows[built.holonomic_count]
         message = (

@@ -78,7 +78,7 @@ class Freedoms:
         return np.asarray(self.Z @ np.vstack([missing, x]))
 
 
-def freedoms(linear: Linear, q: Floats) -> Freedoms:
+def find(linear: Linear, q: Floats) -> Freedoms:
     """The free coordinates of linear equations at q (n,). Raises `HiddenConditionError`."""
     M, C, K, B, A, D = (
         part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)

@@ -53,7 +53,7 @@ class NotFoundError(Exception):
     """The iterations did not converge."""
 
 
-def lowest(linear: Linear, wanted: int) -> Lowest:
+def modes(linear: Linear, wanted: int) -> Lowest:
     """The lowest modes of linear equations. Raises `NotFoundError`."""
     K, C = linear.K, linear.C
     is_symmetric = abs(K - K.T).max() <= ASYMMETRY * abs(K).max() if K.nnz else True

@@ -44,7 +44,7 @@ class Spectrum:
     is_conservative: bool
 
 
-def spectrum(free: Freedoms) -> Spectrum:
+def compute(free: Freedoms) -> Spectrum:
     """All eigenvalues of linear equations."""
     c = free.cyclic
     K, C = free.K[c:, c:], free.C

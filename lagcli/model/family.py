@@ -45,7 +45,7 @@ def one(name: str) -> Family:
     return Family(name, (name,), ((),), {})
 
 
-def family(base: str, indices: Sequence[Indices], variables: Mapping[str, Integers]) -> Family:
+def with_indices(base: str, indices: Sequence[Indices], variables: Mapping[str, Integers]) -> Family:
     """The members with these indices."""
     return Family(base, tuple(name(base, index) for index in indices), tuple(indices), variables)
 

@@ -121,7 +121,7 @@ class Resolver(Generic[S]):
         """`d`, `rate`, `multiplier`, `reaction`; `algebra` is the one that asks."""
         argument, leaves = node.arguments[0], self._leaves
         if node.function == "d":
-            value = evaluate.evaluate(argument, algebra)
+            value = evaluate.value(argument, algebra)
             if not isinstance(value, tuple):
                 return leaves.differential(value)
             x, y, z = map(leaves.differential, value)

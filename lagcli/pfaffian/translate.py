@@ -106,7 +106,7 @@ class Translation:
         """The value of a parameter in terms of others; None where it is too large."""
         try:
             notation.require_short(formula.tree)
-            return _require_small(evaluate.evaluate(formula.tree, self._names))
+            return _require_small(evaluate.value(formula.tree, self._names))
         except TooLarge:
             return None
 
@@ -261,7 +261,7 @@ class _FormNames(notation.SympyAlgebra):
 
     def _defined(self, name: str) -> Value[sympy.Expr]:
         notation.require_short(self._names.definitions[name])
-        return evaluate.evaluate(self._names.definitions[name], self.at(_ALONE, 0))
+        return evaluate.value(self._names.definitions[name], self.at(_ALONE, 0))
 
     def _position(self, number: int) -> Triple[sympy.Expr]:
         """r of the particle of this number."""

@@ -92,7 +92,7 @@ class RunInBlocks:
     ) -> None:
         self._run, self.reference = run, reference
         self.columns = ("t", *columns, *(reference.COLUMNS if reference else ()))
-        self.grid, self.skipped_rows, self.handed_out = grid.grid(settings), run.skipped_rows, handed_out
+        self.grid, self.skipped_rows, self.handed_out = grid.of_run(settings), run.skipped_rows, handed_out
         self.report = self._report()
 
     def blocks(self) -> Iterator[RunBlock]:

@@ -134,7 +134,7 @@ class Search:
         from lagcli.linear import independent_rows
 
         lines = MetricRows(B, self.metric)
-        chosen = independent_rows.dependence(lines, rank.rank(lines).low)
+        chosen = independent_rows.dependence(lines, rank.estimate(lines).low)
         return [rows[i] for i in chosen.independent], 1.0 / lines.lengths[list(chosen.independent)]
 
     def optimum(self, rows: Sequence[int], begin: Floats, q0: Floats) -> Floats | None:

@@ -156,7 +156,9 @@ def _follow_each_other(search: Search, rows: list[int]) -> bool:
     state = search.state
     for q in search.neighbours(state.q, rows):
         B = search.numeric.holonomic(state.t, q, state.p)[1][rows, :]
-        if LocalRows(B).are_finite().all() and rank.rank(MetricRows(B, search.full_metric)).high == len(rows):
+        if LocalRows(B).are_finite().all() and rank.estimate(MetricRows(B, search.full_metric)).high == len(
+            rows
+        ):
             return False
     return True
 
@@ -221,4 +223,4 @@ def _are_dependent(numeric: NumericSystem, state: State, rows: list[int]) -> boo
     if len(rows) > metric_rows.DENSE:
         return False
     B = numeric.rows(state.t, state.q, state.v, state.p)[0][rows, :]
-    return rank.rank(MetricRows(B, initial.metric_at(numeric, state))).low < len(rows)
+    return rank.estimate(MetricRows(B, initial.metric_at(numeric, state))).low < len(rows)

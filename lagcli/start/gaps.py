@@ -68,7 +68,7 @@ class Gaps:
         return float((-self.g * self.norms)[broken].max(initial=0.0))
 
 
-def gaps(system: System, numeric: NumericSystem, state: State) -> Gaps:
+def at_state(system: System, numeric: NumericSystem, state: State) -> Gaps:
     """The gaps at a state. Raises `diagnostics.ModelError` naming one that is not finite."""
     if not system.contacts.count:
         nothing = np.zeros(0)
@@ -120,7 +120,7 @@ def _penetration(system: System, found: Gaps, j: int) -> diagnostics.Diagnostic:
 
 def require_outside(system: System, numeric: NumericSystem, state: State) -> None:
     """Raise `diagnostics.ModelError` naming every one-sided constraint on whose forbidden side the state is."""
-    report = penetrations(system, gaps(system, numeric, state))
+    report = penetrations(system, at_state(system, numeric, state))
     if report:
         raise diagnostics.ModelError(report)
 
@@ -158,7 +158,7 @@ def nearest(search: Search, q: Floats) -> Floats:
     """
     active: list[int] = []
     for _ in range(ROUNDS):
-        found = gaps(search.system, search.numeric, _at(search, q))
+        found = at_state(search.system, search.numeric, _at(search, q))
         new = [j for j in found.violated if j not in active]
         worst = [min(new, key=lambda j: float(found.g[j]))] if new else []
         pulling = None if new else _to_release(search, active, q)
@@ -173,12 +173,12 @@ def nearest(search: Search, q: Floats) -> Floats:
         if reached is None:
             break
         active, q = chosen, reached
-    raise _none_found(search, gaps(search.system, search.numeric, _at(search, q)), active)
+    raise _none_found(search, at_state(search.system, search.numeric, _at(search, q)), active)
 
 
 def settled(system: System, numeric: NumericSystem, state: State) -> State:
     """A consistent state with the gaps that decimals have put below zero at zero."""
-    found = gaps(system, numeric, state)
+    found = at_state(system, numeric, state)
     if found.violated or not (found.g < -GAP_ROUNDOFF * float(np.abs(state.q).max(initial=0.0))).any():
         return state
     search = Search(system, numeric, state, np.zeros(state.q.size, dtype=bool))
@@ -221,7 +221,7 @@ def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
         return None
     B = BoundarySurface(search, active).rows(q)[1]
     lines = MetricRows(B, search.metric)
-    chosen = list(independent_rows.dependence(lines, rank.rank(lines).low).independent)
+    chosen = list(independent_rows.dependence(lines, rank.estimate(lines).low).independent)
     enforced = MetricRows(B[chosen, :], search.metric)
     pushes = np.zeros(B.shape[0])
     pushes[chosen] = enforced.weights(LocalRows(B[chosen, :]).times(q - search.state.q))

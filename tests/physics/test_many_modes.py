@@ -87,7 +87,7 @@ def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
     found = reference.classified(find_modes._functions(ready, closed, 1.0), ready.numeric, here, 1.0)
     assert found is not None
     linear: Linear = found.linear
-    some = lowest.lowest(linear, 8)
+    some = lowest.modes(linear, 8)
     every = lagcli.modes(model).frequencies
     assert every is not None
     np.testing.assert_allclose(some.values.imag, every[:8], rtol=1e-9)

@@ -52,10 +52,10 @@ def test_large_systems_are_factored_numerically():
     pairs += [((i, j), (i, j + 1)) for i in range(side) for j in range(side - 1)]
     lines += [f'  "r{a}_{b}_{c}_{d}": "distance(p{a}_{b}, p{c}_{d}) = 1"' for (a, b), (c, d) in pairs]
     built = system.build(lagcli.loads("\n".join(lines)))
-    parts = compiled.parts.parts(built)
+    parts = compiled.parts.build(built)
     assert 3e4 < compiled.solvers.operations(parts.S) < 3e6
     chain = system.build(lagcli.load(MODELS / "double-pendulum.yaml"))
-    parts = compiled.parts.parts(chain)
+    parts = compiled.parts.build(chain)
     assert compiled.solvers.operations(parts.S) < 100
 
 

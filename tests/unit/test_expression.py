@@ -43,7 +43,7 @@ def lookup(node: tree.Node) -> Any:
 
 def facts_of(text: str, allowed: frozenset[facts.Flag] = facts.OUTPUT, linear: bool = False) -> Any:
     algebra = facts.FactsAlgebra(lookup, allowed, "this", linear)
-    return evaluate.evaluate(parser.parse(text), algebra)
+    return evaluate.value(parser.parse(text), algebra)
 
 
 def value(text: str) -> float:
@@ -707,7 +707,7 @@ def of_family(text: str, member: int | None = None) -> Any:
     algebra = facts.FactsAlgebra(
         lambda node: known.get(getattr(node, "name", ""), RATE), facts.OUTPUT, "this"
     )
-    return evaluate.evaluate(parser.parse(text), algebra)
+    return evaluate.value(parser.parse(text), algebra)
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ def test_very_many_rows_over_few_coordinates_have_their_rank_by_a_thin_factoriza
     count = metric_rows.MOST_DENSE + 1
     B = np.outer(np.arange(1.0, count + 1), [1.0, 2.0, 0.0])
     B[7] = [0.0, 0.0, 1.0]
-    found = rank.rank(MetricRows(ca.sparsify(ca.DM(B)), Metric.unit(3)))
+    found = rank.estimate(MetricRows(ca.sparsify(ca.DM(B)), Metric.unit(3)))
     assert found.value == 2
     # All rows that depend on others take part in the one vector that is given; the row that does not, does not.
     assert found.dependences.shape == (1, count)

@@ -133,9 +133,9 @@ def test_gaps_that_decimals_put_below_zero_begin_at_zero() -> None:
     text = BALL + "inequality:\n  rope: norm(a) <= 1\n"
     ready = cache.compiled(lagcli.loads(text, {"x": "0.6", "z": 0.8 + 1e-11}))
     start = initial.declared(ready.system)
-    assert gaps.gaps(ready.system, ready.numeric, start).g[0] < -1e-12
+    assert gaps.at_state(ready.system, ready.numeric, start).g[0] < -1e-12
     moved = gaps.settled(ready.system, ready.numeric, start)
-    assert abs(gaps.gaps(ready.system, ready.numeric, moved).g[0]) < 1e-15
+    assert abs(gaps.at_state(ready.system, ready.numeric, moved).g[0]) < 1e-15
     assert np.abs(moved.q - start.q).max() < 1e-11
 
 

@@ -83,7 +83,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     """The codimension of f = 0 around a state on it. Of independent rows at once."""
     B = numeric.holonomic(state.t, state.q, state.p)[1]
     rows = MetricRows(B, initial.metric_at(numeric, state))
-    found = rank.rank(rows)
+    found = rank.estimate(rows)
     if found.low == rows.count:
         return Codimension("independent", rows.count, rows.count)
     if found.value is None:

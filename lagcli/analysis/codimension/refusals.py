@@ -93,7 +93,7 @@ def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> 
             continue
         B = numeric.rows(there.t, there.q, there.v, there.p)[0][rows, :]
         beside = MetricRows(B, initial.metric_at(numeric, there))
-        chosen = independent_rows.dependence(beside, rank.rank(beside).high)
+        chosen = independent_rows.dependence(beside, rank.estimate(beside).high)
         if len(chosen.rest) < len(best):
             best = [rows[i] for i in chosen.rest]
     return best

@@ -54,18 +54,18 @@ class EvaluationPoint:
     @cached_property
     def all(self) -> rank.Rank:
         """The rank of all rows."""
-        return rank.rank(self.rows)
+        return rank.estimate(self.rows)
 
     @cached_property
     def surface(self) -> rank.Rank:
         """The rank of the holonomic rows."""
-        return rank.rank(self.rows.take(list(range(len(self.block.holonomic)))))
+        return rank.estimate(self.rows.take(list(range(len(self.block.holonomic)))))
 
     @cached_property
     def still(self) -> rank.Rank:
         """The rank of all rows without time."""
         n = len(self.block.columns)
-        return rank.rank(MetricRows(self.A[:, :n], Metric.unit(n))) if self.block.has_time else self.all
+        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n))) if self.block.has_time else self.all
 
     @cached_property
     def independent(self) -> list[int]:

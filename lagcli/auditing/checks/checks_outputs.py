@@ -146,7 +146,7 @@ class _Outputs:
                 continue
             algebra = self._scene.algebra(output.members.variables, results=self)
             try:
-                value = evaluate.evaluate(output.expression.tree, algebra)
+                value = evaluate.value(output.expression.tree, algebra)
             except ExpressionError as error:
                 raise _located(error, output.expression.origin.locate(error.start, error.end)) from None
             except _UnknownError:

@@ -84,7 +84,7 @@ def windows(e: Evidence) -> list[Window]:
     ]
 
 
-def hamilton(e: Evidence) -> list[Check]:
+def check(e: Evidence) -> list[Check]:
     """The integral of dL + Q_nc . dq over each window and direction."""
     varied = [(window, w, _variation(window, w)) for window in e.once(windows) for w in window.basis]
     return [_judged(HAMILTON, varied) if varied else _nothing(e, HAMILTON)]

@@ -85,7 +85,7 @@ def _change_along(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Ar
     return float(np.abs(L.imag / TINY).max(initial=0.0)), float(size)
 
 
-def momenta(e: Evidence) -> list[Check]:
+def check(e: Evidence) -> list[Check]:
     """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is told of
     the whole of a run."""
     r, values, index = e.record, e.values, e.laws.index

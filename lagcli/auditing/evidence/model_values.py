@@ -133,7 +133,7 @@ class ModelOnTable:
     def definition(self, name: str) -> Value:
         """The value of a definition."""
         if name not in self._values:
-            self._values[name] = evaluate.evaluate(self.index.names.definitions[name], self.algebra())
+            self._values[name] = evaluate.value(self.index.names.definitions[name], self.algebra())
         return self._values[name]
 
     def wide(self, x: Scalar, count: int) -> Array:

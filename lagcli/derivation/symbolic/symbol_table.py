@@ -113,7 +113,7 @@ class SymbolTable:
         with _located(expression):
             notation.require_short(expression.tree)
             return notation.require_small(
-                evaluate.evaluate(expression.tree, _MemberAlgebra(self, view)), MAX_OPERATIONS
+                evaluate.value(expression.tree, _MemberAlgebra(self, view)), MAX_OPERATIONS
             )
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:

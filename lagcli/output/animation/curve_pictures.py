@@ -111,7 +111,7 @@ class CurvePictures:
         if row.moves and self._moving() >= MOST_MOVING:
             return
         with np.errstate(all="ignore"):
-            found = nets.nets(row.function, track, 2 * self.view.size, row.moves)
+            found = nets.over_track(row.function, track, 2 * self.view.size, row.moves)
         for nodes in found:
             self.drawn.append(DrawnSurface("net", row.name, row.one_sided, STANDING, nodes))
             self.found.shown.add(row.name)

@@ -145,7 +145,7 @@ def _even(line: Floats) -> Floats:
     return np.stack([np.interp(wanted, along, line[:, axis]) for axis in range(3)], axis=-1)
 
 
-def nets(function: Function, track: Floats, size: float, moves: bool) -> list[Floats]:
+def over_track(function: Function, track: Floats, size: float, moves: bool) -> list[Floats]:
     """The nodes (1 or T, k * k, 3) of nets on function = 0 around a track (T, 3), by heights over a plane of two axes;
     nan where the surface has no height. A surface that bends back has several nets, one that moves the nearest."""
     touched = track

@@ -145,7 +145,7 @@ class _PositionLeaves:
 
     def definition(self, name: str) -> Value:
         if name not in self._definitions:
-            self._definitions[name] = evaluate.evaluate(self._names.definitions[name], self.algebra({}))
+            self._definitions[name] = evaluate.value(self._names.definitions[name], self.algebra({}))
         return self._definitions[name]
 
     def differential(self, value: Quadratic) -> Quadratic:
@@ -205,7 +205,7 @@ def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistan
     signs = set()
     with np.errstate(all="ignore"):
         for sign, node in (*_addends(relation.left, 1), *_addends(relation.right, -1)):
-            form = evaluate.evaluate(node, algebra)
+            form = evaluate.value(node, algebra)
             if isinstance(form, tuple) or not form.known or not _is_finite(form):
                 return []
             if form.is_constant:

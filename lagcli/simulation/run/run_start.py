@@ -86,7 +86,7 @@ def resume(
 
 
 def _grid(settings: Simulation, origin: float) -> grids.Grid:
-    return grids.grid(dataclasses.replace(settings, start=settings.start - origin))
+    return grids.of_run(dataclasses.replace(settings, start=settings.start - origin))
 
 
 def _begin(run: Stepper, start: RunStart) -> bool:

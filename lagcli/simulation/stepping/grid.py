@@ -58,7 +58,7 @@ def origin(settings: Simulation, has_time: bool) -> float:
     return 0.0 if has_time else settings.start
 
 
-def grid(settings: Simulation) -> Grid:
+def of_run(settings: Simulation) -> Grid:
     """The grid of a run; a duration of zero is the start alone."""
     start, duration = settings.start, settings.duration
     end = start + duration
