@@ -17,8 +17,8 @@ from lagcli.model.model import Model
 Floats = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-8  # of the relative difference of two tables, by default
-# More digits than a double has are not reported: at 1.6 and at 160 `test_no_more_digits_are_told_than_a_double_has` of
-# `tests/unit/test_numbers_of_formulations.py` fails.
+# More digits than a double has are not reported: at 1.6 and at 160 `test_no_more_digits_are_reported_than_a_double_has`
+# of `tests/unit/test_numbers_of_formulations.py` fails.
 MOST_DIGITS = 16.0
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
 # Of the time both runs last: an incident so near its end may be in one of them alone. At 1e-5

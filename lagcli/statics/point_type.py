@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 Kind = Literal["minimum", "maximum", "saddle", "isolated", "degenerate"]
 
 # Parts of the largest curvature, of rows of length one, and of forces, that are zero. DEPENDENT at 1e-8:
-# `test_directions_that_rows_leave_are_told_to_nine_digits` of `tests/unit/test_numbers_of_statics.py` fails.
+# `test_directions_that_rows_leave_are_reported_to_nine_digits` of `tests/unit/test_numbers_of_statics.py` fails.
 FLAT, DEPENDENT, NO_FORCE = 1e-7, 1e-9, 1e-9
 # Rows of length one are dependent for lambda, which is a quotient by it, at a larger singular value: at 1e-6 and 1e-8
 # `test_rows_that_are_almost_parallel_have_rank_one` fails.

@@ -111,7 +111,7 @@ def test_wrong_command_lines_are_refused(tmp_path: pathlib.Path) -> None:
     assert "MODEL" in told(model, "-o", model)
 
 
-def test_a_folder_that_is_not_there_is_told_before_the_run(tmp_path: pathlib.Path) -> None:
+def test_a_folder_that_is_not_there_is_reported_before_the_run(tmp_path: pathlib.Path) -> None:
     _, err, code = in_process.run("animate", PENDULUM, "-o", tmp_path / "none" / "page.html")
     assert code == 74
     assert "cannot write" in err
@@ -200,7 +200,7 @@ simulation: {duration: 1, samples: 5}
     assert np.nanmax(np.abs(drawn._rims[0].get_xydata() - first)) > 1
 
 
-def test_modes_of_what_cannot_move_are_told_so(tmp_path: pathlib.Path) -> None:
+def test_modes_of_what_cannot_move_are_reported_so(tmp_path: pathlib.Path) -> None:
     model = tmp_path / "still.yaml"
     model.write_text(
         "lagcli: 1\nparticles: {a: {mass: 1, position: [0, 0, 0]}}\nholonomic: {here: 'a = [0, 0, 0]'}\n",

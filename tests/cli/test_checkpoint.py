@@ -511,7 +511,7 @@ def test_dataclasses_are_saved_and_read_by_their_types() -> None:
         (("more",), 1, "Shape: other fields than name, corners, sizes, inner"),
     ],
 )
-def test_what_is_not_of_its_type_is_told_with_its_place(
+def test_what_is_not_of_its_type_is_reported_with_its_place(
     place: tuple[Any, ...], value: object, sentence: str
 ) -> None:
     tree = json.loads(json.dumps(saved_form.saved(SHAPE)))
@@ -598,7 +598,7 @@ def test_a_file_without_end_is_refused(point: Path, monkeypatch: pytest.MonkeyPa
         lagcli.simulate(lagcli.loads(SLEIGH), duration=2, resume=point)
 
 
-def test_files_that_cannot_be_opened_are_told(tmp_path: Path) -> None:
+def test_files_that_cannot_be_opened_are_reported(tmp_path: Path) -> None:
     model = lagcli.loads(SLEIGH)
     with pytest.raises(FileNotFoundError):
         lagcli.simulate(model, duration=1, resume=tmp_path / "none.json")

@@ -635,7 +635,7 @@ def test_check_as_json_holds_null_vectors(lagcli: Lagcli) -> None:
     assert vector["weights"] == pytest.approx([1, 0.5], abs=1e-12)
 
 
-def test_many_null_vectors_are_told_in_a_few_lines(lagcli: Lagcli) -> None:
+def test_many_null_vectors_are_reported_in_a_few_lines(lagcli: Lagcli) -> None:
     text = """lagcli: 1
 particles:
   p[i]: {for: i = 1..21, mass: 1, position: "[i, 0, 0]"}
@@ -755,7 +755,7 @@ def test_a_setting_that_the_model_cannot_bear_is_an_error_of_the_model(lagcli: L
     assert "model.yaml:5:13: error[mass-not-positive]" in result.err
 
 
-def test_a_wrong_setting_is_told_as_json_too(lagcli: Lagcli) -> None:
+def test_a_wrong_setting_is_reported_as_json_too(lagcli: Lagcli) -> None:
     result = lagcli("dof", "--json", file(PENDULUM), "--set", "m=2+")
     assert result.code == 2
     assert [(e["code"], e["path"]) for e in result.json["errors"]] == [("syntax", "--set m")]

@@ -417,7 +417,7 @@ def test_output_to_a_pipe_with_a_name_is_the_table(folder: Path) -> None:
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 @pytest.mark.parametrize("ending", FORMATS)
-def test_a_folder_that_may_not_be_written_is_told_at_once(folder: Path, ending: str) -> None:
+def test_a_folder_that_may_not_be_written_is_reported_at_once(folder: Path, ending: str) -> None:
     (folder / f"run.{ending}").write_bytes(OLD)
     folder.chmod(0o500)
     try:

@@ -29,13 +29,13 @@ def found(text: str) -> tuple[diagnostics.Diagnostic, ...]:
     return caught.value.diagnostics
 
 
-def test_a_force_on_nobody_is_told_who_there_is() -> None:
+def test_a_force_on_nobody_is_reported_who_there_is() -> None:
     text = "lagcli: 1\nparticles: {left: {mass: 1, position: [0, 0, 0]}}\nforces: {g: {to: bob, force: [0, 0, -1]}}\n"
     (error,) = found(text)
     assert (error.code, error.hint) == ("unknown-name", "declared are `left`, `all`")
 
 
-def test_a_family_without_its_range_is_told_how_to_give_one() -> None:
+def test_a_family_without_its_range_is_reported_how_to_give_one() -> None:
     (error,) = found("lagcli: 1\nparticles: {'p[i]': {mass: 1, position: [0, 0, 0]}}\n")
     assert error.code == "unknown-name"
     assert "`for: i = 1..N`" in error.hint
@@ -137,7 +137,7 @@ IN_EXPRESSIONS = {
 
 
 @pytest.mark.parametrize("expression", IN_EXPRESSIONS)
-def test_a_notation_of_elsewhere_is_told_what_to_write(expression: str) -> None:
+def test_a_notation_of_elsewhere_is_reported_what_to_write(expression: str) -> None:
     text = f"{BALL}outputs:\n  o: '{expression.replace(chr(39), chr(39) * 2)}'\n"
     (error,) = found(text)
     assert IN_EXPRESSIONS[expression] in error.hint, error.hint
@@ -155,7 +155,7 @@ IN_EQUATIONS = {
 
 
 @pytest.mark.parametrize("equation", IN_EQUATIONS)
-def test_an_equation_of_elsewhere_is_told_what_to_write(equation: str) -> None:
+def test_an_equation_of_elsewhere_is_reported_what_to_write(equation: str) -> None:
     (error,) = found(f"{BALL}  more: {equation}\n")
     assert IN_EQUATIONS[equation] in error.hint
 
@@ -226,13 +226,13 @@ def test_a_particle_written_otherwise_has_one_error_with_a_way_out(entry: str) -
     assert OF_PARTICLES[entry] in error.hint
 
 
-def test_a_list_of_particles_is_told_the_form() -> None:
+def test_a_list_of_particles_is_reported_the_form() -> None:
     (error,) = found("lagcli: 1\nparticles:\n  - name: a\n    mass: 1\n    position: [1, 0, 0]\n")
     assert error.message == "`particles` needs a name for each entry, with its keys after a colon"
     assert "`a: {mass: 1, position: [0, 0, 0]}`" in error.hint
 
 
-def test_entries_without_indent_are_read_as_meant_so_that_further_errors_are_told() -> None:
+def test_entries_without_indent_are_read_as_meant_so_that_further_errors_are_reported() -> None:
     errors = found("lagcli: 1\nparticles:\n  a:\n  mass: 2 kg\n  position: [1, 0, 0]\noutputs: {o: a.q}\n")
     assert [error.code for error in errors] == ["not-a-mapping", "syntax", "unknown-component"]
 

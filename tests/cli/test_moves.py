@@ -49,7 +49,7 @@ def test_a_row_of_length_one_has_one_residual_with_its_unit():
     assert warning.message == "the initial positions violate `f` by 0.25 m"
 
 
-def test_what_is_left_of_rows_that_cannot_hold_is_told_as_they_are_written():
+def test_what_is_left_of_rows_that_cannot_hold_is_reported_as_they_are_written():
     text = "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0, 0]}}\nholonomic: {f: 3*norm(a)**2 + 6 = 0}\n"
     with pytest.raises(diagnostics.ModelError, match=r"per unit of the gradient, in `f`, off by \d+"):
         lagcli.simulate(lagcli.loads(text), assemble=True)
@@ -97,7 +97,7 @@ def test_all_commands_assemble_to_the_same_start(command, tmp_path):
     assert json.loads(account.read_text())["assembled"] == moved.as_json()
 
 
-def test_many_moves_are_told_in_part():
+def test_many_moves_are_reported_in_part():
     rows = "".join(f"  f{i}: a{i}.x = {i}\n" for i in range(1, 10))
     particles = "".join(f"  a{i}: {{mass: 1, position: [0, 0, 0]}}\n" for i in range(1, 10))
     model = lagcli.loads(f"lagcli: 1\nparticles:\n{particles}holonomic:\n{rows}")

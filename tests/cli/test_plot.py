@@ -242,7 +242,7 @@ def test_what_is_zero_to_rounding_is_drawn_as_zero() -> None:
     assert "may be zero to rounding" in alone.notes[0]
 
 
-def test_an_output_that_may_be_zero_to_rounding_is_said_where_a_model_is_told() -> None:
+def test_an_output_that_may_be_zero_to_rounding_is_said_where_a_model_is_reported() -> None:
     """Outputs have any size: they are drawn as they are, and tables of others are left without a word."""
     noise = 1e-16 * np.sin(99 * T)
     rows = np.column_stack([T, noise])

@@ -163,7 +163,7 @@ def test_equal_runs_give_equal_pages():
     assert page_of(written()).html() == page_of(written()).html()
 
 
-def test_a_stopped_run_is_written_and_told(tmp_path):
+def test_a_stopped_run_is_written_and_reported(tmp_path):
     model = tmp_path / "pole.yaml"
     model.write_text(
         "lagcli: 1\nparticles:\n  a: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}\n"
@@ -180,7 +180,7 @@ def test_a_stopped_run_is_written_and_told(tmp_path):
     assert "lagcli: " in err
 
 
-def test_a_report_whose_audit_fails_is_written_and_told(tmp_path, monkeypatch):
+def test_a_report_whose_audit_fails_is_written_and_reported(tmp_path, monkeypatch):
     """A run whose multiplier is off by a hundredth is no motion of the model."""
     made = simulate.as_far
 
@@ -217,7 +217,7 @@ def test_an_inconsistent_start_is_the_error_of_simulate(tmp_path):
     assert in_process.run("report", str(model), "-o", str(file), "--assemble")[2] == 0
 
 
-def test_an_undecided_count_is_told_and_no_failure():
+def test_an_undecided_count_is_reported_and_no_failure():
     made = page_of(lagcli.load(MODELS / "rolling-disk.yaml"), duration=0.1, samples=11, limit=0)
     assert made.passed
     assert any("undecided" in doubt.lower() for doubt in made.contents.doubts)

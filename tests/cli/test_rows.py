@@ -488,7 +488,7 @@ def test_a_signal_after_everything_was_written_says_so_or_changes_nothing(here):
 
 
 @posix
-def test_waiting_is_told_once_and_a_pipe_is_given_up(monkeypatch, capfd):
+def test_waiting_is_reported_once_and_a_pipe_is_given_up(monkeypatch, capfd):
     monkeypatch.setattr(interrupts, "_raised", [])
     monkeypatch.setattr(interrupts, "_printed", [])
     monkeypatch.setattr(sys, "stderr", sys.__stderr__)

@@ -42,7 +42,7 @@ def test_the_gallery_is_listed_by_subject_with_a_line_each(command: Command) -> 
     assert command("models", "-q")[1] == ""
 
 
-def test_the_gallery_of_a_wheel_is_found_and_none_is_told(
+def test_the_gallery_of_a_wheel_is_found_and_none_is_reported(
     command: Command, folder: pathlib.Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package = folder / "place" / "lagcli"
@@ -237,7 +237,7 @@ def test_a_new_model_on_standard_output(command: Command, folder: pathlib.Path) 
     assert os.listdir() == []
 
 
-def test_an_older_schema_is_left_and_told(command: Command, folder: pathlib.Path) -> None:
+def test_an_older_schema_is_left_and_reported(command: Command, folder: pathlib.Path) -> None:
     (folder / SCHEMA).write_text('{"title": "lagcli model, format version 0"}', encoding="utf-8")
     assert "lagcli schema -o" in command("new", "a")[1]
     assert command("schema", "-o", SCHEMA)[2] == 0

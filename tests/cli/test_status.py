@@ -64,7 +64,9 @@ def test_a_phase_that_lasts_is_shown_and_taken_away_at_its_end(monkeypatch: pyte
     assert "\n" not in found
 
 
-def test_a_phase_that_fails_is_taken_away_before_the_error_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_phase_that_fails_is_taken_away_before_the_error_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     stream = terminal(monkeypatch)
     with status_line.showing(False):
         with contextlib.suppress(ValueError), progress.phase("counting"):

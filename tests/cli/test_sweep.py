@@ -508,7 +508,7 @@ def test_tables_that_are_not_the_shards_of_one_sweep_are_refused(
     assert not merged.exists()
 
 
-def test_a_sweep_of_which_nearly_all_is_missing_is_told_at_once(tmp_path: pathlib.Path) -> None:
+def test_a_sweep_of_which_nearly_all_is_missing_is_reported_at_once(tmp_path: pathlib.Path) -> None:
     path = tmp_path / "one.csv"
     path.write_text(SHARDS[0].replace("abc 3", "abc 99999999999999999999"))
     refused = run("sweep", "--merge", str(path))
@@ -557,7 +557,7 @@ def test_full_tables_are_those_of_simulate(tmp_path: pathlib.Path) -> None:
     assert len(list(tables.iterdir())) == 2
 
 
-def test_draws_are_those_of_the_seed_and_their_quantiles_are_told(tmp_path: pathlib.Path) -> None:
+def test_draws_are_those_of_the_seed_and_their_quantiles_are_reported(tmp_path: pathlib.Path) -> None:
     common = ("sweep", PENDULUM, "--uncertain", "m~normal(2, 0.1)", "--uncertain", "g~uniform(9, 10)",
               "--draws", "128", "--reduce", "twice=2*first(energy)/first(energy)*m", "--duration", "0",
               "--json", "-o")  # fmt: skip

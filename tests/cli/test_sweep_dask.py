@@ -96,7 +96,7 @@ def test_a_point_that_kills_its_workers_is_a_row_and_the_others_are_unharmed(
     assert engine.lost >= 2
 
 
-def test_an_address_where_nobody_answers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_where_nobody_answers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_engine, "PATIENCE", 0.2)
     _, told, code = in_process.run(*COMMON, "--scheduler", "tcp://127.0.0.1:1")
     assert code == 2

@@ -86,7 +86,7 @@ def test_a_point_that_ends_its_process_is_a_row_and_the_rest_unharmed(
     assert engine.lost == 2  # once among others, once alone
 
 
-def test_workers_that_all_end_are_told_and_nothing_is_made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_that_all_end_are_reported_and_nothing_is_made_up(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = plan(6)
     monkeypatch.setattr(engines, "MOST_POOLS", 1)
     points = PointsWith(asked.points, tuple(range(6)))

@@ -81,7 +81,7 @@ def test_a_file_that_is_taken_away_first_is_read_when_it_is_back(model: pathlib.
     assert runs(model, [model.unlink, write(model, "back"), None, None]) == ["one", "back"]
 
 
-def test_a_file_that_stays_away_is_told_and_waited_for(model: pathlib.Path) -> None:
+def test_a_file_that_stays_away_is_reported_and_waited_for(model: pathlib.Path) -> None:
     assert runs(model, [model.unlink, None, None, write(model, "back"), None]) == ["one", "nothing", "back"]
 
 

@@ -227,7 +227,7 @@ def test_the_growth_vector_says_that_time_counts(command, tmp_path):
 
 
 @pytest.mark.parametrize("columns", [40, 80])
-def test_a_table_too_wide_for_a_terminal_is_told_row_by_row(columns):
+def test_a_table_too_wide_for_a_terminal_is_reported_row_by_row(columns):
     from lagcli.cli.terminal import console
 
     headers = ["", *(f"d{i}" for i in range(8)), "allowed"]

@@ -317,7 +317,7 @@ def test_rows_that_cannot_hold_are_an_error_for_all_commands(case):
         assert found.code == code
 
 
-def test_each_conflict_is_told():
+def test_each_conflict_is_reported():
     laws = {"a": "norm(p0) = 1", "b": "norm(p0) = 2", "c": "p1.x = 1", "d": "p1.x = 2", "e": "norm(p2) = 3"}
     found = refused(lagcli.dof, document(np.eye(3), laws))
     assert [set(re.findall(r"`(\w+)`", d.message)) for d in found] == [{"a", "b"}, {"c", "d"}]

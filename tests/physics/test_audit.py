@@ -195,7 +195,7 @@ def test_work_on_a_moving_ramp() -> None:
     assert figures["work_of_constraints"] == pytest.approx(figures["energy_gained"], rel=1e-8)
 
 
-def test_symmetries_are_told() -> None:
+def test_symmetries_are_reported() -> None:
     found = lagcli.audit(lagcli.load(ROOT / "models" / "rolling-disk.yaml"))
     note = found.check("momenta").note
     assert "cyclic x: J goes from 0 to" in note
@@ -203,7 +203,7 @@ def test_symmetries_are_told() -> None:
     assert "cyclic theta: J = 0.15625 is conserved" in note
 
 
-def test_what_is_determined_is_told() -> None:
+def test_what_is_determined_is_reported() -> None:
     twin = lagcli.audit(lagcli.load(ROOT / "models" / "twin-rod.yaml"))
     assert any("2 of 3 multipliers are not determined (`rod`, `twin`)" in line for line in twin.sentences)
     lean = lagcli.audit(lagcli.load(ROOT / "models" / "pendulum.yaml"))
@@ -614,7 +614,7 @@ def test_a_lagrangian_of_particles_that_follow_coordinates(moves: str) -> None:
     assert lagcli.audit(model, with_rows(run, rows)).check("generalized").verdict == "fail"
 
 
-def test_a_run_without_a_row_is_told_as_such(command, tmp_path):
+def test_a_run_without_a_row_is_reported_as_such(command, tmp_path):
     file = tmp_path / "m.yaml"
     file.write_text(
         "lagcli: 1\nparticles:\n  a: {mass: 1, position: [1, 0, 0], velocity: [0, 1, 0]}\n"

@@ -82,7 +82,7 @@ def test_without_events_jumps_are_not_judged_and_not_failed(made: Callable[[], B
     assert found.check("steps").judged < found.check("steps").entries
 
 
-def test_what_is_determined_is_told_for_each_set_of_contacts() -> None:
+def test_what_is_determined_is_reported_for_each_set_of_contacts() -> None:
     told = " ".join(audited(to_rest()).sentences)
     assert "with all contacts open, there are no rows" in told
     assert "while floor is closed, the one row leaves 2 of 3 directions free" in told

@@ -170,7 +170,7 @@ def test_redundant_rows_share_by_the_same_rule():
     assert found.agreements[-1]["lambda"].error < 1e-10
 
 
-def test_crossings_are_passed_and_told():
+def test_crossings_are_passed_and_reported():
     found = lagcli.compare(load("double-four-bar"), duration=4, samples=41)
     assert found.agree
     assert found.formulations[-1].reached == 4.0

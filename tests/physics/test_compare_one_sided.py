@@ -116,7 +116,7 @@ def incident(t: float, kind: Kind = "impact", name: str = "floor") -> Incident:
     return Incident(t, kind, name, np.zeros(1), np.zeros(1), np.zeros(1))
 
 
-def test_sides_of_an_incident_are_told_as_its_times_become_known() -> None:
+def test_sides_of_an_incident_are_reported_as_its_times_become_known() -> None:
     sides = IncidentSides()
     sides.add(0, [incident(1.0)])
     assert sides.between(np.array([0.0, 0.5, 1.0, 1.00005])).tolist() == [False, False, True, True]
@@ -163,7 +163,7 @@ def test_a_row_at_an_impact_does_not_lose_all_digits_of_velocities() -> None:
     assert missed.take(rows, others)[-1, 1] == 2.0  # without incidents it is an error
 
 
-def test_what_is_not_counted_is_told() -> None:
+def test_what_is_not_counted_is_reported() -> None:
     known = (1e-9,) * 4, (1.0,) * 4, (2.0,) * 4
     found = Accuracy(2.0, *known, 1e-13, 10, 0, 100, between=(1, 1.0))
     assert "1 row stands between the times that an incident has in both runs (at t = 1)" in found.sentence

@@ -360,7 +360,7 @@ def test_a_start_where_the_gradient_vanishes_takes_the_next_chart() -> None:
         assert not [note for note in going.notes if "y**2/x" in note]
 
 
-def test_an_integral_that_cannot_be_held_is_told() -> None:
+def test_an_integral_that_cannot_be_held_is_reported() -> None:
     one = dataclasses.replace(PARABOLA[0], charts=PARABOLA[0].charts[:1])
     none = dataclasses.replace(one, charts=())
     pole = dataclasses.replace(one, charts=(LevelFunction("1/y"),))
@@ -455,7 +455,7 @@ def test_an_integral_on_the_surface_of_a_holonomic_row(
     assert np.abs(columns["z"] - columns["x"] ** 2).max() < 1e-14
 
 
-def test_a_dependence_at_the_start_alone_is_told() -> None:
+def test_a_dependence_at_the_start_alone_is_reported() -> None:
     text = """
 lagcli: 1
 coordinates: {x: {value: 1}, y: {}, z: {rate: 1}}
@@ -545,7 +545,7 @@ simulation: {assemble: true}
 TOLD = "integrals that are not known are enforced at velocity level only, to the integration tolerance"
 
 
-def test_integrals_that_are_not_known_are_told() -> None:
+def test_integrals_that_are_not_known_are_reported() -> None:
     for text, limit, expected in (
         (NO_CLOSED_FORM, 20.0, f"not all integrals of `row` were found: {TOLD}"),
         # Without time it is not even known what the motions from the start keep to.

@@ -33,13 +33,13 @@ def reason(*where, **how):
     "condition", ["a.z**3 >= 0", "a.z*abs(a.z) >= 0", "a.z - sin(a.z) >= 0", "a.z**5 >= 0"]
 )
 @pytest.mark.parametrize("e", [0, 0.5, 1])
-def test_a_gradient_that_vanishes_where_the_contact_closes_is_told(condition, e):
+def test_a_gradient_that_vanishes_where_the_contact_closes_is_reported(condition, e):
     stop = reason(condition, [0, 0, 1], [0.3, 0, 0], e, weight=True)
     assert "the gradient vanishes where the contact closes" in str(stop)
     assert stop.t == pytest.approx(2**0.5, abs=1e-2)
 
 
-def test_a_gradient_that_vanishes_at_the_start_is_told():
+def test_a_gradient_that_vanishes_at_the_start_is_reported():
     assert "vanishes" in reason("a.z**3 >= 0", [0, 0, 0], [0, 0, -1]).args[0]
 
 
@@ -88,7 +88,7 @@ def test_a_stadium_is_hit_where_its_curvature_jumps():
         ("a.z >= -abs(a.x)", [0.5, 0, -0.5], [-2, 0, 2]),
     ],
 )
-def test_a_contact_that_slides_over_an_edge_is_told(condition, place, way):
+def test_a_contact_that_slides_over_an_edge_is_reported(condition, place, way):
     stop = reason(condition, place, way, 0, weight=True)
     assert "the gradient of the closed contact" in str(stop)
     assert "jumps there" in str(stop)

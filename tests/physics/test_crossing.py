@@ -210,7 +210,7 @@ simulation: {{duration: 2, samples: 21}}
 """
 
 
-def test_two_lines_that_cross_are_gone_along_and_the_time_is_told():
+def test_two_lines_that_cross_are_gone_along_and_the_time_is_reported():
     model = lagcli.loads(PLANE.format(1, -1, 0, 0, "x*y = 0"))
     run = lagcli.simulate(model)
     assert run.stats.singular_times == pytest.approx((1,), abs=1e-12)
@@ -449,7 +449,7 @@ def test_a_crossing_soon_after_the_start(early, digits):
     assert len(run.stats.singular_times) == len(truth.t_events[0])
 
 
-def test_a_crossing_beyond_the_end_is_not_told():
+def test_a_crossing_beyond_the_end_is_not_reported():
     crossed = lagcli.simulate(lagcli.loads(FOUR_BAR)).stats.singular_times[0]
     run = lagcli.simulate(lagcli.loads(FOUR_BAR), duration=crossed - 1e-3, samples=11)
     assert run.stats.singular_times == ()

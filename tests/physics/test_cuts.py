@@ -82,7 +82,7 @@ simulation: {duration: 6, samples: 31}
 
 
 @pytest.mark.parametrize("at", [0.3, 1.0, 2.0, 3.0])
-def test_an_angle_that_crosses_its_cut_again_is_told_once_in_a_resumed_run_too(at, tmp_path):
+def test_an_angle_that_crosses_its_cut_again_is_reported_once_in_a_resumed_run_too(at, tmp_path):
     model = lagcli.loads(SWINGING)
     whole = lagcli.simulate(model)
     turns = np.unwrap(np.arctan2(whole["bead.y"], whole["bead.x"]))
@@ -366,7 +366,7 @@ holonomic: {rod: norm(a) = 1, plane: a.y = 0}
     assert "sqrt" not in stopped.value.reason
 
 
-def test_points_of_rest_beyond_a_cut_are_told_to_be_out_of_sight():
+def test_points_of_rest_beyond_a_cut_are_reported_to_be_out_of_sight():
     """A bead on a helix of pitch 2 pi / 2 that a spring pulls to a place one turn further."""
     text = """lagcli: 1
 particles:

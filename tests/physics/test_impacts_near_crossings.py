@@ -49,7 +49,7 @@ def outcome(place, e):
 
 
 @pytest.mark.parametrize("place", [1e-3, -1e-3, -1e-4])
-def test_a_crossing_close_behind_an_impact_is_passed_or_told_with_the_impact(place):
+def test_a_crossing_close_behind_an_impact_is_passed_or_reported_with_the_impact(place):
     """Rounding decides which; no energy goes lost in either, but what rounding is at 1e-4: 1e-16 over its square."""
     found, told = outcome(place, 1)
     assert not told or "or one too close behind the incident" in told

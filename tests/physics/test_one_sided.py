@@ -185,7 +185,7 @@ def test_rebounds_of_a_motion_that_dies_away_are_summed():
     assert len(incidents) < 80
 
 
-def test_the_end_of_rebounds_is_told_with_the_state_of_its_instant():
+def test_the_end_of_rebounds_is_reported_with_the_state_of_its_instant():
     columns, _, incidents, _ = motion("zeno-floor")
     (end,) = [each for each in incidents if each.kind == "accumulation"]
     assert end.after[columns.index("a.x") - 1] == pytest.approx(0.4 * end.t, abs=1e-12)

@@ -396,7 +396,7 @@ def test_rows_see_a_pulse_that_travels() -> None:
 HIDDEN = "100*exp(-((t - 5.0375)/0.002 - a.y)**2)"
 
 
-def test_where_two_runs_see_different_forces_it_is_said() -> None:
+def test_where_two_runs_see_different_forces_it_is_reported() -> None:
     model = lagcli.loads(free(HIDDEN))
     run = lagcli.simulate(model, digits=True)
     known = run.stats.accuracy

@@ -47,7 +47,7 @@ TOGETHER = (
 
 
 @pytest.mark.parametrize(("e", "m1", "m2", "L"), TOGETHER)
-def test_contacts_that_part_by_rebounds_that_are_left_out_are_told(
+def test_contacts_that_part_by_rebounds_that_are_left_out_are_reported(
     e: float, m1: float, m2: float, L: float
 ) -> None:
     """The rope is parted by the last rebound of the floor: without it, it stays taut, and its own flight is told."""
@@ -60,7 +60,7 @@ def test_contacts_that_part_by_rebounds_that_are_left_out_are_told(
 
 
 @pytest.mark.parametrize("e", [0.3, 0.5])
-def test_an_event_that_falls_together_with_an_impact_is_told_once(e: float) -> None:
+def test_an_event_that_falls_together_with_an_impact_is_reported_once(e: float) -> None:
     """The light weight goes up v/g long while the heavy one bounces on the floor: with e = 1/2 an impact there falls
     together with the apex."""
     run = lagcli.simulate(lagcli.loads(PEG).with_parameters(e=e))

@@ -38,7 +38,9 @@ def lifted(mass: float, deep: float, before: np.ndarray, e: float) -> tuple[floa
 
 
 @pytest.mark.parametrize(("e", "mass", "deep"), [(0.0, 1.0, 3e-4), (0.5, 2.5, 2e-4), (1.0, 0.7, 1e-4)])
-def test_a_lift_below_what_can_be_followed_is_told_with_its_end(e: float, mass: float, deep: float) -> None:
+def test_a_lift_below_what_can_be_followed_is_reported_with_its_end(
+    e: float, mass: float, deep: float
+) -> None:
     model = lagcli.loads(ROD.format(e=e, mass=mass, deep=deep))
     run = lagcli.simulate(model, rtol=RTOL, atol=ATOL)
     table = run.events

@@ -85,7 +85,7 @@ def test_a_run_goes_on_bit_for_bit_from_any_start(start):
     assert together[:20] + together[21:] == expected[:20] + expected[21:]
 
 
-def test_where_a_run_stops_is_told_in_the_time_of_the_model():
+def test_where_a_run_stops_is_reported_in_the_time_of_the_model():
     text = PENDULUM.replace("norm(a) = 1", "norm(a) = 1, cusp: (a.x - 0.1)**2 = 1e-2*(a.z + 1)")
     with pytest.raises((lagcli.SimulationStopped, lagcli.ModelError)):
         table(text)

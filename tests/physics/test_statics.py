@@ -47,7 +47,7 @@ def test_a_function_on_two_surfaces():
     assert found[1].reactions["R.a.z"] == pytest.approx(3, rel=1e-13)
 
 
-def test_where_gradients_depend_on_each_other_the_rule_fails_and_that_is_said():
+def test_where_gradients_depend_on_each_other_the_rule_fails_and_that_is_reported():
     found = stationary(POINT + "holonomic:\n  cusp: a.x**3 = a.y**2\n  plane: a.z = 0\n", "a.x")
     assert len(found) == 0
     assert any("a.x = 0, a.y = 0, a.z = 0 the gradients of the rows depend" in note for note in found.notes)

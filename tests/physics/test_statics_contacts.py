@@ -94,7 +94,7 @@ inequality: {table: a.z >= 0, left: a.x >= 1, right: 1 >= a.x, back: a.y >= 0}
     assert abs(found[0].at["a.x"] - 1) < 1e-9
 
 
-def test_families_of_a_knife_edge_are_told_once() -> None:
+def test_families_of_a_knife_edge_are_reported_once() -> None:
     """Along the slope, downwards and upwards, at any place: points far from each other are of one plane."""
     found = lagcli.equilibrium(lagcli.load(MODELS / "knife-edge.yaml"), starts=8)
     assert [point.dimension for point in found] == [2, 2]

@@ -42,7 +42,7 @@ def told(found, *kinds):
     return [(str(kind), str(name)) for kind, name in pairs if not kinds or kind in kinds]
 
 
-def test_events_at_the_very_end_of_a_run_are_told_once():
+def test_events_at_the_very_end_of_a_run_are_reported_once():
     model = lagcli.loads(THROW)
     found = lagcli.simulate(model, duration=1.0, samples=3)
     assert {name for _, name in told(found)[2:]} == {"apex", "late"}
@@ -51,7 +51,7 @@ def test_events_at_the_very_end_of_a_run_are_told_once():
     assert sorted(told(longer)) == sorted(told(found))
 
 
-def test_an_impact_and_a_stop_at_the_very_end_of_a_run_are_told():
+def test_an_impact_and_a_stop_at_the_very_end_of_a_run_are_reported():
     text = BALL.replace("position: [0, 0, 1]", "position: [0, 0, 0]").replace("[1, 0, 0]", "[1, 0, 1]")
     found = lagcli.simulate(lagcli.loads(text), duration=0.2, samples=3)
     assert ("impact", "floor") in told(found)
@@ -74,7 +74,7 @@ events: {e: {when: a.y - 0.3*a.x}}
     assert np.abs(found.events["after.a.vy"] - np.cos(times)).max() < 1e-12
 
 
-def test_events_that_jump_over_zero_at_an_impact_or_where_a_contact_closes_are_told():
+def test_events_that_jump_over_zero_at_an_impact_or_where_a_contact_closes_are_reported():
     found = lagcli.simulate(lagcli.loads(BALL), duration=2.0, samples=3)
     turns = found.events.of("event", "turn")
     impacts = found.events.of("impact")
@@ -87,14 +87,14 @@ def test_events_that_jump_over_zero_at_an_impact_or_where_a_contact_closes_are_t
     assert abs(force.t[0] - end) < 1e-6
 
 
-def test_an_event_that_jumps_at_a_switch_is_told():
+def test_an_event_that_jumps_at_a_switch_is_reported():
     model = THROW.partition("events:")[0] + "events: {on: {when: sign(t - 0.3), direction: up}}\n"
     found = lagcli.simulate(lagcli.loads(model), duration=1.0, samples=3)
     assert told(found) == [("event", "on")]
     assert abs(found.events["t"][0] - 0.3) < 1e-12
 
 
-def test_a_singular_configuration_that_is_passed_is_told_in_the_order_of_time():
+def test_a_singular_configuration_that_is_passed_is_reported_in_the_order_of_time():
     model = lagcli.loads(WALLED.replace("WALL", "-2"))
     found = lagcli.simulate(model, duration=2.0, samples=3)
     assert sorted(told(found, "crossing")) == [

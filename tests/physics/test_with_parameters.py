@@ -86,7 +86,7 @@ def test_a_proof_is_made_again_only_where_rows_hold_what_has_changed(monkeypatch
     assert counts == [1, 1, 2, 2]
 
 
-def test_changes_go_on_top_of_earlier_ones_and_are_told() -> None:
+def test_changes_go_on_top_of_earlier_ones_and_are_reported() -> None:
     model = lagcli.loads(CLOSED, {"L": 2, "m": "3/2"}).with_parameters({"a.x": 0.25}, L=1.5)
     assert {p.name: p.value for p in model.parameters} == {"L": 1.5, "m": 1.5, "g": 9.81, "D": 2.0}
     assert dict(model.changes) == {"L": "1.5", "m": "3/2", "a.x": "0.25"}

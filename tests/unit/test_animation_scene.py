@@ -155,7 +155,7 @@ def test_what_is_no_sum_of_distances_is_no_string(row: str) -> None:
     assert scene_of(PULLEYS + f"holonomic: {{row: '{row}'}}" + FALLING).links == ()
 
 
-def test_a_rod_that_a_table_does_not_keep_is_not_drawn_and_that_is_said(tmp_path: pathlib.Path) -> None:
+def test_a_rod_that_a_table_does_not_keep_is_not_drawn_and_that_is_reported(tmp_path: pathlib.Path) -> None:
     table = tmp_path / "run.csv"
     table.write_text("t,a.x,a.y,a.z,a.vx,a.vy,a.vz\n0,1,0,0,0,0,0\n1,1.5,0,0,0,0,0\n")
     model = lagcli.loads(

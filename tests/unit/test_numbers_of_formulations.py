@@ -30,7 +30,7 @@ def test_an_incident_at_the_very_end_may_be_of_one_run_alone(before_end: float, 
 
 
 @pytest.mark.parametrize(("error", "digits"), [(0.0, 16.0), (1e-15, 15.0), (1e-20, 16.0)])
-def test_no_more_digits_are_told_than_a_double_has(error: float, digits: float) -> None:
+def test_no_more_digits_are_reported_than_a_double_has(error: float, digits: float) -> None:
     assert comparison.Agreement(1, error, "", 0.0).digits == pytest.approx(digits)
 
 

@@ -99,7 +99,7 @@ def test_rows_that_are_almost_parallel_have_rank_one(angle: float, rank: int) ->
 
 
 @pytest.mark.parametrize(("angle", "left"), [(1e-8, 0), (1e-10, 1)])
-def test_directions_that_rows_leave_are_told_to_nine_digits(angle: float, left: int) -> None:
+def test_directions_that_rows_leave_are_reported_to_nine_digits(angle: float, left: int) -> None:
     assert point_type.kernel(np.array([[1.0, 0.0], [1.0, angle]])).shape[1] == left
 
 

@@ -182,7 +182,7 @@ def test_a_section_of_another_name(section: str, hint: str) -> None:
     assert hint in found[2]
 
 
-def test_keys_that_are_not_indented_are_told_once() -> None:
+def test_keys_that_are_not_indented_are_reported_once() -> None:
     found = error("inequality:\n  floor:\n  condition: a.z >= 0\n  restitution: e\n")
     assert found[:2] == ("not-a-mapping", "condition")
     assert error("events:\n  top:\n  when: a.vz\n")[:2] == ("not-a-mapping", "when")

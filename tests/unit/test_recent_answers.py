@@ -46,7 +46,7 @@ def refusal(question: object, *given: object, **named: object) -> list[tuple[str
     return [(one.code, one.message) for one in refused.value.diagnostics]
 
 
-def test_a_search_in_vain_is_made_once_and_told_each_time(searches: list[str]) -> None:
+def test_a_search_in_vain_is_made_once_and_reported_each_time(searches: list[str]) -> None:
     found = refusal(lagcli.dof, lagcli.loads(APART))
     assert searches.count("_assembled") == 1
     assert refusal(lagcli.check, lagcli.loads(APART)) == found

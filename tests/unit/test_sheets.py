@@ -56,7 +56,7 @@ def test_ranks_are_those_of_the_branch_of_the_start(constant, x):
     assert count({"x": x, "y": 0.3, "z": 0.2, "w": 0.1}, (), rows).configuration_dof == 3
 
 
-def test_the_mode_of_a_four_bar_counts_and_its_integral_is_told():
+def test_the_mode_of_a_four_bar_counts_and_its_integral_is_reported():
     values = {"a": 1, "b": 1, "c": 0, "u": 0.3, "s": 0.2}
     bars = ["cos(a) + 3*cos(c) = 3 + cos(b)", "sin(a) + 3*sin(c) = sin(b)"]
     found = count(values, bars, ["d(s) - sin(c)*d(u) = 0"])
@@ -118,7 +118,7 @@ def test_an_integral_of_a_sheet_is_not_held_by_a_run():
         (2, "max(x, 0) - x", 3),
     ],
 )
-def test_the_side_of_a_kink_is_told(x, coefficient, truth):
+def test_the_side_of_a_kink_is_reported(x, coefficient, truth):
     found = count(START | {"x": x, "u": 0.4}, [], [LIFT.format(coefficient)])
     assert found.configuration_dof == truth + 1
     if truth == 3:
@@ -247,7 +247,7 @@ def test_a_row_without_velocities_that_never_holds_is_refused(row):
     ],
 )
 @pytest.mark.parametrize("force", ["1", "t", "max(t - 0.5, 0)"])
-def test_forces_that_lead_off_a_hidden_condition_are_told_with_it(holonomic, rows, named, force):
+def test_forces_that_lead_off_a_hidden_condition_are_reported_with_it(holonomic, rows, named, force):
     extra = f"forces:\n  push: {{to: y, force: '{force}'}}"
     with pytest.raises(lagcli.SimulationStopped, match="lead off the hidden condition") as stopped:
         lagcli.simulate(lagcli.loads(text(HOLD, holonomic, rows, extra)))
@@ -255,7 +255,7 @@ def test_forces_that_lead_off_a_hidden_condition_are_told_with_it(holonomic, row
     assert stopped.value.trajectory.stats.stopped.code == "no-solution-beyond"
 
 
-def test_of_a_chain_of_hidden_conditions_the_one_without_a_force_is_told():
+def test_of_a_chain_of_hidden_conditions_the_one_without_a_force_is_reported():
     chain = text(
         {"x": 0, "y": 1, "z": "0, rate: -1", "u": -1},
         ["x = sin(t)"],

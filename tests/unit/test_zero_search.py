@@ -131,7 +131,7 @@ def test_no_wave_hides_behind_the_samples() -> None:
         assert found.x == pytest.approx(2 * np.pi / 3 / omega, abs=1e-15)
 
 
-def test_a_wave_too_fast_to_resolve_is_told() -> None:
+def test_a_wave_too_fast_to_resolve_is_reported() -> None:
     functions = (line(2.0), wave(1e7, shift=1.1))
     found = search(*functions, most=300)
     assert found.x is None
@@ -160,7 +160,7 @@ def test_a_hop_that_starts_with_rounding_ends_where_it_falls(rest: float) -> Non
         assert search(hop).x == pytest.approx(0.4, abs=1e-15 + 6 * NOISE / height)
 
 
-def test_what_arrives_at_zero_at_the_end_is_told_and_crosses_in_the_next_step() -> None:
+def test_what_arrives_at_zero_at_the_end_is_reported_and_crosses_in_the_next_step() -> None:
     found = search(line(1.0))
     assert (found.x, found.ending) == (None, (0,))
     assert search((lambda x: -x, lambda x: -1.0)).x == 0.0
