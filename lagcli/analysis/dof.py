@@ -239,7 +239,7 @@ def _proof(found: Classification, surface: Codimension) -> Proof:
 
 
 def _undecided_rows(found: Classification, rank_beyond: int) -> str:
-    """Why the differential rows leave the count open, or nothing."""
+    """The reason why the differential rows leave the count open, or an empty text."""
     for group in found.undecided:
         rows = ", ".join(f"`{name}`" for name in group.rows)
         verb = "is" if len(group.rows) == 1 else "are"

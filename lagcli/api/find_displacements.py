@@ -57,7 +57,7 @@ def displacements(
 
 
 def _at_start(model: Model) -> Displacements:
-    """Those at the start, whose velocities need not fit the rows: no row depends on them."""
+    """The displacements at the start, whose velocities need not satisfy the rows: no row depends on them."""
     from lagcli.analysis import displacement_set
 
     moved = None

@@ -156,7 +156,7 @@ def _table(points: str) -> point_sources.TableOfPoints:
 
 @contextlib.contextmanager
 def _engine(request: SweepRequest) -> Iterator[engines.Engine]:
-    """Who computes. Raises `BadRequest` where there is no such cluster."""
+    """The engine that computes. Raises `BadRequest` where there is no such cluster."""
     if request.scheduler is None:
         with engines.local(request.jobs) as engine:
             yield engine

@@ -162,7 +162,7 @@ def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[
 
 
 def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
-    """One check of several of the same name; `left_out`: entries that none of them has looked at."""
+    """The check merged from several of the same name; `left_out`: entries that none of them has looked at."""
     first = parts[0]
     checked = [check for check in parts if check.verdict != "nothing"]
     entries, judged = (

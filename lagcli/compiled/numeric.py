@@ -53,7 +53,7 @@ class NumericSystem:
         self.recent = RecentAnswers()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
-        """This system with first integrals enforced in these charts; its p goes on with the two constants of each."""
+        """The system with first integrals enforced in these charts; its p goes on with the two constants of each."""
         return NumericSystem(self._system, self._parts.holding(charts))
 
     @property
@@ -73,7 +73,7 @@ class NumericSystem:
         return self._parts.selection
 
     def keeping(self, selection: Selection) -> NumericSystem:
-        """This system stepped with these independent rows."""
+        """The system stepped with these independent rows."""
         return NumericSystem(self._system, self._parts.keeping(selection))
 
     @cached_property

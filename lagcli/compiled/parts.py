@@ -67,7 +67,7 @@ class Parts:
         return ca.Function("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
 
     def moving(self, v: ca.SX) -> Parts:
-        """These parts at another velocity, as far as it enters h, gamma and power; M stays."""
+        """The parts at another velocity, as far as it enters h, gamma and power; M stays."""
         h, gamma, power = self.force(self.t, self.y[: v.numel()], v, self.p)
         return dataclasses.replace(self, v=v, h=h, gamma=gamma, power=power)
 
@@ -161,7 +161,7 @@ class Parts:
         return [i for i in self.selection.present if i >= self.B.shape[0]]
 
     def keeping(self, selection: Selection) -> Parts:
-        """These parts stepped with other independent rows."""
+        """The parts stepped with other independent rows."""
         return dataclasses.replace(self, selection=selection)
 
     @cached_property
@@ -189,7 +189,7 @@ class Parts:
         return ca.Function("loads", [t, y, p, lam], [choice.loads(self.selection, gram(t, y, p), lam)])
 
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
-        """These parts with integrals enforced in these charts; p goes on with two constants for each, above and below.
+        """The parts with integrals enforced in these charts; p goes on with two constants for each, above and below.
 
         With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
         a period g = above - a less its whole periods.

@@ -50,7 +50,7 @@ class Selection:
         return tuple(sorted((*self.independent, *(dependency[0] for dependency in self.dependencies))))
 
     def opened(self, rows: int) -> Selection:
-        """This selection of `rows` equality rows and all contacts open."""
+        """The selection of `rows` equality rows with all contacts open."""
         dependencies = tuple(dependency for dependency in self.dependencies if dependency[0] < rows)
         independent = tuple(i for i in self.independent if i < rows)
         return Selection(independent, dependencies, tuple(range(rows, self.count)))
@@ -153,7 +153,7 @@ def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
 
 
 def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
-    """As `_solved`, of a larger group, without T.
+    """Solve as `_solved` does, for a larger group, without T.
 
     In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2) S D^(-1/2), the shortest mu with the same B^T lambda is
     the projection of any onto the range of G, which the columns of the independent rows span:

@@ -16,7 +16,7 @@ def solver(matrix: ca.SX) -> Solve:
 
 
 def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
-    """As `solver`, with the smallest angle: the least pivot, each as a part of its diagonal entry.
+    """The solver as `solver` makes it, with the smallest angle: the least pivot, each as a part of its diagonal entry.
 
     Of a Gram matrix a pivot over its entry is the square of the sine between a row and the rows before it.
     """

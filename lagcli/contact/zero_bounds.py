@@ -66,7 +66,7 @@ def bend(b: Cubic[Number]) -> Number:
 
 
 def rounding(b: Cubic[Number]) -> Number:
-    """Of the coefficients themselves."""
+    """The rounding of the coefficients themselves."""
     return 4 * EPS * largest(abs(b[1]), abs(b[2]))
 
 

@@ -57,7 +57,7 @@ class Jump:
 
     @property
     def description(self) -> str:
-        """It as a clause."""
+        """The jump as a clause of a sentence."""
         return f"{self.subject.description} jumps there ({PHRASES[self.word]})"
 
 

@@ -293,7 +293,7 @@ class _Leaves:
             )
 
     def on_a_particle(self) -> _Leaves:
-        """These values in the force of a particle."""
+        """The values in the force of a particle."""
         same = copy.copy(self)
         same._own, same._particles = frozenset(("r", "v")), self._particles - {"m"}
         same._known = {name: value for name, value in self._known.items() if name not in ("m", "r", "v")}

@@ -32,7 +32,7 @@ SENTENCES = ("meaning", "why", "fix")
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Page:
-    """One diagnostic code at length; the keys are those of its file."""
+    """A diagnostic code at length; the keys are those of its file."""
 
     code: str
     meaning: str

@@ -1,4 +1,4 @@
-"""Why an expression may not hold what it holds, and what to do: the sentences of `facts`.
+"""The sentences of `facts` on what an expression may not hold, and what to do.
 
 A subject is how the error calls the expression, with its article: "a potential", "the force on a particle".
 """

@@ -255,7 +255,8 @@ def digits_of_motion(agreements: Mapping[str, Agreement]) -> float | None:
 def parting(
     of: Mapping[str, str], first: Formulation, other: Formulation, tolerance: float
 ) -> PartingPoint | None:
-    """When and in which columns the positions of two tables over one grid part; `of`: columns with their kinds."""
+    """The time and the column at which the positions of two tables over one grid part; `of`: columns with their
+    kinds."""
     shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
     count = min(len(first.table), len(other.table))
     if not shared or not count:

@@ -54,7 +54,7 @@ def _digits(agreement: Mapping[str, Agreement], kind: str) -> str:
 
 
 def _disagreement(found: Comparison) -> str:
-    """When and in which column the formulations differ most."""
+    """A line that says when and in which column the formulations differ most."""
     one, worst = max(
         (
             (one, agreement)

@@ -1,4 +1,4 @@
-"""Who has which name in a document: its names, those of its constraints, and the members of its families."""
+"""The names in a document and what has them: its names, those of its constraints, and the members of its families."""
 
 from __future__ import annotations
 

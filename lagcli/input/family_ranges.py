@@ -109,7 +109,7 @@ class Reader:
         return ranges
 
     def _taken(self, name: str, indices: set[str]) -> str:
-        """Why an index may not have this name, or nothing."""
+        """The reason why an index may not have this name, or an empty text."""
         if name in indices:
             return f"the index `{name}` has two ranges"
         if name in namespace.RESERVED:

@@ -70,7 +70,7 @@ class Formulas:
         return self.scope.lookup_in(self.members, own=True)
 
     def within(self, members: Family) -> Formulas:
-        """These formulas for an entry with these members."""
+        """The formulas for an entry with these members."""
         return Formulas(self.scope, self.found, members, self._reading)
 
     def report(self, node: yaml_tree.AnyNode, code: str, message: str, hint: str = "") -> None:
@@ -84,7 +84,7 @@ class Formulas:
         self.found.add(diagnostics.Diagnostic(code, message, location, hint, "warning"))
 
     def silent(self) -> Formulas:
-        """These formulas with a collector of its own, for asking without reporting."""
+        """The formulas with a collector of their own, for asking without reporting."""
         return Formulas(self.scope, diagnostics.Collector(), self.members)
 
     def trouble(self, origin: yaml_tree.Scalar, error: ExpressionError) -> None:

@@ -158,7 +158,8 @@ def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> 
 
 
 def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
-    """As `farthest`, of many rows: what is left of the other rows after the first ones, by its Gram matrix."""
+    """The choice of `farthest` for many rows: what is left of the other rows after the first ones, by its Gram
+    matrix."""
     others = sorted(set(range(rows.count)) - set(first))
     weights = _combinations(rows, first, others)
     unit = rows.unit

@@ -127,7 +127,7 @@ class _Entries:
     value: Floats
 
     def taken(self, indices: Indices) -> _Entries:
-        """Some of them."""
+        """Some of the entries."""
         return _Entries(self.row[indices], self.column[indices], self.value[indices])
 
 

@@ -54,7 +54,7 @@ class LocalRows:
         return cls(one.B - other.B)
 
     def finite(self) -> LocalRows:
-        """These rows with 0 for entries that are not finite."""
+        """The rows with 0 for entries that are not finite."""
         if np.isfinite(self.values).all():
             return self
         return LocalRows(
@@ -62,7 +62,7 @@ class LocalRows:
         )
 
     def columns(self, numbers: list[int]) -> LocalRows:
-        """These rows on some of the coordinates."""
+        """The rows on some of the coordinates."""
         return LocalRows(self.B[:, numbers])
 
     @property
@@ -119,14 +119,14 @@ class MetricRows:
         self.count = rows.count
 
     def take(self, indices: list[int]) -> MetricRows:
-        """Some of these rows."""
+        """Some of the rows."""
         part = object.__new__(MetricRows)
         part._metric, part._B, part.lengths = self._metric, self._B[indices, :], self.lengths[indices]
         part.unit, part.count = self.unit[indices, :], len(indices)
         return part
 
     def plain(self) -> MetricRows:
-        """These rows with the unit metric in place of the masses; what may not move may not move in it either."""
+        """The rows with the unit metric in place of the masses; what may not move may not move in it either."""
         return MetricRows(self._B, self._metric.plain())
 
     def turned_from(self, other: MetricRows) -> float:

@@ -63,7 +63,7 @@ def modes(linear: Linear, wanted: int) -> Lowest:
 
 
 def _of_energy(linear: Linear, wanted: int) -> Lowest:
-    """Of K x = w^2 M x with B x = 0."""
+    """The lowest modes of K x = w^2 M x with B x = 0."""
     from scipy.sparse import linalg
 
     K, M, B = (linear.K + linear.K.T) / 2, linear.M, _unit(linear.B)
@@ -137,7 +137,7 @@ def _pattern(matrix: sparse.csc_array) -> ca.Sparsity:
 
 
 def _of_states(linear: Linear, wanted: int) -> Lowest:
-    """Of (dq, dv, dlambda) with q' = v, and the rows as they are."""
+    """The lowest modes of (dq, dv, dlambda) with q' = v, and the rows as they are."""
     from scipy import sparse
     from scipy.sparse import linalg
 

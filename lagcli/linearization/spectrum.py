@@ -73,7 +73,7 @@ def compute(free: Freedoms) -> Spectrum:
 
 
 def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
-    """Of K x = w^2 x."""
+    """The spectrum of K x = w^2 x."""
     c = free.cyclic
     K = free.K[c:, c:]
     squares, modes = np.linalg.eigh((K + K.T) / 2)
@@ -87,7 +87,7 @@ def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
 
 
 def _turning(free: Freedoms) -> tuple[Complex, Complex]:
-    """Of x'' + C x' + K x = 0 with C skew and K positive: in (K^(1/2) x, x') the matrix is skew."""
+    """The spectrum of x'' + C x' + K x = 0 with C skew and K positive: in (K^(1/2) x, x') the matrix is skew."""
     squares, modes = np.linalg.eigh((free.K + free.K.T) / 2)
     root = modes * np.sqrt(squares) @ modes.T
     m = len(root)
@@ -99,7 +99,7 @@ def _turning(free: Freedoms) -> tuple[Complex, Complex]:
 
 
 def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
-    """Of the state matrix."""
+    """The spectrum of the state matrix."""
     from scipy import linalg
 
     S, rate = free.state_matrix()

@@ -39,7 +39,7 @@ class Expression:
 
     @property
     def text(self) -> str:
-        """As the user wrote it."""
+        """The text as the user wrote it."""
         return self.origin.value.strip()
 
     @property
@@ -328,7 +328,7 @@ class Model:
     origin: Origin | None = dataclasses.field(default=None, repr=False)
 
     def with_parameters(self, changes: Mapping[str, object] | None = None, /, **parameters: object) -> Model:
-        """This model with other values: `model.with_parameters(L=2)`, `({"theta.value": "pi/3"})`.
+        """Return the model with other values: `model.with_parameters(L=2)`, `({"theta.value": "pi/3"})`.
 
         What is given goes on top of earlier changes. The text is not parsed again, and a run of the new model uses
         the equations that were built for this one, and proofs that depend on no changed value.

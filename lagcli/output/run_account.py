@@ -24,7 +24,7 @@ INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
 
 @frozen_value
 class Stopped:
-    """Why a run ended before its end: the time reached, a sentence, and its code for `lagcli explain`."""
+    """The reason why a run ended before its end: the time reached, a sentence, and its code for `lagcli explain`."""
 
     t: float
     reason: str

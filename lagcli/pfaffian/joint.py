@@ -105,7 +105,7 @@ def _of_row(
 def without_flag(
     block: PfaffianBlock, wanted: int, verdicts: Sequence[frobenius.FormVerdict | None], deadline: float
 ) -> Solution:
-    """As `solution`, from rows of which is known only how many integrals they have, `wanted`."""
+    """Solve as `solution` does, from rows of which is known only how many integrals they have, `wanted`."""
     left, gone = elimination.eliminated(block)
     basis = _Independent(left)
     accepted = [v.integral for v in verdicts if v is not None and v.integral is not None]

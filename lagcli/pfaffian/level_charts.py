@@ -180,7 +180,7 @@ def _untangled(phi: sympy.Expr) -> sympy.Expr:
 
 
 def _cancelled(phi: sympy.Expr) -> sympy.Expr:
-    """As a product, without common factors above and below."""
+    """The quotient as a product, without common factors above and below."""
     if phi.count_ops() > SHORT:
         return guarded.together(phi)
     phi = guarded.factor(guarded.together(phi))

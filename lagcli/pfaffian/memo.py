@@ -45,7 +45,7 @@ class VerdictMemo:
         self._known: dict[_FormPattern, tuple[Form, FormVerdict]] = {}
 
     def classify(self, form: Form, deadline: float) -> FormVerdict:
-        """As `frobenius.classify`."""
+        """Classify as `frobenius.classify` does."""
         pattern = self._pattern(form)
         known = self._known.get(pattern)
         if known is not None and _is_renamable(known[0], form):
@@ -104,7 +104,7 @@ class JointMemo:
         self._solutions: dict[_BlockPattern, tuple[PfaffianBlock, Solution]] = {}
 
     def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
-        """As `joint.flagged`."""
+        """Find the flag as `joint.flagged` does."""
         pattern = self._pattern(block)
         if pattern not in self._flags:
             self._flags[pattern] = block, joint.flagged(block, time, values, deadline)
@@ -118,7 +118,7 @@ class JointMemo:
         verdicts: Sequence[frobenius.FormVerdict | None],
         deadline: float,
     ) -> Solution:
-        """As `joint.solution` of the `found` flag of the block."""
+        """Solve as `joint.solution` does, with the `found` flag of the block."""
         pattern = self._pattern(block)
         if pattern not in self._solutions:
             self._solutions[pattern] = block, joint.solution(found, verdicts, deadline)

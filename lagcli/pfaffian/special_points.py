@@ -90,7 +90,7 @@ def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
 
 
 def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
-    """Of each holonomic row that has several factors those that vanish on all points."""
+    """The factors that vanish on all points, of each holonomic row that has several."""
     found = []
     for f in block.surface:
         basis = normal_form.NormalForm([f])

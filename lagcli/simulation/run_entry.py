@@ -46,7 +46,7 @@ class CachedFunctions:
         return self._plain
 
     def integrals(self, system: System, found: Found) -> invariants.Integrals:
-        """These integrals with their functions, built anew where a value is built in that has changed."""
+        """The integrals with their functions, built anew where a value is built in that has changed."""
         known = self._integrals.get(found)
         if known is None or not known.hold_for(system):
             known = self._integrals[found] = invariants.Integrals(system, self.plain, found)

@@ -52,7 +52,7 @@ class RunReport:
 
     @property
     def extremes(self) -> Extremes:
-        """Those of the rows so far."""
+        """The extremes of the rows so far."""
         return self.statistics.extremes or NO_ROWS
 
     @property

@@ -1,4 +1,5 @@
-"""Why an inertia matrix gives no accelerations: the motions it resists not at all, or with the wrong sign."""
+"""The reason why an inertia matrix gives no accelerations: the motions it resists not at all, or with the wrong
+sign."""
 
 from __future__ import annotations
 

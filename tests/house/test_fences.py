@@ -15,8 +15,10 @@ CLASS_LINES, CLASS_ATTRIBUTES = 300, 20
 # Larger classes, with the lines and attributes they have: a debt.
 LARGE: dict[str, tuple[int, int]] = {}
 
-# Docstrings say what is returned or done; these open with a question word or a comparison: a debt.
-QUESTIONS = re.compile(r"(What|Whether|Where|How|Which|The same)\b")
+# Docstrings say what is returned or done; these open with a question word, a pronoun or a comparison: a debt.
+QUESTIONS = re.compile(
+    r"(What|Whether|Where|How|Which|Who|When|Why|Of|As|It|That|This|These|Those|The same)\b"
+)
 MOST_QUESTIONS = 0
 MOST_ANY = 38  # a debt: CasADi has stubs
 

@@ -98,7 +98,7 @@ def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
 
 
 @pytest.mark.parametrize("chosen", [None, "2"])
-def test_the_program_runs_linear_algebra_on_one_thread_unless_reported_otherwise(chosen: str | None) -> None:
+def test_the_program_runs_linear_algebra_on_one_thread_unless_told_otherwise(chosen: str | None) -> None:
     """Threads that wait took a quarter of the processor time of a short run."""
     names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
     environment = {name: value for name, value in os.environ.items() if name not in names}

@@ -101,7 +101,7 @@ class ScaledPart:
         return q
 
     def moved(self, z: Floats, t: float) -> ScaledPart:
-        """These equations about another point."""
+        """The equations about another point."""
         return dataclasses.replace(self, state=dataclasses.replace(self.state, q=self.configuration(z), t=t))
 
     @property

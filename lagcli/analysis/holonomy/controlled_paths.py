@@ -56,7 +56,7 @@ class Axes:
 
     @cached_property
     def steps(self) -> paths.PathSteps:
-        """As `Frame`."""
+        """Return the steps as `Frame` does."""
         part = self.part
 
         def build() -> paths.PathSteps:
@@ -67,7 +67,7 @@ class Axes:
 
     @cached_property
     def controls(self) -> Floats:
-        """As `Frame`."""
+        """Return the controls as `Frame` does."""
         return np.eye(self.free.size)
 
 
@@ -83,12 +83,12 @@ class Projected:
 
     @cached_property
     def steps(self) -> paths.PathSteps:
-        """As `Frame`; U (N, m + 1)."""
+        """Return the steps as `Frame` does; U (N, m + 1)."""
         return self.part.once((), lambda: paths.PathSteps(paths.projected(*self.part.expressions), SCHEME))
 
     @cached_property
     def controls(self) -> Floats:
-        """As `Frame`."""
+        """Return the controls as `Frame` does."""
         k, m = self.directions.shape
         found = np.zeros((k + 1, m + 1))
         found[:k, :m], found[k, m] = self.directions, 1.0

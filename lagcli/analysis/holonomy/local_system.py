@@ -173,7 +173,7 @@ class LocalPart:
 
     @cached_property
     def _entries(self) -> tuple[Numbers, Numbers, Numbers]:
-        """Of the nonzeros of B those in the part, with their rows and columns there."""
+        """The nonzeros of B in the part, with their rows and columns there."""
         sparsity = self.numeric.rows.sparsity_out(0)
         row, column = (np.array(x, dtype=np.int64) for x in (sparsity.row(), sparsity.get_col()))
         row_of, column_of = np.full(sparsity.shape[0], -1), np.full(sparsity.shape[1], -1)

@@ -369,7 +369,7 @@ class _WitnessSearch:
             yield LoopTrial(goal, *loop_words.free_paths(frame, self.size, self.timed, segments))
 
     def _any_goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
-        """As `_goals`, and where those are too many the coordinates that tell the orbit's points apart best."""
+        """Goals as of `_goals`; of too many, those of the coordinates in which the orbit's points differ most."""
         if (
             math.comb(self.part.k - 1, max(0, found.tangent.shape[1] - free.size - 1))
             <= PARAMETERS.combinations

@@ -61,7 +61,7 @@ class BracketValues:
         self._limits = _beyond(limits or usual, OFF * point.error)
 
     def at(self, point: EvaluationPoint, limits: Limits) -> BracketValues:
-        """These brackets at another point."""
+        """The brackets at another point."""
         return BracketValues(point, self._deadline, self._is_decimal, limits)
 
     def span(self) -> Span:

@@ -79,7 +79,7 @@ class EvaluationPoint:
 
     @property
     def dimension(self) -> int:
-        """Of the kernel D."""
+        """The dimension of the kernel D."""
         return self.block.size - self.all.low
 
     @property
@@ -90,7 +90,7 @@ class EvaluationPoint:
 
     @property
     def ranks(self) -> tuple[int, int]:
-        """Of the holonomic rows and of all."""
+        """The ranks of the holonomic rows and of all."""
         return self.surface.low, self.all.low
 
     def in_kernel(self, u: Floats) -> Floats:

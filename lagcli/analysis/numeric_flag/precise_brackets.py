@@ -73,7 +73,7 @@ class Exact:
 
     @cached_property
     def _perturbed(self) -> Exact:
-        """These brackets with numbers off as those may be that were computed in doubles, the start among them: it
+        """The brackets with numbers off as those may be that were computed in doubles, the start among them: it
         may stand for a point that no double hits (sin(x) = 0 at pi)."""
         other = copy.copy(self)
         other._p, other._read = (

@@ -1,4 +1,4 @@
-"""Why a search ends without an answer that is certain."""
+"""The error of a search that ends without a certain answer."""
 
 from __future__ import annotations
 

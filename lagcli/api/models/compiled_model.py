@@ -32,7 +32,7 @@ class CompiledModel:
         return CachedFunctions(self.numeric)
 
     def with_values(self, model: Model) -> CompiledModel | None:
-        """These functions for other values of parameters and start, or None where they do not fit."""
+        """The functions for other values of parameters and start, or None where they do not fit."""
         moved = system.with_values(self.system, model)
         if moved is None:
             return None
@@ -41,7 +41,7 @@ class CompiledModel:
         return same
 
     def of(self, moved: system.System) -> CompiledModel:
-        """These functions for a system that has other values alone."""
+        """The functions for a system that differs in values alone."""
         same = CompiledModel(moved, self.numeric)
         same.cached = self.cached
         return same

@@ -212,7 +212,7 @@ class _StiffRuns:
         return np.concatenate(found), run.stats.steps, time.perf_counter() - began
 
     def _lost_in_uncertainty(self, rung: Rung, rate_of: str) -> str:
-        """Why the ladder ends with a run whose error is lost in what is uncertain, or nothing."""
+        """The reason to end the ladder with a run whose error is below its uncertainty, or an empty text."""
         error = rung.max_error if rate_of == "max_error" else rung.mean_error
         if error is None:
             return f"at k = {rung.stiffness:.4g} the swings are too many for a mean"
@@ -224,7 +224,7 @@ class _StiffRuns:
         )
 
     def _predicted_too_small(self, rungs: list[Rung], k: float) -> str:
-        """Why a run is not begun whose error would be smaller than what is uncertain, or nothing."""
+        """The reason not to begin a run whose error would be below its uncertainty, or an empty text."""
         if len(rungs) < 2 or self._plan.unprestressed:
             return ""
         one, last = rungs[-2:]

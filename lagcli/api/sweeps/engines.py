@@ -63,7 +63,8 @@ class Engine:
 
 @contextlib.contextmanager
 def local(jobs: int) -> Iterator[Engine]:
-    """This process for one job, else processes of this machine, which end with this one. Raises `ValueError`."""
+    """The engine of this machine: this process for one job, else processes, which end with this one. Raises
+    `ValueError`."""
     if jobs < 1 or jobs != int(jobs):
         raise ValueError("jobs: a whole number of processes is needed, 1 or more")
     if jobs == 1:

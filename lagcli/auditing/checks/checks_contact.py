@@ -21,7 +21,7 @@ BEND = 3.0  # times the usual change of a rate of g over a step: what smooth for
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactStates:
-    """Of K contacts at T rows: g and its rate with their limits, lambda with its limit, (T, K) each."""
+    """The states of K contacts at T rows: g and its rate with their limits, lambda with its limit, (T, K) each."""
 
     g: Array
     g_limit: Array
@@ -50,7 +50,7 @@ class ContactStates:
 
 
 def contact_states(e: Evidence) -> ContactStates:
-    """Those at the rows of a record; e: of laws with all inequalities closed."""
+    """The states of contacts at the rows of a record; e: of laws with all inequalities closed."""
     count = len(e.laws.contacts)
     last = slice(e.laws.s - count, e.laws.s)
     atol = e.tolerance.atol

@@ -180,7 +180,7 @@ class _FreeMotion:
         return self._laws.C > 0
 
     def looked_at(self, flights: Array) -> Array:
-        """Of the numbers of flights as many as the size of B allows, evenly."""
+        """The numbers of so many flights as the size of B allows, evenly chosen."""
         C, n = self._laws.C, self._laws.index.n
         most = max(LEAST, int(COST / max(1, STATES * 4 * C * C * n)))
         if most >= len(flights):
@@ -222,8 +222,8 @@ class _FreeMotion:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class FlightIntegrals:
-    """Of P flights: changes of velocities, and of positions beyond h (v + v')/2, (P, n) each, with what is not known of
-    them; and states halfway with their accelerations."""
+    """The changes over P flights: of velocities, and of positions beyond h (v + v')/2, (P, n) each, with what is not
+    known of them; and states halfway with their accelerations."""
 
     velocities: Array
     unknown_velocities: Array
@@ -234,8 +234,8 @@ class FlightIntegrals:
 
 
 def _integrals(one: Record, other: Record, accelerations: Callable[[Record], Array]) -> FlightIntegrals:
-    """Those from states to states later, by Boole's formula on the quintic curve through positions, velocities and
-    accelerations at both ends (Hermite); `accelerations` (P, n) of states."""
+    """The integrals from states to later states, by Boole's formula on the quintic curve through positions, velocities
+    and accelerations at both ends (Hermite); `accelerations` (P, n) of states."""
     h = (other.t - one.t)[:, None]
     begin, end = accelerations(one), accelerations(other)
     inner = [_between(one, other, (begin, end), u) for u in (0.25, 0.5, 0.75)]

@@ -237,7 +237,7 @@ def _is_quadratic(before: Evidence, after: Evidence) -> Array:
 
 
 def impact_evidence(e: Evidence) -> ImpactEvidence | None:
-    """That of a whole run; None where the incidents are not known."""
+    """The evidence on the impacts of a whole run; None where the incidents are not known."""
     return None if e.run is None or e.run.incidents is None else ImpactEvidence(e, e.run.incidents)
 
 

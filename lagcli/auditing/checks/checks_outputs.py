@@ -36,7 +36,7 @@ class RecomputedResults:
     a: Array
 
     def part(self, rows: slice) -> RecomputedResults:
-        """Some of the rows."""
+        """The part for some of the rows."""
         return RecomputedResults(self.lam[rows], self.R[rows], self.a[rows])
 
 
@@ -77,7 +77,7 @@ def _fields(results: RecomputedResults) -> tuple[Array, Array, Array]:
 
 
 def _results(e: Evidence) -> tuple[RecomputedResults, RecomputedResults]:
-    """Those of the rows, and those of the moved states, with lambda and R off by the tolerance."""
+    """The results at the rows, and at the moved states with lambda and R off by the tolerance."""
     r, more = e.record, 1 + e.tolerance.rtol
     return (
         RecomputedResults(r.lam, _of_all(e.laws, r.R_q, r.R_x), _accelerations(e, e.values, r.R_q, r.R_x)),

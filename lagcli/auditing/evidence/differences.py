@@ -203,7 +203,7 @@ class DifferenceGrid:
         )
 
     def _largest_in_stencil(self, found: Array, order: int) -> Array:
-        """Of differences of an order at each row the largest that its stencils may feel."""
+        """The largest difference of an order within the stencils of each row."""
         weights = np.full(len(found), PARAMETERS.kinked)
         weights[: order // 2] = weights[-(order // 2) :] = PARAMETERS.kinked_end
         centred = np.zeros((len(self.t), found.shape[1]))

@@ -25,7 +25,7 @@ from lagcli.model.resolve import ModelNames, Resolver, Results
 
 
 class ModelIndex:
-    """Who is who in a model: particles and coordinates by number, their indices among the coordinates, masses."""
+    """The numbering of a model: particles and coordinates by number, their indices among the coordinates, masses."""
 
     def __init__(self, model: nouns.Model) -> None:
         self.model = model

@@ -47,7 +47,7 @@ class Record:
     R_x: Array
 
     def part(self, rows: Array) -> Record:
-        """Some of the rows."""
+        """The record at some of the rows."""
         return Record(**{f.name: getattr(self, f.name)[rows] for f in dataclasses.fields(self)})
 
 
@@ -79,7 +79,7 @@ class Incidents:
 
     @property
     def impulses(self) -> Array:
-        """Of all rows and contacts, (E, C + K)."""
+        """The impulses of all rows and contacts, (E, C + K)."""
         return self.before.lam
 
     @property

@@ -351,7 +351,7 @@ def _usual(flat: Array) -> Array:
 
 
 def _coarse(v: Array, a: Array, step: float, size: float) -> Array:
-    """Of particles (K,), from velocities and accelerations (T, 3 K): roots of mean squares compared.
+    """True for particles (K,) whose rows are far apart, by the mean squares of velocities and accelerations (T, 3 K).
 
     What moves by less than rounding beside the `size` of the system is at rest.
     """

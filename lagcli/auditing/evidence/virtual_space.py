@@ -16,7 +16,7 @@ NEAR = 1e-6
 
 
 class VirtualSpace:
-    """Of B (M, C, n) at M rows, each row of it divided by its length: singular values and directions.
+    """The singular values and directions of B (M, C, n) at M rows, each row of it divided by its length.
 
     `rank` (M,); `usual`, the highest of them; `is_singular` (M,): rank lost or almost lost there, or B is not finite;
     `condition` (M,).
@@ -38,7 +38,7 @@ class VirtualSpace:
         self._judge()
 
     def part(self, rows: slice) -> VirtualSpace:
-        """Some of the rows."""
+        """The space at some of the rows."""
         found = object.__new__(VirtualSpace)
         found.B, found.lengths, found.sigma = self.B[rows], self.lengths[rows], self.sigma[rows]
         found._left, found._across, found._independent = (

@@ -31,7 +31,7 @@ def missing(path: str) -> exits.UsageError:
 
 
 def require_models(paths: list[str]) -> None:
-    """One MODEL that does not exist is reported before the others are worked on. Raises `exits.UsageError`."""
+    """Report a MODEL that does not exist before the others are worked on. Raises `exits.UsageError`."""
     for path in paths:
         if path != "-" and not os.path.exists(path):
             raise missing(path)

@@ -42,7 +42,7 @@ class SymbolicContacts:
     restitution: tuple[float, ...] = ()
 
     def taken(self, numbers: Sequence[int]) -> SymbolicContacts:
-        """Some of them."""
+        """Some of the contacts."""
         return SymbolicContacts(
             tuple(self.rows[j] for j in numbers),
             tuple(self.lam[j] for j in numbers),

@@ -32,7 +32,7 @@ class VectorRecognizer:
         self._found: dict[Triple, RecognizedVector | None] = {}
 
     def know(self, name: str, triple: Sequence[sympy.Symbol]) -> None:
-        """These three symbols are the components of the vector of this name."""
+        """Note that three symbols are the components of the vector of this name."""
         self._order[name] = len(self._order)
         self.triples[name] = (triple[0], triple[1], triple[2])
         for known, symbol in zip(self._axes, triple, strict=True):

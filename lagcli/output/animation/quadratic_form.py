@@ -94,7 +94,7 @@ class Quadratic:
         return self.scaled(1.0 / other.constant) if other.is_constant else OTHER
 
     def scaled(self, by: Coefficient) -> Quadratic:
-        """This, times a number."""
+        """The form times a number."""
         if not self.known:
             return OTHER
         return Quadratic(

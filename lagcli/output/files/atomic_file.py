@@ -149,7 +149,7 @@ def is_foreign(link: os.stat_result, folder: os.stat_result, user: int | None) -
 
 
 def protection(file: os.stat_result, folder: os.stat_result, user: int | None) -> str:
-    """Why a file must not be replaced by the user, or nothing.
+    """The reason why the user must not replace a file, or an empty text.
 
     Root may write everything: then its owner's permission counts, as a protected file was protected on purpose.
     """

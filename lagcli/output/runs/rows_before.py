@@ -90,7 +90,7 @@ def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", 
 
 
 def late_marks(run: SimulationRun, path: str) -> str:
-    """That the figure of a resumed run marks no incidents of the run before, which are in no file; or nothing."""
+    """A sentence where the figure of a resumed run marks no incidents of the run before, which are in no file."""
     point = run.resumed
     if point is None or not point.run_state.reported.incidents:
         return ""

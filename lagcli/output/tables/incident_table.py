@@ -183,7 +183,7 @@ class IncidentTable(Sequence[IncidentRow]):
 
     @functools.cached_property
     def _prefixes(self) -> list[str]:
-        """Of each column of numbers the prefix by its index: a particle may be called `before`.
+        """The prefix of each column of numbers by its index: a particle may be called `before`.
 
         As many velocities as positions stand after them, twice; of what another program has added there is none.
         """
@@ -223,7 +223,7 @@ class IncidentTable(Sequence[IncidentRow]):
 
 
 def joined(tables: Sequence[IncidentTable]) -> IncidentTable:
-    """One table of several with the same columns, in their order."""
+    """The table joined from several with the same columns, in their order."""
     kinds, names = (
         itertools.chain(*parts) for parts in zip(*((t.kinds, t.names) for t in tables), strict=True)
     )

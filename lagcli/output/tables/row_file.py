@@ -74,7 +74,7 @@ class RowFile:
 
     @property
     def rows(self) -> SafeRows:
-        """Those that were written."""
+        """The rows that were written."""
         return SafeRows(self._count, self._checksum)
 
     @property

@@ -49,7 +49,7 @@ def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, 
 
 
 def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
-    """As `is_zero`, but a numeric proof of "no" is given only where there is no symbolic one."""
+    """Answer as `is_zero` does, with a numeric proof of "no" only where there is no symbolic one."""
     return _test(expression, deadline, exact_first=True)
 
 

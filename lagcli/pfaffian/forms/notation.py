@@ -169,7 +169,7 @@ class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
         return f"max({', '.join(map(self._print, expression.args))})"
 
     def _as_ordered_terms(self, expression: sympy.Expr, order: str | None = None) -> list[sympy.Expr]:
-        """As usual, but a sum does not begin with a minus sign where a term has none."""
+        """The terms in SymPy's order, but no minus sign first where a term has none."""
         terms = list(super()._as_ordered_terms(expression, order=order))
         first = next((i for i, term in enumerate(terms) if not term.could_extract_minus_sign()), 0)
         return [terms[first], *terms[:first], *terms[first + 1 :]]

@@ -20,7 +20,7 @@ MAX_RECIPROCALS = 8
 
 
 def fixed(search: IntegralSearch) -> Proposals:
-    """As many forms as variables: all of them stay constant."""
+    """The variables as integrals of as many forms: all of them stay constant."""
     if not search.frame.free:
         yield from (SearchResult(x, "as a coordinate that cannot change") for x in search.frame.variables)
 

@@ -192,7 +192,7 @@ def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None
 
 
 def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> ContactForces | None:
-    """That for few contacts, by formulas; None where rounding is too large for them."""
+    """The forces for few contacts, by formulas; None where rounding is too large for them."""
     few = here.few(numbers)
     if few is None:
         return None
@@ -206,7 +206,7 @@ def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -
 def _carrying(
     here: ContactInstant, numbers: Numbers, found: tuple[Floats, Floats], sunk: Flags | None
 ) -> ContactForces:
-    """Those that press, of accelerations (n,) and forces of contacts (k,)."""
+    """The contacts that press, from accelerations (n,) and forces of contacts (k,)."""
     x, forces = found
     accelerations = here.changes(x) - here.gamma
     presses = forces > here.least_forces(numbers, x)

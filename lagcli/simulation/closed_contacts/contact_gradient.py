@@ -14,7 +14,7 @@ from lagcli.start.initial import State
 
 
 class GradientParameters:
-    """When the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
+    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
@@ -106,7 +106,7 @@ def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> t
 
 
 def fallen(here: ContactInstant, extents: Floats, contacts: Iterable[int]) -> Flags:
-    """Those of some contacts whose gradients are far smaller than they were, (K,); extents (K,): as `lowest`, of the
+    """The contacts among some whose gradients are far smaller than they were, (K,); extents (K,): as `lowest`, of the
     step before; zero where nothing is known of it."""
     found = np.zeros(here.g.size, dtype=bool)
     found[list(contacts)] = True

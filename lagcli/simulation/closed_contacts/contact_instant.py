@@ -126,7 +126,7 @@ class ContactInstant:
 
     @property
     def has_linear_momenta(self) -> bool:
-        """As of `NumericSystem`."""
+        """True if momenta are linear in velocities, as in `NumericSystem`."""
         return self._values.numeric.has_linear_momenta
 
     @property
@@ -135,7 +135,7 @@ class ContactInstant:
         return self._chosen.span
 
     def moved(self, v: Floats) -> ContactInstant:
-        """This instant at another velocity (n,)."""
+        """The instant at another velocity (n,)."""
         chosen = dataclasses.replace(self._chosen, speed=self._speed)
         other = ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
         other._few = self._few

@@ -145,7 +145,7 @@ class _ModeChoice:
         return Selection((*open_.independent, *numbers), open_.dependencies, inactive)
 
     def following(self, chosen: Selection, contacts: Sequence[int]) -> tuple[tuple[int, ...], ...]:
-        """Of some contacts those whose rows depend on the independent rows, each with these."""
+        """The contacts among some whose rows depend on the independent rows, each with these."""
         rows = self._rows
         enforced = [i - rows for i in chosen.independent if i >= rows]
         if not contacts or not chosen.independent:

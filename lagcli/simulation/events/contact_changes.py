@@ -78,7 +78,7 @@ class ContactChanges:
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noise(self, functions: WatchFunctions, count: int) -> Floats:
-        """Of gaps and multipliers that are watched, and room for that of events (W,)."""
+        """The noise of gaps and multipliers that are watched, and room for that of events (W,)."""
         noise = np.zeros(count)
         if self._count:
             gaps, forces = self.noises()
@@ -88,7 +88,7 @@ class ContactChanges:
         return noise
 
     def noises(self) -> tuple[Floats, Floats]:
-        """Of gaps and of multipliers (K,) at the state: what is zero there."""
+        """The noise of gaps and of multipliers (K,) at the state: what is zero there."""
         here = self.here()
         gaps, self._lowest = here.noise.copy(), here.lowest
         touching = list(self._run.contacts.touching)

@@ -154,7 +154,7 @@ def crossed(
 
 
 def still(watch: StepWatch, kinds: WatchKinds, known: dict[int, float]) -> list[int]:
-    """Of events that have `crossed` those that are at zero where the run stands, as where an impact follows at once:
+    """The events among `crossed` that are at zero where the run stands, as where an impact follows at once:
     they do not cross there again."""
     if not known:
         return []

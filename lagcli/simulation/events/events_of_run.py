@@ -45,6 +45,6 @@ EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (_switches, SingularEven
 
 
 def found(stepper: Stepper) -> tuple[Event, ...]:
-    """Those that a run may meet."""
+    """The events that a run may meet."""
     events = (of(stepper) for of in EVENTS)
     return tuple(event for event in events if event is not None)

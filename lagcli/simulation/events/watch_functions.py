@@ -185,7 +185,8 @@ def _cubic(x: float, i: int, j: int, values: Sequence[ca.MX], slopes: Sequence[c
 
 
 class WatchKinds:
-    """Of the functions w (W,) of `WatchFunctions`, of the contacts that are open, and of those that are enforced.
+    """The kinds of the functions w (W,) of `WatchFunctions`, of the contacts that are open, and of those that are
+    enforced.
 
     numbers (W,): of their rows, and of events after all rows, from `first_event` on; direction (W,): as `zero_search`
     takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their index in w.

@@ -64,7 +64,8 @@ class IncidentSides:
         return found
 
     def beside(self, t: Floats) -> Flags:
-        """As `between`, of a table whose own incidents are not known: rows next to one of the repeated run."""
+        """Compare as `between` does, for a table whose own incidents are not known: rows next to one of the repeated
+        run."""
         start = self._start = float(t[0]) if self._start is None and len(t) else self._start
         found = np.zeros(len(t), dtype=bool)
         for _, times in self._pending.values():
@@ -168,7 +169,7 @@ class IncidentErrors:
         return waiting.popleft() if waiting and waiting[0].t <= one.t + late else None
 
     def _errors(self, line: Floats, other: Floats) -> Floats:
-        """Of each kind the largest distance of two lines, which have no t; what has no value does not count."""
+        """The largest distance of two lines for each kind; they have no t, and what has no value does not count."""
         with np.errstate(invalid="ignore"):
             gaps = np.abs(line - other)
         gaps[~np.isfinite(gaps)] = 0.0

@@ -120,7 +120,7 @@ class RunWithReference:
         return dataclasses.replace(run_state, row=self._cut, reported=reported)
 
     def take_incidents(self) -> list[Incident]:
-        """Those of the first run that come with the last block, their lines with the errors."""
+        """Take the incidents of the first run that come with the last block, their lines with the errors."""
         return self._incidents
 
     def _with_errors(self, rows: Floats) -> list[Incident]:

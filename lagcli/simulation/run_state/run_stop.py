@@ -12,7 +12,8 @@ CONTACT = "contact-undecided"
 
 @frozen_value
 class Stop:
-    """Why a run ended before its end: the time reached, a sentence, and one of the codes of `catalogue.stops`."""
+    """The reason why a run ended before its end: the time reached, a sentence, and one of the codes of
+    `catalogue.stops`."""
 
     t: float
     reason: str

@@ -93,7 +93,7 @@ class Integrals:
         return self._charts.hold_for(system)
 
     def of(self, system: System) -> Integrals:
-        """These integrals with all that was built of a system that has other values alone."""
+        """The integrals with all that was built of a system that has other values alone."""
         if system is self.system:
             return self
         other = copy.copy(self)
@@ -101,7 +101,7 @@ class Integrals:
         return other
 
     def keeping(self, selection: Selection) -> Integrals:
-        """These integrals with a system stepped with other independent rows."""
+        """The integrals with a system stepped with other independent rows."""
         if selection == self.selection:
             return self
         if selection not in self._by_selection:
@@ -184,7 +184,7 @@ class _Forms:
         return above[k, :] * level.below - below[k, :] * level.above
 
     def fault(self, i: int, level: InvariantValue) -> str:
-        """Why integral i cannot be enforced on a level at the state; empty where it can."""
+        """The reason why integral i cannot be enforced on a level at the state; empty where it can."""
         k = self._first[i] + level.chart
         here = self._gradient(self._here, k, level)
         numbers = [*self._here[0][k].tolist(), level.above, level.below, *here.nonzeros()]
@@ -252,7 +252,7 @@ class EnforcedInvariants:
         return self.integrals.selection
 
     def keeping(self, selection: Selection) -> EnforcedInvariants:
-        """These invariants with a system stepped with other independent rows."""
+        """The invariants with a system stepped with other independent rows."""
         return dataclasses.replace(self, integrals=self.integrals.keeping(selection))
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 
 
 class MonitorParameters:
-    """When a singular configuration is foreseen; times are parts of a step.
+    """Thresholds at which a singular configuration is predicted; times are parts of a step.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
@@ -168,7 +168,8 @@ class SingularityMonitor:
 
 
 def _instant(before: tuple[float, ...], t: float, square: float, component: int, most: float) -> Prediction:
-    """When a number goes to zero, the square of a sine: the angle between rows goes to zero in a line from afar."""
+    """The prediction of when a number goes to zero, the square of a sine: the angle between rows goes to zero in a line
+    from afar."""
     now, last = math.asin(math.sqrt(square / most)), math.asin(min(1.0, math.sqrt(before[component] / most)))
     step = t - before[0]
     if last <= now:

@@ -120,7 +120,8 @@ class SingularStep:
 
     @property
     def width(self) -> float:
-        """Of the part of the step around the instant that has it in the middle; of the whole step where it begins."""
+        """The width of the part of the step around the instant that has it in the middle; of the whole step where it
+        begins."""
         before, after = self.instant - self.step.t, self.step.t + self.step.h - self.instant
         return 2 * min(before, after) if before > 0 else self.step.h
 

@@ -91,7 +91,7 @@ class Witnesses:
         return self._parts > 0
 
     def inside(self, t: float, reached: float) -> Iterator[float]:
-        """Those strictly between two times."""
+        """The times of rows strictly between two times."""
         grid, parts = self._grid, self._parts
         if not parts or not grid.step:
             return

@@ -67,7 +67,7 @@ class Rejection(NamedTuple):
 
 
 def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float) -> StepFailure:
-    """Why no step can be taken; residual: that of a step that was projected."""
+    """The failure where no step can be taken; residual: that of a step that was projected."""
     system, numeric, here = enforced.system, enforced.functions.numeric, tried.here
     is_near, is_alone = tried.rank_margin < DEPENDENT, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
@@ -119,7 +119,7 @@ def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float
 def hopeless(
     enforced: EnforcedInvariants, here: initial.State, steps: int, advanced: float, left: float
 ) -> StepFailure:
-    """Why the last steps advanced by so little that the run would not end in any time one can wait."""
+    """The failure where the last steps advanced by so little that the run would not end in any time one can wait."""
     jump = _jump(enforced, here)
     return StepFailure(
         jump
@@ -131,7 +131,7 @@ def hopeless(
 
 
 def impact(enforced: EnforcedInvariants, here: initial.State, beyond: initial.State) -> StepFailure:
-    """Why the motion does not go on beyond a switch, where velocities would have to jump."""
+    """The failure where the motion does not go on beyond a switch, where velocities would have to jump."""
     jump = _jump(enforced, here)
     if not jump:
         if wall := _wall(enforced, here, beyond):
@@ -172,14 +172,15 @@ def is_pole(rates: Sequence[Floats]) -> bool:
 
 
 def impulse(reported: str) -> StepFailure:
-    """Why a run ends where an energy or a position jumps; reported: what does."""
+    """The failure where an energy or a position jumps; reported: what does."""
     return StepFailure(
         f"{reported}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
     )
 
 
 def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailure:
-    """Why a row cannot be written; column: the number of what has no value, of energies beyond the columns."""
+    """The failure where a row cannot be written; column: the number of what has no value, of energies beyond the
+    columns."""
     what = f"the column `{columns[column]}`" if column < len(columns) else "the energy balance"
     return StepFailure(f"{what} is not finite at t = {t:.9g}", NOT_FINITE)
 

@@ -1,4 +1,5 @@
-"""Why a run cannot go on: the row whose value or gradient jumps there, ends or has a pole, and the function in it."""
+"""The reason why a run cannot go on: the row whose value or gradient jumps there, ends or has a pole, and the function
+in it."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class DiagnosisParameters:
-    """Why a run could not go on; distances along the motion are parts of the size of the configuration.
+    """Thresholds of the diagnosis of why a run could not go on; distances along the motion are parts of the size of the
+    configuration.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
@@ -100,7 +102,8 @@ class Sides:
 
 
 def reason(system: System, numeric: NumericSystem, state: State) -> str:
-    """Why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps there."""
+    """The reason why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps
+    there."""
     if not system.rows.rows:
         return ""
     seen = [(reach, _along(state, reach, time_scale(system, state))) for reach in PARAMETERS.reaches]
