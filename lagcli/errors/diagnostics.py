@@ -127,6 +127,9 @@ class ModelError(Exception):
         self.diagnostics = tuple(diagnostics)
         super().__init__("\n".join(d.render() for d in self.diagnostics))
 
+    def __reduce__(self) -> tuple[type[ModelError], tuple[object, ...]]:
+        return type(self), (self.diagnostics,)
+
 
 MAX_ERRORS = 1000  # of one file: nobody reads more, and each costs a look at its line
 

@@ -220,6 +220,9 @@ class SimulationStopped(Exception):
         super().__init__(reason)
         self.reason, self.t, self.trajectory = reason, t, trajectory
 
+    def __reduce__(self) -> tuple[type[SimulationStopped], tuple[object, ...]]:
+        return type(self), (self.reason, self.t, self.trajectory)
+
     @property
     def stats(self) -> Stats:
         """The account, whose `stopped` says the same as the exception."""

@@ -8,7 +8,7 @@ import json
 import pickle
 import sys
 import xml.etree.ElementTree
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -229,3 +229,34 @@ def test_every_setting_of_a_run_is_an_option_of_simulate() -> None:
 
     options = inspect.signature(lagcli.simulate).parameters.keys()
     assert {field.name for field in dataclasses.fields(Simulation)} <= options
+
+
+JUMPING = """
+lagcli: 1
+particles: {p: {mass: 1, position: [-1, 0, 0], velocity: [1, 0, 0]}}
+forces: {w: {potential: "sign(p.x)"}}
+simulation: {duration: 2, samples: 5}
+"""
+
+
+@pytest.mark.parametrize(
+    "fails",
+    [
+        lambda: lagcli.loads("lagcli: 1\nparticles: 3"),
+        lambda: lagcli.simulate(lagcli.loads(JUMPING)),
+        lambda: lagcli.simulate(lagcli.loads(PENDULUM), columns="zz"),
+        lambda: lagcli.plot("motion.doc", "figure.png"),
+    ],
+)
+def test_what_is_raised_comes_whole_from_another_process(fails: Callable[[], object]) -> None:
+    """A pool of processes that cannot read an exception waits for ever."""
+    with pytest.raises(Exception) as caught:  # noqa: PT011 - each of its own type
+        fails()
+    raised = caught.value
+    again = pickle.loads(pickle.dumps(raised))
+    assert (type(again), str(again), vars(again).keys()) == (type(raised), str(raised), vars(raised).keys())
+    if isinstance(raised, lagcli.ModelError):
+        assert again.diagnostics == raised.diagnostics
+    if isinstance(raised, lagcli.SimulationStopped):
+        assert (again.t, again.code, again.stats) == (raised.t, raised.code, raised.stats)
+        np.testing.assert_array_equal(again.trajectory.rows, raised.trajectory.rows)

@@ -1,5 +1,7 @@
 """The file endings that are written, so that a wrong one is refused before a long run and not after it."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 from typing import NamedTuple
@@ -32,10 +34,13 @@ class UnknownFormat(ValueError):
     """A file name ends in nothing that can be written."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
-        self.known = known
+        self.name, self.known = name, known
         super().__init__(
             f'"{name}": unknown format; known endings: {", ".join("." + ending for ending in known)}'
         )
+
+    def __reduce__(self) -> tuple[type[UnknownFormat], tuple[object, ...]]:
+        return type(self), (self.name, self.known)
 
 
 def is_table(path: str | os.PathLike[str]) -> bool:

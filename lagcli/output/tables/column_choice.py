@@ -1,5 +1,7 @@
 """Choice of table columns by name, as in ``--columns 't,lambda.*,R.a.*'``."""
 
+from __future__ import annotations
+
 import difflib
 import fnmatch
 import re
@@ -18,6 +20,9 @@ class UnknownColumn(ValueError):
         if ACCELERATION.fullmatch(pattern):
             hint = f"; accelerations are columns where they are outputs of the model: `outputs: {{acc: {pattern}}}`"
         super().__init__(f'no column matches "{pattern}"{hint}')
+
+    def __reduce__(self) -> tuple[type[UnknownColumn], tuple[object, ...]]:
+        return type(self), (self.pattern, self.nearest)
 
 
 def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -> list[int]:
