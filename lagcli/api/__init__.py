@@ -6,9 +6,7 @@ Out: the result of a command
 No physics and no printing here. What several commands need stands in rooms, each of which imports only from those
 before it:
 
-- `models`: reads and compiles; `cache` keeps compiled systems, which changes no answer
+- `models`: reads and compiles; compiled systems stay for another run, which changes no answer
 - `runs`: starts and resumes runs, each a `SimulationRun` of `output`
-- `points`: points of rest
-- `stiff`: runs beside a constrained one
 - `sweeps`: many runs
 """

@@ -9,7 +9,7 @@ from lagcli.analysis.check_report import Report
 from lagcli.analysis.classification import verdict
 from lagcli.api import assemble_start, count_dof
 from lagcli.api.models import cache
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.equations import jump_warnings

@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.equations import particle_form, size_limits

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.analysis.classification import classify
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
 from lagcli.equations import size_limits
 from lagcli.errors import diagnostics

@@ -9,7 +9,7 @@ from lagcli.analysis import free_particles
 from lagcli.analysis.classification import classify
 from lagcli.analysis.dof import DofCount
 from lagcli.api.models import cache
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.model.model import Model

@@ -19,7 +19,7 @@ from lagcli.model.model import Model
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.api.models.compiled_model import CompiledModel
+    from lagcli.api.models.cache import CompiledModel
     from lagcli.compiled import NumericSystem
     from lagcli.linearization.linear_modes import Modes
     from lagcli.linearization.linearized import LinearizedFunctions, Reference
@@ -160,7 +160,7 @@ def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
 
 def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
     """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
-    from lagcli.api.points import rest_point
+    from lagcli.api import rest_point
     from lagcli.linearization.linearized import Reference
     from lagcli.statics.refine import NoEquilibrium
 

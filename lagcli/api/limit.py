@@ -46,8 +46,8 @@ def limit(
     is not and for bad options.
     """
     # Other commands make no limit.
-    from lagcli.api.stiff import stiff_runs
-    from lagcli.api.stiff.constrained_run import LimitPlan
+    from lagcli.api import stiff_runs
+    from lagcli.api.constrained_run import LimitPlan
     from lagcli.formulations import stiff_ladder
 
     model = as_model(model)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from lagcli import progress
+from lagcli.api import rest_point, static_points
 from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model
-from lagcli.api.points import rest_point, static_points
-from lagcli.api.points.static_points import SEED, STARTS, StaticQuestion
+from lagcli.api.static_points import SEED, STARTS, StaticQuestion
 from lagcli.equations import level_functions
 from lagcli.input import given_expression
 from lagcli.model.model import Model

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.api import rest_point
 from lagcli.api.models import cache
-from lagcli.api.points import rest_point
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 
 HEAD = "lagcli: 1\n"

@@ -1,5 +1,5 @@
 """Models from files and texts, and their compiled systems.
 
 In: a path, text or `model.Model`
-Out: `model.Model`, `compiled_model.CompiledModel`
+Out: `model.Model`, `cache.CompiledModel`
 """

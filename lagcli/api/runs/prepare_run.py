@@ -10,7 +10,7 @@ from typing import NamedTuple
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api.models import cache
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path
 from lagcli.api.runs import run_settings
 from lagcli.model import settings

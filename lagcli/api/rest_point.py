@@ -8,7 +8,7 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification import classify
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import run_settings
 from lagcli.equations import jump_warnings, level_functions
 from lagcli.equations.system import System

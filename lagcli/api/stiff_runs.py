@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
-from lagcli.api.models.compiled_model import CompiledModel
+from lagcli.api import constrained_run
+from lagcli.api.constrained_run import IN_A_SWING, Constrained, LimitPlan
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
-from lagcli.api.stiff import constrained_run
-from lagcli.api.stiff.constrained_run import IN_A_SWING, Constrained, LimitPlan
 from lagcli.formulations import stiff_ladder, stiff_start, stiff_system
 from lagcli.formulations.stiff_ladder import Rung, StiffLimit
 from lagcli.formulations.stiff_system import Stiffness

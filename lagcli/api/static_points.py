@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.api.models.compiled_model import CompiledModel
-from lagcli.api.points.rest_point import StaticStart
+from lagcli.api.models.cache import CompiledModel
+from lagcli.api.rest_point import StaticStart
 from lagcli.statics import (
     all_zeros,
     one_unknown,
