@@ -20,7 +20,7 @@ from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
 from lagcli.simulation.events.singular_step_watch import SingularStepWatch
 from lagcli.simulation.events.step_watch import Ahead, StateAhead, StepWatch
-from lagcli.simulation.events.watch_functions import WatchFunctions, WatchKinds
+from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
@@ -54,7 +54,6 @@ class ContactEvent(Event):
         self._changes = ContactChanges(stepper)
         stepper.found.keeps_stages = True
         self._functions: dict[object, WatchFunctions] = {}
-        self._kinds_of: dict[WatchFunctions, WatchKinds] = {}
         self._watch: StepWatch | None = None
         # Of the step that was found: functions that cross zero at its end, a state beyond it.
         self._hits: tuple[int, ...] = ()
@@ -73,7 +72,7 @@ class ContactEvent(Event):
         if self._system.contacts.count:
             self._changes.begin()
         watch, at_zero = self._current(), ()
-        kinds = self._kinds(watch)
+        kinds = watch.functions.kinds
         if kinds.has_events:
             at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
         run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
@@ -121,9 +120,9 @@ class ContactEvent(Event):
         E = self._system.event_values.numel()
         if E:
             sides = before[-E:], after[-E:]
-            crossed, touched = declared_events.at_switch(watch, run, sides, self._changes.events.jumped)
+            crossed, touched = declared_events.at_switch(watch, sides, self._changes.events.jumped)
             self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
-            self._touched = [self._kinds(watch).first_event + number for number in touched]
+            self._touched = [watch.functions.kinds.first_event + number for number in touched]
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
@@ -153,14 +152,14 @@ class ContactEvent(Event):
             return
         if crossed:
             watch = self._current()
-            unarmed = {*run.contacts.unarmed, *declared_events.still(watch, self._kinds(watch), crossed)}
+            unarmed = {*run.contacts.unarmed, *declared_events.still(watch, crossed)}
             run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
         run.settle()
 
     def _cross(self, singular_step: SingularStep) -> None:
         """Look at the step across a singular configuration: it ends where a contact closes, or a stop event is."""
         run, found, watch = self._stepper, self._stepper.found, self._current()
-        kinds, curve = self._kinds(watch), SingularStepWatch(watch.functions, run, singular_step)
+        kinds, curve = watch.functions.kinds, SingularStepWatch(watch.functions, run, singular_step)
         # Multipliers may have a pole at the instant: contacts that are released are looked for beside it.
         are_watched = kinds.is_event.copy()
         are_watched[: len(watch.functions.open_)] = True
@@ -203,20 +202,13 @@ class ContactEvent(Event):
         if self._watch is None or not self._watch.is_of(run):
             selection = run.bound.enforced.selection, run.bound.enforced.invariant_values
             if selection not in self._functions:
-                count = len(self._system.rows.rows), self._system.contacts.count
-                self._functions[selection] = WatchFunctions(run.bound.numeric, run.method, count)
+                self._functions[selection] = WatchFunctions(run.bound.numeric, run.method, self._system)
             self._watch = StepWatch(self._functions[selection], run)
         return self._watch
 
-    def _kinds(self, watch: StepWatch) -> WatchKinds:
-        functions = watch.functions
-        if functions not in self._kinds_of:
-            self._kinds_of[functions] = WatchKinds(self._system, functions.open_, functions.enforced)
-        return self._kinds_of[functions]
-
     def _search(self, watch: StepWatch, limit: float) -> None:
         """Find the first incident that ends the step, and the events before it that are recorded."""
-        run, found, kinds = self._stepper, self._stepper.found, self._kinds(watch)
+        run, found, kinds = self._stepper, self._stepper.found, watch.functions.kinds
         indices = watch.doubtful()
         is_last = found.reached == run.grid.end
         if is_last and kinds.has_events:
@@ -245,13 +237,13 @@ class ContactEvent(Event):
                 return
             if crossing.x is None:
                 if limit == 1.0 and is_last:
-                    self._at_end = declared_events.arriving(watch, run, kinds, self._system.model.events)
+                    self._at_end = declared_events.arriving(watch)
                 return
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
-            self._crossed |= declared_events.crossed(watch, run, x, (indices[rows], noise[rows]), kinds)
+            self._crossed |= declared_events.crossed(watch, x, (indices[rows], noise[rows]))
             if not kinds.records[indices[rows]].all():
-                self._end_at(watch, x, indices[rows], kinds)
+                self._end_at(watch, x, indices[rows])
                 return
             if run.t + x * found.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
                 # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
@@ -287,7 +279,7 @@ class ContactEvent(Event):
         found.barrier, found.proposed = None, min(found.proposed, found.taken)
 
     def _event(self, watch: StepWatch, x: float, index: int, name: str) -> Incident:
-        t, state = declared_events.within(watch, self._stepper, x, index)
+        t, state = declared_events.within(watch, x, index)
         line = self._changes.log.line_of(t, state)
         return self._changes.log.incident(t, "event", name, InstantLines(line, line))
 
@@ -299,13 +291,13 @@ class ContactEvent(Event):
         run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
         self.act()
 
-    def _end_at(self, watch: StepWatch, x: float, rows: Indices, kinds: WatchKinds) -> None:
+    def _end_at(self, watch: StepWatch, x: float, rows: Indices) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
         taken = found.taken
         slopes = watch.inside(x)[1][rows] / taken
         self._ahead = Ahead(run, min(1.0, x + BEYOND * FARTHER**run.contacts.again))
-        self._hits = tuple(kinds.numbers[rows].tolist())
+        self._hits = tuple(watch.functions.kinds.numbers[rows].tolist())
         found.barrier = None
         steepest = int(np.argmax(np.abs(slopes)))
         index, slope = int(rows[steepest]), float(slopes[steepest])

@@ -4,17 +4,16 @@ zeros within a step, at a switch of a function of t, at the end of the run, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.contact import zero_search
-from lagcli.model.model import DeclaredEvent
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StepWatch
-from lagcli.simulation.events.watch_functions import DIRECTIONS, WatchKinds
+from lagcli.simulation.events.watch_functions import DIRECTIONS
 from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -78,17 +77,14 @@ class EventValues:
 
 
 def at_switch(
-    watch: StepWatch,
-    run: Stepper,
-    sides: tuple[Floats, Floats],
-    jumped: Callable[[Floats, Floats], list[int]],
+    watch: StepWatch, sides: tuple[Floats, Floats], jumped: Callable[[Floats, Floats], list[int]]
 ) -> tuple[list[int], list[int]]:
     """The events that cross zero, of those that are at zero on both sides, and all these, by their numbers.
 
     The next step would see no more than on which side rounding has put them. sides: values (E,) before and after;
     jumped: as `EventValues.jumped`.
     """
-    before, after = sides
+    run, (before, after) = watch.run, sides
     E = before.size
     rounding, values = watch.rounding()[-E:], np.maximum(np.abs(before), np.abs(after))
     at_zero = np.flatnonzero(values <= TOUCHED * rounding)
@@ -102,9 +98,9 @@ def at_switch(
     return [number for number in crosses if number in found], found
 
 
-def arriving(watch: StepWatch, run: Stepper, kinds: WatchKinds, events: Sequence[DeclaredEvent]) -> list[int]:
+def arriving(watch: StepWatch) -> list[int]:
     """The events, by their numbers, that go through zero at the end of the run, to rounding of its time."""
-    found = run.found
+    run, found, kinds = watch.run, watch.run.found, watch.functions.kinds
     begin = watch.inside(0.0)[0].copy()
     end, slope = watch.inside(1.0)
     room = np.abs(slope) / found.taken * AT_END * math.ulp(found.reached)
@@ -112,14 +108,14 @@ def arriving(watch: StepWatch, run: Stepper, kinds: WatchKinds, events: Sequence
     arrives &= (kinds.direction == zero_search.BOTH) | (np.sign(slope) == kinds.direction)
     last = run.origin + found.reached - AT_END * math.ulp(found.reached)
     reported = {incident.name for incident in found.within if incident.t >= last}
-    numbers = kinds.numbers - kinds.first_event
-    return [int(e) for e in numbers[arrives] if e >= 0 and events[e].name not in reported]
+    indices = np.flatnonzero(arrives & kinds.is_event).tolist()
+    return [int(kinds.numbers[i]) - kinds.first_event for i in indices if kinds.names[i] not in reported]
 
 
-def within(watch: StepWatch, run: Stepper, x: float, index: int) -> tuple[float, Floats]:
+def within(watch: StepWatch, x: float, index: int) -> tuple[float, Floats]:
     """The time of a zero of a watched function within a step, by its index among them, and the state there: from the
     part x of the step on, by a step of its own up to there."""
-    found, bound = run.found, run.bound
+    run, found, bound = watch.run, watch.run.found, watch.run.bound
     step = bound.enforced.functions.scheme(run.method).step
     _, _, y, k, tolerance, p = bound.step.arguments
     slope = float(watch.inside(x)[1][index]) / found.taken
@@ -139,12 +135,10 @@ def within(watch: StepWatch, run: Stepper, x: float, index: int) -> tuple[float,
     return run.t + tau, state
 
 
-def crossed(
-    watch: StepWatch, run: Stepper, x: float, crossing: tuple[Indices, Floats], kinds: WatchKinds
-) -> dict[int, float]:
+def crossed(watch: StepWatch, x: float, crossing: tuple[Indices, Floats]) -> dict[int, float]:
     """The declared events, by their numbers, among functions that cross zero at the part x of a step, with what their
     values there may be: their noise, and what the rounding of the time makes. crossing: indices and noise (k,)."""
-    indices, noise = crossing
+    run, kinds, (indices, noise) = watch.run, watch.functions.kinds, crossing
     chosen = kinds.is_event[indices]
     if not chosen.any():
         return {}
@@ -153,10 +147,10 @@ def crossed(
     return dict(zip(kinds.numbers[indices[chosen]].tolist(), known[chosen].tolist(), strict=True))
 
 
-def still(watch: StepWatch, kinds: WatchKinds, known: dict[int, float]) -> list[int]:
+def still(watch: StepWatch, known: dict[int, float]) -> list[int]:
     """The events among `crossed` that are at zero where the run stands, as where an impact follows at once:
     they do not cross there again."""
     if not known:
         return []
-    values = dict(zip(kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True))
+    values = dict(zip(watch.functions.kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True))
     return [number for number, noise in known.items() if values[number] <= noise]

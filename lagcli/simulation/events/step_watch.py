@@ -24,10 +24,10 @@ EPS = float(np.finfo(float).eps)
 
 
 class StepWatch:
-    """w (W,) of `WatchFunctions` along a step."""
+    """w (W,) of `WatchFunctions` along a step of a run."""
 
     def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
-        self.functions, self._run, self._bound = functions, run, run.bound
+        self.functions, self.run, self._bound = functions, run, run.bound
         t, x = np.zeros(1), np.zeros(1)
         self._at, self._state = t, x
         self._t, self._x = cells(t), cells(x)
@@ -40,7 +40,7 @@ class StepWatch:
 
     @property
     def _arguments(self) -> list[Floats]:
-        bound = self._run.bound
+        bound = self.run.bound
         _, h, y, k, _, _ = bound.step.arguments
         return [self._at, h, y, k, bound.new, bound.k_new, bound.p]
 
@@ -51,7 +51,7 @@ class StepWatch:
     @cached_property
     def _inside(self) -> BoundFunction:
         t, h, y, _, _, _, p = self._arguments
-        coefficients = self._run.rows.dense.results[0].T
+        coefficients = self.run.rows.dense.results[0].T
         return BoundFunction(self.functions.inside, [t, h, self._state, y, coefficients, p])
 
     @cached_property
@@ -80,7 +80,7 @@ class StepWatch:
 
     def is_clear(self) -> bool:
         """True if no function has a zero in the step, as far as its ends tell."""
-        self._t[0] = self._run.origin + self._run.t
+        self._t[0] = self.run.origin + self.run.t
         self.deepest, self._is_screened, self._near = 0.0, False, None
         if self._hull is not None and self._floor is not None:
             self._hull.trigger()
@@ -102,27 +102,27 @@ class StepWatch:
     def _screened(self) -> Floats:
         """The results of the screening of the step, made when they are first asked for."""
         if not self._is_screened:
-            self._t[0] = self._run.origin + self._run.t
+            self._t[0] = self.run.origin + self.run.t
             self._screen.trigger()
             self._is_screened = True
         return self._screen.results[0]
 
     def inside(self, x: float) -> tuple[Floats, Floats]:
         """w and dw/dx at the fraction x of the dense output, in memory that the next call overwrites."""
-        self._t[0], self._x[0] = self._run.origin + self._run.t, x
+        self._t[0], self._x[0] = self.run.origin + self.run.t, x
         self._inside.trigger()
         w, slope = self._inside.results
         return w, slope
 
     def begin(self) -> Floats:
         """w where the run stands."""
-        self._t[0] = self._run.origin + self._run.t
+        self._t[0] = self.run.origin + self.run.t
         self._begin.trigger()
         return self._begin.results[0].copy()
 
     def beside(self, t: float, offset: float) -> Floats:
         """w (2, W) on the tangents of the motion: before where the run stands, and after the end of a step at t."""
-        run, bound, at = self._run, self._bound, self._scratch
+        run, bound, at = self.run, self._bound, self._scratch
         found = []
         for sign, when, y, k in ((-1, run.t, bound.y, bound.k), (1, t, bound.new, bound.k_new)):
             at.arguments[0][0], at.arguments[1][:] = run.origin + when + sign * offset, y + sign * offset * k
@@ -133,13 +133,13 @@ class StepWatch:
     def rounding(self) -> Floats:
         """Rounding of w (W,) by that of the state, in the step that was found: the middle one of what it is at its
         ends and between them, for it may be nothing at one point and grow beyond all bounds at another."""
-        run, bound = self._run, self._bound
+        run, bound = self.run, self._bound
         begin, end = (run.t, bound.y), (run.found.reached, bound.new)
         middle = (run.t + run.found.reached) / 2, (bound.y + bound.new) / 2
         return np.median([self._rounding_at(*state) for state in (begin, middle, end)], axis=0)
 
     def _rounding_at(self, when: float, y: Floats) -> Floats:
-        run, n = self._run, (y.size - 1) // 2
+        run, n = self.run, (y.size - 1) // 2
         h, t = run.found.reached - run.t, run.origin + when
         at, q, velocity, _ = self._sizes.arguments
         at[0], q[:], velocity[:] = t, y[:n], y[n : 2 * n]
@@ -162,7 +162,7 @@ class StepWatch:
 
     def end(self, t: float) -> Floats:
         """w at the end of the step, which is at t, in memory that the next call overwrites."""
-        self._t[0] = self._run.origin + t
+        self._t[0] = self.run.origin + t
         self._end.trigger()
         return self._end.results[0]
 

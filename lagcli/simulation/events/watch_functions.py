@@ -31,15 +31,20 @@ class WatchFunctions:
     """Functions w (W,) for one set of closed contacts, in this order: g of the contacts `open_`, lambda of those
     `closed`, -load of those that lie `idle`, `when` of the events."""
 
-    def __init__(self, numeric: NumericSystem, method: Method, count: tuple[int, int]) -> None:
-        C, K = count
-        self._numeric, self._method = numeric, method
+    def __init__(self, numeric: NumericSystem, method: Method, system: System) -> None:
+        C, K = len(system.rows.rows), system.contacts.count
+        self._numeric, self._method, self._system = numeric, method, system
         self.closed = [i - C for i in numeric.closed_rows]
         self.idle = [i - C for i in numeric.idle_rows]
         self.enforced = [*self.closed, *self.idle]
         self.open_ = sorted(set(range(K)) - set(self.enforced))
         self._first = C
         self._events = numeric.event_values.numel_out(0)
+
+    @cached_property
+    def kinds(self) -> WatchKinds:
+        """See `WatchKinds`."""
+        return WatchKinds(self._system, self.open_, self.enforced)
 
     @cached_property
     def watched(self) -> Compiled:
