@@ -141,10 +141,10 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
             points = _generic(system, numeric, begin, holonomic_rows, later)
         on = _ranks(numeric, points, holonomic_rows, effective)
         conflict.require_lasting(system, numeric, begin)
-    doubt = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
-    doubt = doubt or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
+    open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
+    open_reason = open_reason or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
     rank_beyond = on.highest[1] - on.highest[0]
-    reason = doubt or _undecided_rows(found, rank_beyond)
+    reason = open_reason or _undecided_rows(found, rank_beyond)
     n, decided = system.symbols.q.numel(), reason == ""
     s = (surface.codimension or 0) + (found.flag[-1] if decided else 0)
     total = (surface.codimension or 0) + rank_beyond
@@ -161,11 +161,11 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         proof=_proof(found, surface) if decided else "none",
         # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither
         # does the number of rows.
-        bounds=(0, n - on.of_holonomic[0].low) if doubt else _bounds(n, surface, total, found),
+        bounds=(0, n - on.of_holonomic[0].low) if open_reason else _bounds(n, surface, total, found),
         reason=reason,
         redundant_rows=tuple(names[i] for i in redundant if decided),
         start_rank=on.everything[0].value,
-        notes=() if doubt else (*_notes(on, surface, rank_beyond), *found.notes),
+        notes=() if open_reason else (*_notes(on, surface, rank_beyond), *found.notes),
         rows=len(holonomic_rows),
         rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
     )

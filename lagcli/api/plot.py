@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lagcli.output.charts.chart import ChartData
     from lagcli.output.charts.chart_table import ChartTable
     from lagcli.output.charts.compose import ChartChoice
-    from lagcli.output.figures.sheet import NotebookFigure
+    from lagcli.output.figures.figure_page import NotebookFigure
 
 
 def plot(

@@ -151,8 +151,8 @@ class _StiffRuns:
             value, apart = stiff_ladder.mean_of_swings(t, error)
             mean = abs(value), apart
         largest = float(np.abs(error[rows]).max())
-        doubt = float(followed.uncertainty.max(initial=0.0))
-        return Rung(k, largest, *mean, followed.steps, doubt, followed.force[rows])
+        uncertainty = float(followed.uncertainty.max(initial=0.0))
+        return Rung(k, largest, *mean, followed.steps, uncertainty, followed.force[rows])
 
     def _swings(self, k: float) -> float:
         """Swings of the row in the duration of the run."""
@@ -184,8 +184,8 @@ class _StiffRuns:
         again, _, _ = self._force(k, (q, v), loose)
         rows = constrained_run.spaced(len(force), refined)
         t = constrained.at(1)[0]
-        doubt = np.abs(again - force[rows]) / LARGER + ROUNDINGS * self._size * k.at(t)
-        return _Followed(force, steps, seconds, doubt)
+        uncertainty = np.abs(again - force[rows]) / LARGER + ROUNDINGS * self._size * k.at(t)
+        return _Followed(force, steps, seconds, uncertainty)
 
     def _force(
         self, k: Stiffness, begin: tuple[Floats, Floats], settings: Simulation
@@ -231,13 +231,13 @@ class _StiffRuns:
         if not (one.uncertainty > 0 and last.uncertainty > 0 and one.max_error > 0 and last.max_error > 0):
             return ""
         step = math.log(k / last.stiffness) / math.log(last.stiffness / one.stiffness)
-        doubt = last.uncertainty * max(1.0, last.uncertainty / one.uncertainty) ** step
+        uncertainty = last.uncertainty * max(1.0, last.uncertainty / one.uncertainty) ** step
         error = last.max_error * (last.max_error / one.max_error) ** step
-        if doubt <= error:
+        if uncertainty <= error:
             return ""
         return (
-            f"at k = {k:.4g} tolerance and rounding would make the force uncertain by {doubt:.1g}, more than its error"
-            f" {error:.1g}: that run was not begun"
+            f"at k = {k:.4g} tolerance and rounding would make the force uncertain by {uncertainty:.1g}, more than its"
+            f" error {error:.1g}: that run was not begun"
         )
 
     def _forecast(self, k: float, timed: tuple[float, _Followed] | None) -> str:

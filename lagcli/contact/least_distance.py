@@ -63,15 +63,15 @@ def shortest(A: Floats, h: Floats) -> Shortest:
     factor = A.T if n <= count else np.asarray(np.linalg.qr(A.T, mode="r"), dtype=float)
     target = np.zeros(min(n, count) + 1)
     target[-1] = 1.0
-    doubt = None
+    cause = None
     for weights in proposals(np.vstack([factor, h / largest]), target):
         if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= NONE_LEFT:
             raise ContradictoryRows(_numbers(weights > WEIGHT * weights.max()))
         try:
             return _settled(A, h, list(_numbers(weights > 0)))
         except UndecidedRows as error:
-            doubt = error
-    raise UndecidedRows("rows too near dependent ones") from doubt
+            cause = error
+    raise UndecidedRows("rows too near dependent ones") from cause
 
 
 def _numbers(flags: npt.NDArray[np.bool_]) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 
 On a piece of width w, with u in [0, 1] along it, a function lies between p(u) - 16 d u^2 (1 - u)^2 and
 p(u) + 16 d u^2 (1 - u)^2: p is the cubic through the values and slopes of both ends (Hermite), which has exactly
-this shape of error, and the doubt d the largest misfit in the piece. Both bounds have degree 4, and a polynomial lies
+this shape of error, and the misfit d the largest misfit in the piece. Both bounds have degree 4, and a polynomial lies
 within its Bernstein coefficients and has at most as many roots as these change sign (Descartes). Of the five
 coefficients d moves one, that in the middle, by 8 d / 3.
 
@@ -23,12 +23,12 @@ Floats = npt.NDArray[np.float64]
 Number = TypeVar("Number", float, Floats)
 
 EPS = float(np.finfo(float).eps)
-# The misfit of a piece that was cut is the doubt about its parts, this many times as large as a kink would leave.
+# The misfit of a piece that was cut is the misfit about its parts, this many times as large as a kink would leave.
 SAFETY = 4.0
 # The cubic is trusted to say how often a function leaves its side, and where the next value is worth most, if the
-# doubt about it is this part of its range.
+# misfit about it is this part of its range.
 TRUSTED = 0.1
-# After the first cut, the doubt is this part of what the cubics bend at the least.
+# After the first cut, the misfit is this part of what the cubics bend at the least.
 WARY = 0.5
 # A root of a cubic is looked for in so many steps.
 STEPS = 60
@@ -81,7 +81,7 @@ def extent(b: Cubic[Number], misfit: Number) -> tuple[Number, Number]:
 def misfit(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Number) -> Number:
     """The misfit (A + B (u - c)) u^2 (1 - u)^2 that value and slope at the part c of the piece, inner, show.
 
-    noise: rounding of the function, which is no misfit. In the parts of the piece the doubt is c times and 1 - c
+    noise: rounding of the function, which is no misfit. In the parts of the piece the misfit is c times and 1 - c
     times this.
     """
     (g, m0, end, m1), (value, slope) = ends, inner

@@ -101,7 +101,7 @@ class _Point(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """A piece of the step for one function, and the doubt about its cubic there."""
+    """A piece of the step for one function, and the misfit about its cubic there."""
 
     left: _Point
     right: _Point
@@ -128,7 +128,7 @@ class _Piece(NamedTuple):
         return [_Piece(inner, self.right, (1 - c) * misfit), _Piece(self.left, inner, c * misfit)]
 
     def with_least_misfit(self) -> _Piece:
-        """The piece with no less doubt than a part of how much the cubic bends: one misfit may be small by chance."""
+        """The piece with no less misfit than a part of how much the cubic bends: one misfit may be small by chance."""
         return _Piece(self.left, self.right, max(self.misfit, WARY * zero_bounds.bend(self.cubic)))
 
 

@@ -121,7 +121,7 @@ def _constants(system: Symbolic, signs: Signs) -> list[Line]:
     """Parameters that stand as numbers, and the constants of rigid bodies."""
     found = []
     for name, value in system.table.substituted.items():
-        left = f.FormulaWords(name)
+        left = f.FormulaText(name)
         right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
         found.append(Line(sides=(left, right), kind="value"))
     for symbol, number in system.constants.items():
@@ -159,4 +159,4 @@ def _shortened(node: f.FormulaNode) -> f.FormulaNode:
     if not isinstance(node, f.FormulaSum) or len(node.terms) <= TERMS:
         return node
     gone = len(node.terms) - 4
-    return f.FormulaSum((*node.terms[:3], (1, f.FormulaWords(f"… ({gone} terms left out)")), node.terms[-1]))
+    return f.FormulaSum((*node.terms[:3], (1, f.FormulaText(f"… ({gone} terms left out)")), node.terms[-1]))

@@ -107,8 +107,8 @@ class Crossings:
                 low = middle
             else:
                 high = middle
-        aside, owner = jump_search.ASIDE, self.owners[k]
-        parts = low - 2 * aside, low - aside, high + aside, high + 2 * aside
+        offset, owner = jump_search.OFFSET, self.owners[k]
+        parts = low - 2 * offset, low - offset, high + offset, high + 2 * offset
         values = np.array([way.values(part)[owner] for part in parts])
         return Jump(low, self.subjects[owner], self.words[k]) if jump_search.is_jump(values) else None
 

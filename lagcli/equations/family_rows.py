@@ -57,7 +57,7 @@ class FamilyBlock:
 
 
 def block(law: nouns.Law, environment: Environment) -> FamilyBlock | None:
-    """The rows of a law, or None where they are better laid down over columns."""
+    """The rows of a law, or None where they are better built over columns."""
     if law.members.count < WORTH or _has_index_in_exponent(law):
         return None
     leaves = MemberLeaves(environment)
@@ -67,8 +67,8 @@ def block(law: nouns.Law, environment: Environment) -> FamilyBlock | None:
         )
     except NotMappable:
         return None
-    lay = differential if isinstance(law, nouns.Differential) else holonomic
-    one = lay(ca.densify(ca.vertcat(*values)), leaves)
+    build = differential if isinstance(law, nouns.Differential) else holonomic
+    one = build(ca.densify(ca.vertcat(*values)), leaves)
     count = law.members.count
     mapped = leaves.mapped([one.f, ca.vec(one.B.nz[:]), one.b, one.gamma], count)
     f, entries, b, gamma = (ca.vec(output) for output in mapped)

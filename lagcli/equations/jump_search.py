@@ -21,7 +21,7 @@ StateValues = tuple[float, Floats, Floats]
 HALVINGS = 60
 # A value jumps where it differs across a switch by so many times what it changes by in the same distance, ASIDE of the
 # way, on either side, and by more than its rounding.
-ASIDE, ABRUPT, ROUNDED = 1e-9, 10.0, 1e-10
+OFFSET, ABRUPT, ROUNDED = 1e-9, 10.0, 1e-10
 # Points of a switch are sought from so many starts, of the size of the start, by so many steps of Newton's method.
 POINTS, NEWTON, ON_SWITCH = 12, 30, 1e-9
 # The numbers between which a value lies, whatever state and parameters are.
@@ -111,7 +111,7 @@ def examples(found: Sequence[Switch], most: int) -> list[Switch]:
 
 
 def is_jump(values: Floats) -> npt.NDArray[np.bool_]:
-    """True where values (4, ...) at 2 and 1 ASIDE before a switch, and as far behind it, jump there."""
+    """True where values (4, ...) at 2 and 1 OFFSET before a switch, and as far behind it, jump there."""
     a, b, c, d = values
     least = np.maximum(ABRUPT * np.maximum(abs(b - a), abs(d - c)), ROUNDED * np.maximum(abs(b), abs(c)))
     return np.asarray(abs(c - b) > least)
@@ -177,7 +177,7 @@ def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> 
         at = begin.q[value.moving][:, numbers]
         own = np.searchsorted(value.moving, switch.moving)
         values = []
-        for part in (low - 2 * ASIDE, low - ASIDE, high + ASIDE, high + 2 * ASIDE):
+        for part in (low - 2 * OFFSET, low - OFFSET, high + OFFSET, high + 2 * OFFSET):
             at[own] = point(part)
             values.append(value.at(begin, at)[0])
         return bool(is_jump(np.array(values)).any())
@@ -202,7 +202,7 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
         if not is_going.any():
             break
     numbers = np.flatnonzero(is_there)
-    return numbers, x[:, numbers], begin.size * ASIDE**0.5 * slopes[:, numbers]
+    return numbers, x[:, numbers], begin.size * OFFSET**0.5 * slopes[:, numbers]
 
 
 def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:

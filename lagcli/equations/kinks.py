@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 
 # How far off a switch its two sides are looked at, as a part of the size of the coordinates or of the way taken, and
 # the part of a gradient by which these must differ: a change that is only steep is no jump.
-ASIDE, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
+OFFSET, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
 HALVINGS = 60
 
 
@@ -45,7 +45,7 @@ class Kinks:
         here = self._slopes(t, q, p)
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
-            for h in (ASIDE, FURTHER)
+            for h in (OFFSET, FURTHER)
         )
         scale = np.abs(here).max(axis=1, initial=0.0) + far
         # Where the slopes of both sides draw near as their distance shrinks there is no jump.
@@ -90,7 +90,7 @@ class Kinks:
                 low = middle
             else:
                 high = middle
-        one, other = (self._slopes(*point(part), p)[k] for part in (low - ASIDE, high + ASIDE))
+        one, other = (self._slopes(*point(part), p)[k] for part in (low - OFFSET, high + OFFSET))
         return bool(np.abs(one - other).max(initial=0.0) > JUMP * np.abs(one).max(initial=0.0))
 
     def _slopes(self, t: float, q: Floats, p: Floats) -> Floats:

@@ -113,7 +113,7 @@ def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> Co
 
 
 class _RowGroup:
-    """The rows of one kind of law, in their order; neighbours that cannot be mapped are laid down together."""
+    """The rows of one kind of law, in their order; neighbours that cannot be mapped are built together."""
 
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
@@ -141,11 +141,11 @@ class _RowGroup:
         self.names += names
 
     def blocks(
-        self, lay: Callable[[ca.SX, Environment], family_rows.FamilyBlock]
+        self, build: Callable[[ca.SX, Environment], family_rows.FamilyBlock]
     ) -> list[family_rows.FamilyBlock]:
-        """All rows; `lay` makes a block of values."""
+        """All rows; `build` makes a block of values."""
         return [
-            lay(_stack(part), self._environment) if isinstance(part, list) else part for part in self._parts
+            build(_stack(part), self._environment) if isinstance(part, list) else part for part in self._parts
         ]
 
 

@@ -94,10 +94,10 @@ def functions(model: nouns.Model) -> TimeFunctions | None:
     record = _Record()
     leaves = _Leaves(model, timed.names)
     # Each after those it uses, so that a chain of any length needs no deep stack.
-    aside = _Record(math.inf)
+    discarded = _Record(math.inf)
     for step in model.order:
         if isinstance(step, str):
-            leaves.define(step, record if step in timed.names else aside)
+            leaves.define(step, record if step in timed.names else discarded)
     for law, variables in timed.laws:
         _walk(law, _Algebra(record, leaves, variables))
     for law, variables in timed.on_particles:

@@ -1,6 +1,6 @@
 """The errors and warnings about a model file: located, coded, collected, and raised once.
 
-A diagnostic is data. How it looks on a terminal is decided here too (`render`), so that every door of the
+A diagnostic is data. How it looks on a terminal is decided here too (`render`), so that every entrance of the
 program prints the same thing; what a code means at length stands in `catalogue`.
 """
 

@@ -127,7 +127,7 @@ class _Document:
         outputs = self._outputs()
         events = self._named("events", functools.partial(event_entries.event, self._formulas))
         simulation = simulation_section.simulation(
-            self._formulas, self._root.get("simulation"), particles, self._scope.names.rolls
+            self._formulas, self._root.get("simulation"), particles, self._scope.names.member_indices
         )
         if not particles and not coordinates and not self._found.has_errors:
             message = "the model has no particles and no coordinates"
@@ -292,7 +292,7 @@ class _Document:
 
     def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
         masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
-        complete = masses.size == len(self._scope.names.rolls["particle"])
+        complete = masses.size == len(self._scope.names.member_indices["particle"])
 
         def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Force | None:
             formulas = self._formulas_of("forces", name)

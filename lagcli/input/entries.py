@@ -258,7 +258,7 @@ def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kin
     if len(named) == 1:
         return named[0][0], model.Action(targets[0], acting[0])
     # A target named twice is acted on once.
-    total = len(formulas.scope.names.rolls[named[0][0]])
+    total = len(formulas.scope.names.member_indices[named[0][0]])
     pairs = np.unique(np.concatenate(acting) * total + np.concatenate(targets))
     return named[0][0], model.Action(pairs % total, pairs // total)
 
@@ -276,12 +276,12 @@ def references(
     listed = name_list(formulas, node)
     if listed is None:
         return None
-    rolls = formulas.scope.names.rolls
+    member_indices = formulas.scope.names.member_indices
     if everything and [n.value.strip() for n in listed] == ["all"]:
-        if not len(rolls["particle"]) and not formulas.scope.names.of("particle"):
+        if not len(member_indices["particle"]) and not formulas.scope.names.of("particle"):
             formulas.report(node, "no-particles", "there are no particles for `all` to stand for")
             return None
-        return [("particle", np.arange(len(rolls["particle"])), False)]
+        return [("particle", np.arange(len(member_indices["particle"])), False)]
     found = []
     for name in listed:
         one = _reference(formulas, name, kinds, everything)
@@ -310,7 +310,11 @@ def _reference(
         if formulas.scope.names.is_broken(base):
             return None
         if isinstance(written, tree.Name) and formulas.scope.names.is_family(base):
-            return kind, np.array(formulas.scope.names.rolls[kind].family(base), dtype=np.int64), False
+            return (
+                kind,
+                np.array(formulas.scope.names.member_indices[kind].family(base), dtype=np.int64),
+                False,
+            )
         numbers = formulas.scope.indexed.numbers(written, formulas.members.variables)
         return kind, numbers, isinstance(written, tree.Index)
     except ExpressionError as error:

@@ -100,7 +100,7 @@ class _Members:
         by_name: dict[str, list[int]],
     ) -> None:
         self._formulas, self._particles, self._units, self._by_name = formulas, particles, units, by_name
-        self._roll = MemberIndex([particle.members for particle in particles])
+        self._member_index = MemberIndex([particle.members for particle in particles])
         self._unit_of = {unit.entry: n for n, unit in enumerate(units) if unit.entry is not None}
 
     def steps(self, group: list[int]) -> list[str | Batch]:
@@ -155,12 +155,12 @@ class _Members:
         self, node: tree.Node, number: int, variables: Mapping[str, model.Integers], group: set[int]
     ) -> list[tuple[Node, set[Node]]]:
         count = self._units[number].count
-        if isinstance(node, tree.Index) and node.owner in self._roll:
+        if isinstance(node, tree.Index) and node.owner in self._member_index:
             targets = np.broadcast_to(self._formulas.scope.indexed.numbers(node, variables), count)
-            entries = self._roll.entries(targets)
+            entries = self._member_index.entries(targets)
             pairs = enumerate(zip(targets.tolist(), entries.tolist(), strict=True))
             return [
-                ((number, k), {(self._unit_of[entry], target - self._roll.first(entry))})
+                ((number, k), {(self._unit_of[entry], target - self._member_index.first(entry))})
                 for k, (target, entry) in pairs
                 if self._unit_of.get(entry) in group
             ]

@@ -59,32 +59,32 @@ class Indexed:
         if self._names.is_broken(base):
             raise namespace.broken(node)
         if isinstance(node, tree.Name):
-            return self._names.rolls[kind].find(base, ())
-        return self.find(node, self._names.rolls[kind], self._names.is_family(base), variables)
+            return self._names.member_indices[kind].find(base, ())
+        return self.find(node, self._names.member_indices[kind], self._names.is_family(base), variables)
 
     def find(
-        self, node: tree.Index, roll: MemberIndex, is_family: bool, variables: Mapping[str, Integers]
+        self, node: tree.Index, member_index: MemberIndex, is_family: bool, variables: Mapping[str, Integers]
     ) -> Integers:
-        """The numbers in `roll` of the members an index stands for. Raises `ExpressionError`."""
+        """The numbers in `member_index` of the members an index stands for. Raises `ExpressionError`."""
         base = node.owner
         if not is_family:
             message = f"`{base}` is no family and has no members"
             is_particle = self._names.kind(base) == "particle"
             hint = f"components are written `{base}.x`, `{base}.y`, `{base}.z`" if is_particle else ""
             raise ExpressionError("not-a-family", message, node.start, node.end, hint)
-        depth = roll.depth(base) if base in roll else None
+        depth = member_index.depth(base) if base in member_index else None
         if depth is not None and depth != len(node.indices):
             word = "index" if depth == 1 else "indices"
             message = f"the members of `{base}` have {depth} {word}, but {len(node.indices)} were given"
             raise ExpressionError("no-such-member", message, node.start, node.end)
         indices = [integers.evaluate(index, self.integer_lookup(variables)) for index in node.indices]
         try:
-            return roll.find(base, indices)
+            return member_index.find(base, indices)
         except MissingMember as missing:
             if depth is None:
                 message = f"the family `{base}` has no members"
                 raise ExpressionError("no-such-member", message, node.start, node.end) from None
-            least, most = roll.ends(base)
+            least, most = member_index.ends(base)
             hint = f"the members go from `{family.name(base, least)}` to `{family.name(base, most)}`"
             message = f"there is no member `{family.name(base, missing.indices)}`"
             member = missing.position if any(not isinstance(index, int) for index in indices) else None

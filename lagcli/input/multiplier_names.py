@@ -35,7 +35,7 @@ class LawNames:
     def __init__(self, names: Namespace, indexed: Indexed) -> None:
         self._names, self._indexed = names, indexed
         self._laws: dict[str, LawShape] = {}
-        self._roll = MemberIndex()
+        self._member_index = MemberIndex()
         self._shapes: list[Shape] = []  # of the entries of the roll
 
     def __contains__(self, base: str) -> bool:
@@ -54,7 +54,7 @@ class LawNames:
             return ""
         law.shapes.append(shape)
         self._shapes.append(shape)
-        return self._roll.add(members)
+        return self._member_index.add(members)
 
     def multiplier(self, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
         """The facts of `multiplier(argument)`. Raises `ExpressionError`."""
@@ -91,8 +91,10 @@ class LawNames:
             raise self._names.bare(argument, name)
         shapes: set[Shape] = set(law.shapes)
         if isinstance(argument, tree.Index):
-            numbers = self._indexed.find(argument, self._roll, law.is_family, variables)
-            shapes = {self._shapes[entry] for entry in set(self._roll.entries(numbers).tolist())} or shapes
+            numbers = self._indexed.find(argument, self._member_index, law.is_family, variables)
+            shapes = {
+                self._shapes[entry] for entry in set(self._member_index.entries(numbers).tolist())
+            } or shapes
         return name, shapes
 
 

@@ -56,7 +56,7 @@ class Namespace:
         self._families: set[str] = set()
         self._hints: dict[str, str] = {}
         self.laws: set[str] = set()  # names of constraints, for hints
-        self.rolls: dict[Kind, MemberIndex] = {kind: MemberIndex() for kind in NUMBERED}
+        self.member_indices: dict[Kind, MemberIndex] = {kind: MemberIndex() for kind in NUMBERED}
         self._numbered: dict[Kind, list[str]] = {kind: [] for kind in NUMBERED}  # keys, as in the roll
 
     def __contains__(self, base: str) -> bool:
@@ -93,7 +93,7 @@ class Namespace:
         """Number the members of a particle, coordinate or output entry; the name of one that is there already."""
         kind = self._entries[key].kind
         self._numbered[kind].append(key)
-        return self.rolls[kind].add(members)
+        return self.member_indices[kind].add(members)
 
     def define(self, key: str, find: Callable[[], Either | None], uses: Iterable[str] = ()) -> None:
         """Say how the facts of a declared entry are found; from here on it may be used."""

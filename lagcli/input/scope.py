@@ -100,7 +100,7 @@ class Scope:
         if not names.is_reached(base):
             names.value(node, base)
         numbers = self.indexed.numbers(node, variables)
-        keys = names.keys(base, sorted(set(names.rolls[kind].entries(numbers).tolist())))
+        keys = names.keys(base, sorted(set(names.member_indices[kind].entries(numbers).tolist())))
         value = _together(node, [names.value_of(node, key, base) for key in keys])
         if kind == "particle" and node.member:
             return _particle_member(node, value, node.member)

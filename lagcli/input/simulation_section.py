@@ -13,16 +13,19 @@ from lagcli.input.scalars import Formulas
 from lagcli.model import model, settings
 from lagcli.model.family import MemberIndex
 
-Rolls = Mapping[namespace.Kind, MemberIndex]
-KeepTargets = tuple[tuple[model.Particle, ...], Rolls]  # what `keep` may name
+MemberIndices = Mapping[namespace.Kind, MemberIndex]
+KeepTargets = tuple[tuple[model.Particle, ...], MemberIndices]  # what `keep` may name
 
 
 def simulation(
-    formulas: Formulas, node: yaml_tree.AnyNode | None, particles: tuple[model.Particle, ...], rolls: Rolls
+    formulas: Formulas,
+    node: yaml_tree.AnyNode | None,
+    particles: tuple[model.Particle, ...],
+    member_indices: MemberIndices,
 ) -> model.Simulation:
     """The settings of the section; what is wrong with them is reported.
 
-    rolls: the members that `keep` may name.
+    member_indices: the members that `keep` may name.
     """
     default = model.Simulation()
     if node is None or yaml_tree.is_empty(node):
@@ -32,7 +35,7 @@ def simulation(
         return default
     read: dict[str, Any] = {}
     for key, value in fields.items():
-        setting = _setting(formulas, key, value, (particles, rolls))
+        setting = _setting(formulas, key, value, (particles, member_indices))
         if setting is not None:
             read[key] = setting
     if "samples" in fields and "output_step" in fields:
@@ -66,7 +69,10 @@ def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, targets: Kee
 
 
 def _keep(
-    formulas: Formulas, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...], rolls: Rolls
+    formulas: Formulas,
+    node: yaml_tree.AnyNode,
+    particles: tuple[model.Particle, ...],
+    member_indices: MemberIndices,
 ) -> tuple[str, ...] | None:
     listed = [] if yaml_tree.is_empty(node) else entries.name_list(formulas, node)
     if listed is None:
@@ -86,7 +92,7 @@ def _keep(
             continue
         named = entries.references(formulas, name, ("coordinate", "particle"))
         for kind, numbers, _ in named or ():
-            members = [rolls[kind].names[number] for number in numbers.tolist()]
+            members = [member_indices[kind].names[number] for number in numbers.tolist()]
             if kind != "coordinate":
                 _require_own(formulas, name, members, cartesian)
             found += members

@@ -65,6 +65,6 @@ def _member(formulas: Formulas, change: OfMember, kind: namespace.Kind) -> tuple
     except ExpressionError as error:
         hint = f"; {error.hint}" if error.hint else ""
         raise OverrideError(f"--set {change.name}: {error.message}{hint}") from None
-    roll = formulas.scope.names.rolls[kind]
-    entry = int(roll.entries(number)[0])
-    return entry, int(number[0]) - roll.first(entry)
+    member_index = formulas.scope.names.member_indices[kind]
+    entry = int(member_index.entries(number)[0])
+    return entry, int(number[0]) - member_index.first(entry)

@@ -27,7 +27,7 @@ EARLY = 0.3
 WEIGHT = 1e-7
 # Of many rows the pivots of their Gram matrix decide, with this added to its diagonal.
 SHIFT, PIVOT = 1e-13, 1e-10
-# Other rows are taken where their clearance is this many times as large.
+# Other rows are taken where their angle is this many times as large.
 BETTER = 4.0
 # Circuits that are reported one by one, and rows of one that are named.
 MOST_LISTED, MOST_NAMED = 6, 20

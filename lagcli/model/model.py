@@ -222,7 +222,7 @@ def _with_axes(members: Family, is_vector: bool) -> tuple[str, ...]:
 
 @frozen_value
 class RigidBody:
-    """Particles that form one rigid body, by their numbers; its rows are laid down in `rigid`."""
+    """Particles that form one rigid body, by their numbers; its rows are built in `rigid`."""
 
     name: str
     particles: tuple[int, ...]

@@ -38,11 +38,11 @@ class ModelNames:
         self.definitions = {d.name: d.expression.tree for d in model.definitions}
         self._numbers = {p.name: p.value for p in model.parameters if not isinstance(p.value, tuple)}
 
-    def numbers(self, node: Reference, roll: MemberIndex, variables: Variables) -> Integers:
+    def numbers(self, node: Reference, member_index: MemberIndex, variables: Variables) -> Integers:
         """The numbers of the members a reference stands for, (1,) or (K,)."""
         if isinstance(node, tree.Index):
-            return roll.find(node.owner, self._indices(node, variables))
-        return roll.find(node.owner if isinstance(node, tree.Member) else node.name, ())
+            return member_index.find(node.owner, self._indices(node, variables))
+        return member_index.find(node.owner if isinstance(node, tree.Member) else node.name, ())
 
     def names(self, node: Reference, variables: Variables) -> list[str]:
         """The names of what a reference stands for, one for each member, without a component."""

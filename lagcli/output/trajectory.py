@@ -17,7 +17,7 @@ from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.provenance import TableFacts
 
 if TYPE_CHECKING:
-    from lagcli.output.figures.sheet import NotebookFigure
+    from lagcli.output.figures.figure_page import NotebookFigure
 
 Floats = npt.NDArray[np.float64]
 
@@ -104,9 +104,9 @@ class Trajectory(dict[str, Floats]):
     def units(self) -> dict[str, str]:
         """The labels of the units of all columns, empty where they are not known."""
         # What is only computed with needs no words.
-        from lagcli.output.charts import chart_words
+        from lagcli.output.charts import chart_texts
 
-        words = chart_words.ColumnWords(self.columns, self.facts)
+        words = chart_texts.ColumnTexts(self.columns, self.facts)
         return {name: words.unit(name) for name in self.columns}
 
     def _repr_html_(self) -> str:

@@ -17,7 +17,7 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output.figures import decimate, figure, labels, panels, sheet
+from lagcli.output.figures import decimate, figure, figure_page, labels, panels
 from lagcli.output.files import formats
 
 
@@ -152,7 +152,7 @@ def test_names_and_titles_are_shown_to_the_letter() -> None:
 
 
 def test_a_letter_that_no_font_has_is_shown_by_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sheet, "FALLBACK_FONTS", ())
+    monkeypatch.setattr(figure_page, "FALLBACK_FONTS", ())
     assert "\\u632f\\u308a\\u5b50" in words(compose(*run(["振り子"], [])))
     assert "größe_λ_ж" in words(compose(*run(["größe_λ_ж"], [])))
 

@@ -46,7 +46,7 @@ DOORS = {
     "matplotlib": (
         "lagcli.output.figures.figure",
         "lagcli.output.figures.axis_scale",
-        "lagcli.output.figures.sheet",
+        "lagcli.output.figures.figure_page",
         "lagcli.output.charts.chart_figure",
         "lagcli.output.figures.loop_figure",
         "lagcli.output.figures.audit_figure",

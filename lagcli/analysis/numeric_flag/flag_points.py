@@ -115,7 +115,7 @@ class Points:
         """The point with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
         if self.start.all.low < count or self.start.first < len(self.start.differential):
-            self.walk()
+            self.flow()
         return max(enumerate(self.visited), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
     def both_sides_turn(self) -> bool:
@@ -126,7 +126,7 @@ class Points:
         points = [EvaluationPoint(block, self.start.x, self.start.p) for block in sides]
         return all(one.is_finite and one.first == len(one.independent) for one in points)
 
-    def walk(self) -> list[EvaluationPoint]:
+    def flow(self) -> list[EvaluationPoint]:
         """The start, and points on its orbit as far as flows lead."""
         count = 1 if self.start.rows.is_large else PARAMETERS.flows
         while len(self.visited) <= count:

@@ -58,7 +58,7 @@ def at(model: Model, text: str) -> Model:
     if not -len(rows) <= row < len(rows):
         raise NoSuchRow(f"{path}:{row}: it has {len(rows)} rows, from 0 to {len(rows) - 1}; -1 is the last")
     values = dict(zip([*names, *there], rows[row].tolist(), strict=True))
-    values |= _set_aside(model, names, rates)
+    values |= _changed_by_name(model, names, rates)
     q = np.array([values[name] for name in names])
     v = np.array([values.get(name, 0.0) for name in rates])
     for name, value in values.items():
@@ -80,7 +80,7 @@ def of_option(model: Model, text: str) -> Model:
         raise BadRequest(f"--from {error}") from None
 
 
-def _set_aside(model: Model, names: Sequence[str], rates: Sequence[str]) -> dict[str, float]:
+def _changed_by_name(model: Model, names: Sequence[str], rates: Sequence[str]) -> dict[str, float]:
     """The initial values that were changed by name, by their columns. Raises `NoSuchRow` for those of a family."""
     declared = dict(zip([*names, *rates], np.concatenate(system.start(model)).tolist(), strict=True))
     found: dict[str, float] = {}

@@ -127,11 +127,11 @@ class _UnknownError(Exception):
 
 
 class _Outputs:
-    """The outputs at the rows of a scene, and what they may use: multipliers, reactions, accelerations, energies,
+    """The outputs at the rows of a table, and what they may use: multipliers, reactions, accelerations, energies,
     earlier outputs. `known`: which columns follow from the rows."""
 
-    def __init__(self, laws: ModelLaws, scene: ModelOnTable, results: RecomputedResults) -> None:
-        self._laws, self._scene, self._results = laws, scene, results
+    def __init__(self, laws: ModelLaws, on_table: ModelOnTable, results: RecomputedResults) -> None:
+        self._laws, self._on_table, self._results = laws, on_table, results
         self._rows = {name: i for i, name in enumerate(laws.rows)}
         self._member_index = MemberIndex([output.members for output in laws.model.outputs])
         self._known: list[tuple[Array, ...]] = [()] * len(self._member_index)
@@ -139,27 +139,27 @@ class _Outputs:
 
     def values(self) -> Array:
         """The columns of all outputs, (T, columns)."""
-        found = [np.zeros((self._scene.rows, 0))]
+        found = [np.zeros((self._on_table.rows, 0))]
         for entry, output in enumerate(self._laws.model.outputs):
             count, width = output.members.count, len(output.columns)
             if not count:
                 continue
-            algebra = self._scene.algebra(output.members.variables, results=self)
+            algebra = self._on_table.algebra(output.members.variables, results=self)
             try:
                 value = evaluate.value(output.expression.tree, algebra)
             except ExpressionError as error:
                 raise _located(error, output.expression.origin.locate(error.start, error.end)) from None
             except _UnknownError:
-                found.append(np.full((self._scene.rows, width), np.nan))
+                found.append(np.full((self._on_table.rows, width), np.nan))
                 self.known += [False] * width
                 continue
             parts = value if isinstance(value, tuple) else (value,)
-            wide = [self._scene.wide(part, count) for part in parts]
+            wide = [self._on_table.wide(part, count) for part in parts]
             for member in range(count):
                 self._known[self._member_index.first(entry) + member] = tuple(
                     x[:, member : member + 1] for x in wide
                 )
-            found.append(np.stack(wide, axis=2).reshape(self._scene.rows, -1))
+            found.append(np.stack(wide, axis=2).reshape(self._on_table.rows, -1))
             self.known += [True] * width
         return np.concatenate(found, axis=1)
 
@@ -169,11 +169,11 @@ class _Outputs:
             return self._called(node, variables)
         assert isinstance(node, (tree.Name, tree.Member, tree.Index))
         if isinstance(node, tree.Name) and node.name == "kinetic":
-            v = np.concatenate([self._wide(part) for part in self._scene.velocity(self._all)], axis=1)
+            v = np.concatenate([self._wide(part) for part in self._on_table.velocity(self._all)], axis=1)
             energy: Array = (np.tile(self._laws.index.masses, 3) * v**2 / 2).sum(axis=1, keepdims=True)
             return energy
         if isinstance(node, tree.Name) and node.name == "potential":
-            return self._laws.potential(self._scene)[:, None]
+            return self._laws.potential(self._on_table)[:, None]
         if not isinstance(node, tree.Name) and node.owner in self._laws.index.particles:
             return self._acceleration(node, node.member[1:], variables)
         known = [
@@ -212,7 +212,7 @@ class _Outputs:
             own = [i for row, i in self._rows.items() if row == name or row.startswith(f"{name}.")]
             rows = [self._row(law, f"{name}.{member}")] if member else own
             lam[:, rows] = self._results.lam[:, rows]
-            parts.append(self._laws.parts_of_reactions(self._scene, lam))
+            parts.append(self._laws.parts_of_reactions(self._on_table, lam))
         if len(parts) == 1:
             return _triple(parts[0], numbers)
         numbers = np.broadcast_to(numbers, len(parts))
@@ -233,7 +233,7 @@ class _Outputs:
         return np.arange(len(self._laws.index.particles))
 
     def _wide(self, x: Scalar) -> Array:
-        return self._scene.wide(x, len(self._laws.index.particles))
+        return self._on_table.wide(x, len(self._laws.index.particles))
 
     def _multipliers(self, node: Reference, variables: Mapping[str, Integers]) -> Value:
         """lambda of a row, or of the three of a vector equation."""

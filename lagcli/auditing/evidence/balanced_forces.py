@@ -49,8 +49,8 @@ def rounding(laws: ModelLaws, found: Record, values: LawValues) -> ForceRounding
 
     q = FORCE_ROUNDOFF * largest(found.R_q)
     for name in PARTS:
-        whole, aside = getattr(values, name), getattr(there, name)
-        q = q + FORCE_ROUNDOFF * largest(whole) + largest(aside - whole[rows])
+        whole, shifted = getattr(values, name), getattr(there, name)
+        q = q + FORCE_ROUNDOFF * largest(whole) + largest(shifted - whole[rows])
     pushed = FORCE_ROUNDOFF * largest(values.F) + largest(there.F - values.F[rows])
     q[:own] += pushed[index.cartesian].ravel()
     x = FORCE_ROUNDOFF * (largest(found.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])

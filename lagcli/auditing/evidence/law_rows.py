@@ -29,46 +29,48 @@ RowValues = list[tuple[Scalar, Integers]]
 
 
 def build(
-    scene: ModelOnTable, bodies: Sequence[rigid.Geometry], closed: Sequence[tuple[nouns.Inequality, Integers]]
+    on_table: ModelOnTable,
+    bodies: Sequence[rigid.Geometry],
+    closed: Sequence[tuple[nouns.Inequality, Integers]],
 ) -> tuple[RowValues, RowValues]:
     """The holonomic and the differential rows; bodies: of `geometries`, closed: of `members`."""
-    model = scene.index.model
+    model = on_table.index.model
     surfaces: RowValues = []
     laws: RowValues = []
     first = 0
     for holonomic in model.holonomic:
-        first = _add_rows(scene, holonomic, surfaces, first)
+        first = _add_rows(on_table, holonomic, surfaces, first)
     for body, geometry in zip(model.rigid, bodies, strict=True):
         numbers = np.array(body.particles, dtype=np.int64)
-        for x, offsets in _rigid_rows(scene, numbers, geometry):
+        for x, offsets in _rigid_rows(on_table, numbers, geometry):
             surfaces.append((x, first + offsets))
         first += len(geometry.pairs) + 3 * len(geometry.further)
     for inequality, members in closed:
         assert isinstance(inequality.equation.tree, tree.Relation)
-        algebra = scene.algebra(inequality.members.taken(members))
+        algebra = on_table.algebra(inequality.members.taken(members))
         surfaces.append(
             (evaluate.difference(inequality.equation.tree, algebra)[0], first + np.arange(members.size))
         )
         first += members.size
     for differential in model.differential:
-        first = _add_rows(scene, differential, laws, first)
+        first = _add_rows(on_table, differential, laws, first)
     return surfaces, laws
 
 
 def geometries(index: ModelIndex) -> tuple[rigid.Geometry, ...]:
     """The geometry of each rigid body at the declared start."""
     t, q, v = model_values.start(index.model)
-    scene = ModelOnTable(index, np.full((1, 1), t), q[None, :], v[None, :])
+    on_table = ModelOnTable(index, np.full((1, 1), t), q[None, :], v[None, :])
     found = []
     for body in index.model.rigid:
         numbers = np.array(body.particles, dtype=np.int64)
-        parts = scene.position(numbers)
-        found.append(rigid.geometry(np.stack([scene.wide(p, numbers.size)[0] for p in parts], axis=1)))
+        parts = on_table.position(numbers)
+        found.append(rigid.geometry(np.stack([on_table.wide(p, numbers.size)[0] for p in parts], axis=1)))
     return tuple(found)
 
 
 def _add_rows(
-    scene: ModelOnTable,
+    on_table: ModelOnTable,
     law: nouns.Holonomic | nouns.Differential,
     into: RowValues,
     first: int,
@@ -77,7 +79,7 @@ def _add_rows(
     if not law.members.count:
         return first
     assert isinstance(law.equation.tree, tree.Relation)
-    parts = evaluate.difference(law.equation.tree, scene.algebra(law.members.variables))
+    parts = evaluate.difference(law.equation.tree, on_table.algebra(law.members.variables))
     members = np.arange(law.members.count, dtype=np.int64)
     for axis, part in enumerate(parts):
         into.append((part, first + len(parts) * members + axis))
@@ -98,27 +100,27 @@ def members(
 
 
 def _rigid_rows(
-    scene: ModelOnTable, numbers: Integers, geometry: rigid.Geometry
+    on_table: ModelOnTable, numbers: Integers, geometry: rigid.Geometry
 ) -> Iterator[tuple[Scalar, Integers]]:
     """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
-    a, base = scene.algebra(), numbers[list(geometry.base)]
+    a, base = on_table.algebra(), numbers[list(geometry.base)]
 
     def minus(left: Triple, right: Triple) -> list[Scalar]:
         return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
 
     def point(j: int) -> Triple:
-        return scene.position(base[j : j + 1])
+        return on_table.position(base[j : j + 1])
 
     if geometry.pairs:
         one, other = (base[[pair[side] for pair in geometry.pairs]] for side in (0, 1))
         square: Scalar = np.zeros((1, 1))
-        for part in minus(scene.position(one), scene.position(other)):
+        for part in minus(on_table.position(one), on_table.position(other)):
             square = a.add(SPOT, square, 1, a.multiply(SPOT, part, part))
         distances = np.array(geometry.distances)[None, :]
         yield a.add(SPOT, a.function(SPOT, "sqrt", (square,)), -1, distances), np.arange(len(geometry.pairs))
     if not geometry.further:
         return
-    further = scene.position(numbers[list(geometry.further)])
+    further = on_table.position(numbers[list(geometry.further)])
     normal: list[Scalar] = [np.zeros((1, 1))] * 3
     if geometry.gamma.size:
         (p, q, r), (x, y, z) = minus(point(1), point(0)), minus(point(2), point(0))

@@ -106,9 +106,11 @@ class ModelLaws:
             return np.zeros(q.shape)
         found = []
         for k in self.chunks(len(t)):
-            scene = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
-            parts = scene.position(self.index.dependent)
-            found.append(scene.graph.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"])
+            on_table = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
+            parts = on_table.position(self.index.dependent)
+            found.append(
+                on_table.graph.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"]
+            )
         return np.concatenate(found)
 
     def displaced(self, t: Array, q: Array, v: Array, dq: Array) -> Array:
@@ -117,9 +119,9 @@ class ModelLaws:
             return np.zeros((len(t), 0))
         found = []
         for k in self.chunks(len(t)):
-            scene = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
-            parts = scene.position(self.index.dependent)
-            found.append(_changed(scene, parts, {"q": dq[k]}))
+            on_table = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
+            parts = on_table.position(self.index.dependent)
+            found.append(_changed(on_table, parts, {"q": dq[k]}))
         return np.concatenate(found)
 
     def matrix(self, t: Array, q: Array, v: Array) -> Array:
@@ -138,7 +140,7 @@ class ModelLaws:
 
     def combined(self, t: Array, q: Array, v: Array, lam: Array) -> Array:
         """sum_i lam_i B_i, (T, C) to (T, n)."""
-        true, free = self._scenes(t[:, None], q, v)
+        true, free = self._on_tables(t[:, None], q, v)
         return self._pull(true, free, *law_rows.build(free, self.bodies, self._closed), lam)
 
     def pattern(self, t: Array, q: Array, v: Array) -> Array:
@@ -148,14 +150,14 @@ class ModelLaws:
             moving = np.tile(v[:1], (n, 1))
             np.fill_diagonal(moving, np.nan)
             position = np.tile(q[:1], (n, 1))
-            _, free = self._scenes(np.full((n, 1), t[0]), position, moving)
+            _, free = self._on_tables(np.full((n, 1), t[0]), position, moving)
             _, w = self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
             self._pattern = np.isnan(w).T
         return self._pattern
 
     def residuals(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """f (T, s) and w = B v + b (T, C); the numbers may be complex."""
-        _, free = self._scenes(t[:, None], q, v)
+        _, free = self._on_tables(t[:, None], q, v)
         return self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
 
     def demanded(self, t: Array, q: Array, v: Array, a: Array) -> Array:
@@ -179,7 +181,7 @@ class ModelLaws:
 
     def total_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
-        _, free = self._scenes(t[:, None], q, v)
+        _, free = self._on_tables(t[:, None], q, v)
         index = self.index
         own = np.repeat(index.masses[index.cartesian], 3)
         total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
@@ -193,14 +195,14 @@ class ModelLaws:
             total = total + free.wide(part, 1)[:, 0]
         return np.asarray(total)
 
-    def potential(self, scene: ModelOnTable) -> Array:
+    def potential(self, on_table: ModelOnTable) -> Array:
         """V (T,) of the declared potentials and of constant forces."""
-        return _sum_of(scene, self._potentials(scene))
+        return _sum_of(on_table, self._potentials(on_table))
 
-    def parts_of_reactions(self, scene: ModelOnTable, lam: Array) -> Array:
-        """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); scene: as of `free`."""
-        onto = _reactions(scene, law_rows.build(scene, self.bodies, self._closed), lam)
-        found = np.zeros((scene.rows, 3 * len(self.index.particles)))
+    def parts_of_reactions(self, on_table: ModelOnTable, lam: Array) -> Array:
+        """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); on_table: as of `free`."""
+        onto = _reactions(on_table, law_rows.build(on_table, self.bodies, self._closed), lam)
+        found = np.zeros((on_table.rows, 3 * len(self.index.particles)))
         for numbers, kind in ((self.index.cartesian, "q"), (self.index.dependent, "x")):
             if numbers.size:
                 indices = (3 * numbers[:, None] + np.arange(3)).ravel()
@@ -208,15 +210,15 @@ class ModelLaws:
         return found
 
     def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
-        """The scene of rows t (T,), q and v (T, n), in which positions of dependent particles are numbers."""
-        return self._scenes(t[:, None], q, v)[1]
+        """The model on rows t (T,), q and v (T, n), in which positions of dependent particles are numbers."""
+        return self._on_tables(t[:, None], q, v)[1]
 
     def chunks(self, rows: int) -> Iterator[slice]:
         """Parts of T rows that a cache holds."""
         step = max(8, CHUNK // max(1, self.index.n, self.C))
         return (slice(start, start + step) for start in range(0, max(rows, 1), step))
 
-    def _scenes(self, t: Array, q: Array, v: Array) -> tuple[ModelOnTable, ModelOnTable]:
+    def _on_tables(self, t: Array, q: Array, v: Array) -> tuple[ModelOnTable, ModelOnTable]:
         """The true one, and the one in which dependent particles are leaves."""
         true = ModelOnTable(self.index, t, q, v)
         dependent = self.index.dependent
@@ -228,7 +230,7 @@ class ModelLaws:
         return true, ModelOnTable(self.index, t, q, v, (x, u))
 
     def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
-        true, free = self._scenes(t, q, v)
+        true, free = self._on_tables(t, q, v)
         dependent = self.index.dependent
         nothing = np.zeros((len(q), 0))
         x, u, x_t = nothing, nothing, nothing
@@ -262,15 +264,15 @@ class ModelLaws:
         free = ModelOnTable(self.index, t, q, rest, (x, x_t) if x.shape[1] else None)
         return self._residuals(free, *law_rows.build(free, self.bodies, self._closed))[1]
 
-    def _residuals(self, scene: ModelOnTable, surfaces: RowValues, laws: RowValues) -> tuple[Array, Array]:
-        kind = scene.data["q"].dtype
-        f, w = np.zeros((scene.rows, self.s), dtype=kind), np.zeros((scene.rows, self.C), dtype=kind)
+    def _residuals(self, on_table: ModelOnTable, surfaces: RowValues, laws: RowValues) -> tuple[Array, Array]:
+        kind = on_table.data["q"].dtype
+        f, w = np.zeros((on_table.rows, self.s), dtype=kind), np.zeros((on_table.rows, self.C), dtype=kind)
         for x, indices in surfaces:
-            f[:, indices] = scene.wide(x, indices.size)
-            w[:, indices] = np.broadcast_to(_moved(scene, x), (scene.rows, indices.size))
+            f[:, indices] = on_table.wide(x, indices.size)
+            w[:, indices] = np.broadcast_to(_moved(on_table, x), (on_table.rows, indices.size))
         law_rows.reduced(f, self._jumps)
         for x, indices in laws:
-            w[:, indices] = scene.wide(x, indices.size)
+            w[:, indices] = on_table.wide(x, indices.size)
         return f, w
 
     def _pull(
@@ -287,23 +289,23 @@ class ModelLaws:
         parts, onto = true.position(self.index.dependent), found["x"]
         return found["q"] + true.graph.gradient([(p, onto[:, axis::3]) for axis, p in enumerate(parts)])["q"]
 
-    def _potentials(self, scene: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
+    def _potentials(self, on_table: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
         """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
         for force in self.model.forces:
             if isinstance(force, nouns.Potential) and force.members.count:
-                algebra = scene.algebra(force.members.variables)
+                algebra = on_table.algebra(force.members.variables)
                 yield evaluate.scalar(force.expression.tree, algebra), force.members.count
-        for targets, F, algebra in self._on_particles(scene, constant=True):
-            for part, position in zip(F, scene.position(targets), strict=True):
+        for targets, F, algebra in self._on_particles(on_table, constant=True):
+            for part, position in zip(F, on_table.position(targets), strict=True):
                 yield algebra.negate(SPOT, algebra.multiply(SPOT, part, position)), targets.size
 
-    def _lagrangian(self, scene: ModelOnTable) -> list[Scalar]:
+    def _lagrangian(self, on_table: ModelOnTable) -> list[Scalar]:
         """The `lagrangian`, if there is one."""
         declared = self.model.lagrangian
-        return [] if declared is None else [evaluate.scalar(declared.tree, scene.algebra())]
+        return [] if declared is None else [evaluate.scalar(declared.tree, on_table.algebra())]
 
     def _on_particles(
-        self, scene: ModelOnTable, constant: bool
+        self, on_table: ModelOnTable, constant: bool
     ) -> Iterator[tuple[Integers, Triple, NumberAlgebra]]:
         for force in self.model.forces:
             if not isinstance(force, nouns.ParticleForce) or force.constant != constant:
@@ -313,25 +315,25 @@ class ModelLaws:
                 continue
             own: dict[str, Value] = {
                 "m": self.index.masses[targets][None, :],
-                "r": scene.position(targets),
-                "v": scene.velocity(targets),
+                "r": on_table.position(targets),
+                "v": on_table.velocity(targets),
             }
-            algebra = scene.algebra(force.action.variables(force.members), own)
-            yield targets, scene.vector(force.force, algebra), algebra
+            algebra = on_table.algebra(force.action.variables(force.members), own)
+            yield targets, on_table.vector(force.force, algebra), algebra
 
-    def _forces(self, scene: ModelOnTable) -> tuple[Array, Array]:
+    def _forces(self, on_table: ModelOnTable) -> tuple[Array, Array]:
         """F (T, N, 3) without potential on particles and Q (T, n) on coordinates."""
         index = self.index
-        F, Q = np.zeros((scene.rows, 3 * len(index.particles))), np.zeros((scene.rows, index.n))
-        for targets, parts, _ in self._on_particles(scene, constant=False):
+        F, Q = np.zeros((on_table.rows, 3 * len(index.particles))), np.zeros((on_table.rows, index.n))
+        for targets, parts, _ in self._on_particles(on_table, constant=False):
             for axis, part in enumerate(parts):
-                scatter(F, 3 * targets + axis, scene.wide(part, targets.size))
+                scatter(F, 3 * targets + axis, on_table.wide(part, targets.size))
         for force in self.model.forces:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
-                algebra = scene.algebra(force.action.variables(force.members))
-                found = scene.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
+                algebra = on_table.algebra(force.action.variables(force.members))
+                found = on_table.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
                 scatter(Q, index.first_generalized + force.action.targets, found)
-        return F.reshape(scene.rows, len(index.particles), 3), Q
+        return F.reshape(on_table.rows, len(index.particles), 3), Q
 
 
 def _colours(pattern: Array) -> list[list[int]]:
@@ -350,34 +352,34 @@ def _colours(pattern: Array) -> list[list[int]]:
     return groups
 
 
-def _reactions(scene: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Gradient:
+def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Gradient:
     """sum_i lambda_i B_i by the leaves of a scene."""
     surfaces, laws = ([(x, lam[:, indices]) for x, indices in each] for each in rows)
-    return scene.graph.virtual(laws, surfaces)
+    return on_table.graph.virtual(laws, surfaces)
 
 
-def _sum_of(scene: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:
+def _sum_of(on_table: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:
     """The sum (T,) of parts over their members."""
-    return np.asarray(sum((scene.wide(p, c).sum(axis=1) for p, c in parts), np.zeros(scene.rows)))
+    return np.asarray(sum((on_table.wide(p, c).sum(axis=1) for p, c in parts), np.zeros(on_table.rows)))
 
 
-def _moved(scene: ModelOnTable, x: Scalar) -> Array:
-    return scene.graph.moved(x) if isinstance(x, GraphNode) else np.zeros((1, 1))
+def _moved(on_table: ModelOnTable, x: Scalar) -> Array:
+    return on_table.graph.moved(x) if isinstance(x, GraphNode) else np.zeros((1, 1))
 
 
-def _changed(scene: ModelOnTable, parts: Sequence[Scalar], directions: Directions) -> Array:
+def _changed(on_table: ModelOnTable, parts: Sequence[Scalar], directions: Directions) -> Array:
     """The change of vectors along directions of the leaves, (T, 3 K)."""
-    changes = scene.graph.forward(directions)
+    changes = on_table.graph.forward(directions)
 
     def take(x: Scalar) -> Array:
         found = changes[x.number] if isinstance(x, GraphNode) else None
         return np.zeros((1, 1)) if found is None else found
 
-    return _interleaved(scene, parts, take)
+    return _interleaved(on_table, parts, take)
 
 
-def _interleaved(scene: ModelOnTable, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
+def _interleaved(on_table: ModelOnTable, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
     """x1, y1, z1, x2, ... of vectors of K members, (T, 3 K)."""
-    count = scene.index.dependent.size
-    found = [np.broadcast_to(take(part), (scene.rows, count)) for part in parts]
-    return np.stack(found, axis=2).reshape(scene.rows, 3 * count)
+    count = on_table.index.dependent.size
+    found = [np.broadcast_to(take(part), (on_table.rows, count)) for part in parts]
+    return np.stack(found, axis=2).reshape(on_table.rows, 3 * count)

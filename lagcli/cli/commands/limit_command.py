@@ -137,6 +137,6 @@ def sentence(found: StiffLimit) -> str:
     if found.rate is None:
         rate = "no rate can be fitted"
     else:
-        doubt = "" if found.rate.error is None else f" ± {found.rate.error:.2g}"
-        rate = f"its {what} goes as k^({found.rate.slope:.4f}{doubt})"
+        uncertainty = "" if found.rate.error is None else f" ± {found.rate.error:.2g}"
+        rate = f"its {what} goes as k^({found.rate.slope:.4f}{uncertainty})"
     return f"{name}, started {start}, against lambda: {rate}"

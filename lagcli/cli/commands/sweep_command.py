@@ -162,5 +162,5 @@ def _end(ending: SweepEnding, quiet: bool) -> NoReturn:
     """Tell the ending. Raises `exits.Exit` with 1 or 3 where a point is not done."""
     if ending.account is not None:
         print(json_text.text(ending.account))
-    exits.print_err_all(() if quiet else ending.told)
+    exits.print_err_all(() if quiet else ending.messages)
     raise exits.Exit(ending.code)

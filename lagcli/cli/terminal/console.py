@@ -101,7 +101,7 @@ def _console() -> Console:
     from rich.console import Console
 
     class Piped(Console):
-        """A console that leaves a closed pipe to the door: rich ends the program with a code of its own."""
+        """A console that leaves a closed pipe to `exits`: rich ends the program with a code of its own."""
 
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError

@@ -80,7 +80,7 @@ def guarded(run: Callable[[], None], debug: bool = False) -> int:
         sys.stdout.flush()
         return code
     except interrupts.Interrupted as error:
-        print_err_all(interrupts.last_words())
+        print_err_all(interrupts.final_messages())
         # Whoever reads stdout may have stopped to: nothing more is written.
         _drop_stdout()
         return 128 + error.number

@@ -32,7 +32,7 @@ class FormulaNumber(FormulaNode):
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class FormulaWords(FormulaNode):
+class FormulaText(FormulaNode):
     """Plain words in a formula."""
 
     text: str

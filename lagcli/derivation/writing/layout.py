@@ -67,7 +67,7 @@ class Layout:
             return f.Apply(_NAMES[type(value)], tuple(self.node(a) for a in arguments))
         if value == sympy.E:
             return f.Apply("exp", (f.ONE,))
-        return f.FormulaWords(str(value))
+        return f.FormulaText(str(value))
 
     def _sum(self, value: sympy.Expr) -> f.FormulaNode:
         terms = sorted(sympy.Add.make_args(value), key=self._term_key)

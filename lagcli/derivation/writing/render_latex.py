@@ -150,7 +150,7 @@ def _power(node: f.FormulaPower) -> str:
 _WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
     f.Sign: sign,
     f.FormulaNumber: _number,
-    f.FormulaWords: lambda node: rf"\text{{{escaped(node.text)}}}",
+    f.FormulaText: lambda node: rf"\text{{{escaped(node.text)}}}",
     f.FormulaSum: lambda node: _sum(node.terms),
     f.FormulaProduct: lambda node: r" \, ".join(map(_factor, node.factors)),
     f.Fraction: lambda node: rf"\frac{{{latex(node.above)}}}{{{latex(node.below)}}}",

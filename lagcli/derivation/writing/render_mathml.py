@@ -103,7 +103,7 @@ def _slope(node: f.Slope) -> str:
 _WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
     f.Sign: sign,
     f.FormulaNumber: _number,
-    f.FormulaWords: lambda node: f"<mtext>{html.escape(node.text)}</mtext>",
+    f.FormulaText: lambda node: f"<mtext>{html.escape(node.text)}</mtext>",
     f.FormulaSum: lambda node: _sum(node.terms),
     f.FormulaProduct: lambda node: _row(*_spaced(node.factors)),
     f.Fraction: lambda node: f"<mfrac>{mathml(node.above)}{mathml(node.below)}</mfrac>",

@@ -133,7 +133,7 @@ def _slope(node: f.Slope) -> tuple[str, int]:
 _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
     f.Sign: lambda node: (sign(node), ATOM),
     f.FormulaNumber: _number,
-    f.FormulaWords: lambda node: (node.text, ATOM),
+    f.FormulaText: lambda node: (node.text, ATOM),
     f.FormulaSum: lambda node: (_sum(node.terms), SUM),
     f.FormulaProduct: lambda node: (_product(node.factors), PRODUCT),
     f.Fraction: lambda node: (_fraction(node), PRODUCT),

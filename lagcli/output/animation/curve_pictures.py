@@ -64,7 +64,7 @@ class CurvePictures:
             self._line(led, track, [self._face()])
         for one in own:
             if not flat and not one.simple and (one.one_sided or len(equal) == 1):
-                self._sheet(one, track)
+                self._figure_page(one, track)
             elif one.one_sided and not one.simple:
                 self._line([one], track if one.moves else _touched(one.function, track), [self._face()])
 
@@ -107,7 +107,7 @@ class CurvePictures:
             self.found.shown |= {one.name for one in rows}
         return bool(points.shape[1])
 
-    def _sheet(self, row: SingleParticleRow, track: Floats) -> None:
+    def _figure_page(self, row: SingleParticleRow, track: Floats) -> None:
         if row.moves and self._moving() >= MOST_MOVING:
             return
         with np.errstate(all="ignore"):

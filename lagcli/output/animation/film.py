@@ -17,7 +17,7 @@ from matplotlib.backends import backend_agg
 from lagcli import progress
 from lagcli.output.animation import nets, still
 from lagcli.output.animation.scene import Scene
-from lagcli.output.figures import labels, sheet
+from lagcli.output.figures import figure_page, labels
 from lagcli.output.files import atomic_file
 
 Floats = npt.NDArray[np.float64]
@@ -62,7 +62,7 @@ def picture(scene: Scene, fmt: str) -> bytes:
     with _look():
         drawing = _Drawing(scene)
         drawing.show(0)
-        return sheet.content(fmt, drawing.figure)
+        return figure_page.content(fmt, drawing.figure)
 
 
 def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:
@@ -85,7 +85,7 @@ def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
         writer = animation.PillowWriter(fps=rate)  # type: ignore[arg-type] # a part of a second is fine
     else:
         writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
-    with _look(), sheet.any_sign():
+    with _look(), figure_page.any_sign():
         drawing = _Drawing(scene)
         with writer.saving(drawing.figure, str(path), DPI):
             for frame in shown:

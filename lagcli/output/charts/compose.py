@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output.charts import chart_table, chart_words
+from lagcli.output.charts import chart_table, chart_texts
 from lagcli.output.charts.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, IncidentDots, LegendKey
 from lagcli.output.charts.chart_table import ChartTable, Series
-from lagcli.output.charts.chart_words import COMPARABLE, OPEN, ColumnWords
+from lagcli.output.charts.chart_texts import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.figures import incident_marks, labels, panels
 from lagcli.output.tables import column_choice
 
@@ -95,8 +95,8 @@ class _Plan:
     def __init__(self, tables: Sequence[ChartTable], choice: ChartChoice) -> None:
         self._tables, self._choice = tables, choice
         self._columns = list(dict.fromkeys(name for table in tables for name in table.columns))
-        self._words = [ColumnWords(table.columns, table.facts) for table in tables]
-        self._names = chart_words.distinguishing(
+        self._words = [ColumnTexts(table.columns, table.facts) for table in tables]
+        self._names = chart_texts.distinguishing(
             [table.name for table in tables], [table.origin for table in tables]
         )
         self.x = self._axis()
@@ -341,7 +341,7 @@ def _pair_name(pair: tuple[str, str]) -> str:
     return stems.pop() if len(stems) == 1 and "" not in stems else ", ".join(pair)
 
 
-def _component(words: ColumnWords, names: Sequence[str]) -> str:
+def _component(words: ColumnTexts, names: Sequence[str]) -> str:
     if len(set(names)) == 1:
         return words.axis(names[:1])
     return labels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))

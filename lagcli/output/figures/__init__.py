@@ -1,1 +1,1 @@
-"""Figures of runs, loops and audits; the only door to matplotlib."""
+"""Figures of runs, loops and audits; the only package that uses matplotlib."""

@@ -7,7 +7,7 @@ from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 
 from lagcli.auditing.checks.audit_report import Audit, Check
-from lagcli.output.figures import labels, sheet
+from lagcli.output.figures import figure_page, labels
 
 _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 _HEIGHT, _FLOOR = 0.62, 1e-9  # inches of one check; what is below that part of its limit is drawn there
@@ -18,13 +18,13 @@ def draw(path: str | os.PathLike[str], found: Audit, unit: str = "s") -> None:
 
     Raises ``formats.UnknownFormat``, OSError.
     """
-    sheet.draw(path, lambda: compose(found, unit))
+    figure_page.draw(path, lambda: compose(found, unit))
 
 
 def compose(found: Audit, unit: str = "s") -> figure.Figure:
     """The figure that ``draw`` writes: one strip for each check, on a logarithmic scale with the limit at 1."""
     checks = [check for check in found.checks if check.entries and (check.law or check.verdict == "fail")]
-    with sheet.style():
+    with figure_page.style():
         drawn = figure.Figure(figsize=(7.2, 1.1 + _HEIGHT * len(checks)), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         verdict = found.conclusion.partition(".")[0].partition(":")[0].partition(",")[0]

@@ -9,7 +9,7 @@ from matplotlib import axes, axis, figure, ticker
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output.figures import labels, sheet
+from lagcli.output.figures import figure_page, labels
 
 _BLUE, _RED, _GREY, _GREEN = "#0072B2", "#D55E00", "#888888", "#009E73"
 
@@ -39,12 +39,12 @@ def draw(path: str | os.PathLike[str], curves: LimitCurves, title: str, unit: st
 
     Raises ``formats.UnknownFormat``, OSError.
     """
-    sheet.draw(path, lambda: compose(curves, title, unit))
+    figure_page.draw(path, lambda: compose(curves, title, unit))
 
 
 def compose(curves: LimitCurves, title: str, unit: str = "s") -> figure.Figure:
     """The figure that ``draw`` writes."""
-    with sheet.style():
+    with figure_page.style():
         drawn = figure.Figure(figsize=(7.2, 4.9), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         drawn.suptitle(labels.shortened(title, labels.TITLE), fontsize=10, fontweight="bold", y=0.985)

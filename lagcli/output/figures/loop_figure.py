@@ -9,7 +9,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
-from lagcli.output.figures import labels, sheet
+from lagcli.output.figures import figure_page, labels
 
 WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
 NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap
@@ -21,12 +21,12 @@ def draw(path: str | os.PathLike[str], found: witness.Witness) -> None:
 
     Raises ``formats.UnknownFormat``, OSError.
     """
-    sheet.draw(path, lambda: compose(found))
+    figure_page.draw(path, lambda: compose(found))
 
 
 def compose(found: witness.Witness) -> figure.Figure:
     """The figure that ``draw`` writes."""
-    with sheet.style():
+    with figure_page.style():
         drawn = figure.Figure(figsize=(7.2, 3.4), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         how = "over equal times" if found.is_timed else f"around a closed loop in {_names(found.back)}"

@@ -8,7 +8,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.linearization.linear_modes import Modes
-from lagcli.output.figures import labels, sheet
+from lagcli.output.figures import figure_page, labels
 
 MOST_PANELS, COLUMNS = 12, 3  # of one page, and in one line of it
 # More bars than these are drawn as a line.
@@ -22,7 +22,7 @@ def draw(path: str | os.PathLike[str], found: Modes, title: str) -> None:
 
     Raises ``formats.UnknownFormat``, OSError.
     """
-    sheet.draw(path, lambda: compose(found, title))
+    figure_page.draw(path, lambda: compose(found, title))
 
 
 def compose(found: Modes, title: str) -> figure.Figure:
@@ -30,7 +30,7 @@ def compose(found: Modes, title: str) -> figure.Figure:
     shown = _shown(found)
     rows = max(1, -(-len(shown) // COLUMNS))
     height = 0.9 + _HEIGHT * rows
-    with sheet.style():
+    with figure_page.style():
         drawn = figure.Figure(figsize=(_WIDTH, height), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)
         name = labels.shortened(title, labels.NAME)

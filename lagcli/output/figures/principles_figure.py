@@ -9,7 +9,7 @@ from matplotlib import axes, figure
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output.figures import labels, sheet
+from lagcli.output.figures import figure_page, labels
 
 _COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _BLUE, _RED = "#0072B2", "#D55E00"
@@ -41,7 +41,7 @@ def draw(
 
     The first ``MOST`` columns are drawn. Written aside and moved into place. Raises ``formats.UnknownFormat``, OSError.
     """
-    sheet.draw(path, lambda: compose(motions, shown, title, unit))
+    figure_page.draw(path, lambda: compose(motions, shown, title, unit))
 
 
 def compose(
@@ -53,7 +53,7 @@ def compose(
     mu = [name for name in second.columns if name.startswith("mu.")]
     count = len(names) + bool(mu)
     lines = -(-count // 2)
-    with sheet.style():
+    with figure_page.style():
         height = 0.95 + _HEIGHT * lines
         drawn = figure.Figure(figsize=(7.2, height), dpi=200)
         backend_agg.FigureCanvasAgg(drawn)

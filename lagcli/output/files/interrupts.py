@@ -43,7 +43,7 @@ _patience: list[float] = []
 _at_end: list[Callable[[], None]] = []
 _handled = -1.0  # when the handler ran last, by `time.monotonic`
 _is_window = False
-_last_words: list[str] = []
+_final_messages: list[str] = []
 _printed: list[str] = []
 
 
@@ -104,7 +104,7 @@ def end_at_once(number: int) -> None:
     """
     for farewell in _at_end:
         farewell()
-    for text in _last_words:
+    for text in _final_messages:
         _print(text)
     os._exit(128 + number)
 
@@ -156,15 +156,16 @@ def _print(text: str) -> None:
 
 
 def leave(*texts: str) -> None:
-    """Keep what is printed where a signal ends the command from now on, by `last_words` or the end of the process."""
-    _last_words[:] = texts
+    """Keep what is printed where a signal ends the command from now on, by `final_messages` or the end of the
+    process."""
+    _final_messages[:] = texts
     _printed.clear()
 
 
-def last_words() -> Iterator[str]:
+def final_messages() -> Iterator[str]:
     """The texts that were left to be printed, each once."""
-    while _last_words:
-        text = _last_words.pop()
+    while _final_messages:
+        text = _final_messages.pop()
         if text not in _printed:
             yield text
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from lagcli.output.figures.sheet import SheetFigure
+    from lagcli.output.figures.figure_page import PlainFigure
 
 # Bytes of a drawing in lines; one of more is painted in points, which are never so many.
 MOST_DRAWN = 600_000
@@ -20,14 +20,14 @@ MOST_DRAWN = 600_000
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table; `code`: numbers of the columns that hold what was typed, `caption`: what it is a table of, `alarms`:
+    """A table; `code`: numbers of the columns that hold what was typed, `caption`: what it is a table of, `failures`:
     numbers of the rows that tell of a failure."""
 
     headers: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     code: frozenset[int] = frozenset()
     caption: str = ""
-    alarms: frozenset[int] = frozenset()
+    failures: frozenset[int] = frozenset()
     kind: Literal["table"] = "table"
 
 
@@ -91,14 +91,14 @@ class PageSection:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ReportContents:
-    """The page: its title, sentences about it, what is wrong (`alarms`), what is open (`doubts`), the outcome in a few
-    lines (`glance`: label and value), and the sections."""
+    """The page: its title, sentences about it, what is wrong (`failures`), what is open (`open_questions`), the outcome
+    in a few lines (`summary`: label and value), and the sections."""
 
     title: str
     about: tuple[str, ...]
-    alarms: tuple[str, ...]
-    doubts: tuple[str, ...]
-    glance: tuple[tuple[str, str], ...]
+    failures: tuple[str, ...]
+    open_questions: tuple[str, ...]
+    summary: tuple[tuple[str, str], ...]
     sections: tuple[PageSection, ...]
 
     @property
@@ -112,13 +112,13 @@ def drawing(name: str, svg: str, words: str, pdf: Callable[[], bytes]) -> PageFi
     return PageFigure(name, "svg", svg.encode(), words, pdf)
 
 
-def picture(name: str, drawn: SheetFigure, words: str) -> PageFigure:
+def picture(name: str, drawn: PlainFigure, words: str) -> PageFigure:
     """The picture of a figure; `words`: what it shows."""
     # A page is written without matplotlib.
-    from lagcli.output.figures import sheet
+    from lagcli.output.figures import figure_page
 
-    lines = sheet.content("svg", drawn)
-    pdf = functools.partial(sheet.content, "pdf", drawn)
+    lines = figure_page.content("svg", drawn)
+    pdf = functools.partial(figure_page.content, "pdf", drawn)
     if len(lines) <= MOST_DRAWN:
         return PageFigure(name, "svg", lines, words, pdf)
-    return PageFigure(name, "png", sheet.content("png", drawn), words, pdf)
+    return PageFigure(name, "png", figure_page.content("png", drawn), words, pdf)

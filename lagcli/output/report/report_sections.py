@@ -69,14 +69,14 @@ def contents(parts: ReportParts) -> ReportContents:
         tuple(
             text for text in (model.description, f"Source: {model.source}" if model.source else "") if text
         ),
-        tuple(_alarms(parts)),
-        tuple(_doubts(parts)),
-        tuple(_glance(parts)),
+        tuple(_failures(parts)),
+        tuple(_open_questions(parts)),
+        tuple(_summary(parts)),
         sections,
     )
 
 
-def _alarms(parts: ReportParts) -> Iterator[str]:
+def _failures(parts: ReportParts) -> Iterator[str]:
     stopped = parts.run.stats.stopped
     if stopped is not None:
         yield f"The run stopped before its end, at t = {stopped.t:.9g}: {stopped.reason}."
@@ -84,7 +84,7 @@ def _alarms(parts: ReportParts) -> Iterator[str]:
         yield f"The audit failed: {parts.audit.conclusion}"
 
 
-def _doubts(parts: ReportParts) -> Iterator[str]:
+def _open_questions(parts: ReportParts) -> Iterator[str]:
     count = parts.checked.dof
     if count.configuration_dof is None:
         low, high = count.bounds
@@ -98,7 +98,7 @@ def _doubts(parts: ReportParts) -> Iterator[str]:
         yield f"Audit: {parts.audit.conclusion}"
 
 
-def _glance(parts: ReportParts) -> Iterator[tuple[str, str]]:
+def _summary(parts: ReportParts) -> Iterator[tuple[str, str]]:
     count, run, stats = parts.checked.dof, parts.run, parts.run.stats
     time = parts.model.units.time
     if count.configuration_dof is not None:
@@ -213,7 +213,7 @@ def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
     )
     head, *rows = audit_lines.wide_rows(found.checks)
     failing = frozenset(i for i, check in enumerate(found.checks) if check.verdict == "fail")
-    yield PageTable(head, tuple(rows), alarms=failing)
+    yield PageTable(head, tuple(rows), failures=failing)
     for check in found.checks:
         if check.verdict == "fail":
             faults = [audit_lines.fault(location) for location in check.failing[:MOST_FAULTS]]

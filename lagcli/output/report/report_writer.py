@@ -1,4 +1,4 @@
-"""A report in HTML, in Markdown and in LaTeX: the only door to Jinja2.
+"""A report in HTML, in Markdown and in LaTeX: the only module that uses Jinja2.
 
 Every text is escaped by the writer and not by the template: HTML by Jinja2's autoescape, Markdown and LaTeX by
 `finalize`. What is markup says so by its class.

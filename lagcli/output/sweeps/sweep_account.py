@@ -39,7 +39,7 @@ class SweepEnding(NamedTuple):
     is asked for."""
 
     code: int
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
     account: Mapping[str, object] | None
 
 

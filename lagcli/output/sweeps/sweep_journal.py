@@ -50,10 +50,10 @@ class SweepJournal:
             self._file.seek(end)
         else:
             _require_no_rows(path)
-            aside = atomic_file.PendingFile(path)
-            with atomic_file.undone_by(aside.discard):
-                aside.path.write_bytes(_line({"kind": KIND, **identity}))
-                aside.commit()
+            pending = atomic_file.PendingFile(path)
+            with atomic_file.undone_by(pending.discard):
+                pending.path.write_bytes(_line({"kind": KIND, **identity}))
+                pending.commit()
             self._file = path.open("ab", buffering=0)
 
     def _require_same(self, identity: Mapping[str, object]) -> int:
@@ -118,10 +118,10 @@ class SweepJournal:
         self._file.close()
         with self.path.open("rb") as file:
             header = file.readline()
-        aside = atomic_file.PendingFile(self.path)
-        with atomic_file.undone_by(aside.discard):
-            aside.path.write_bytes(header + _line({ENDED: digest(table)}))
-            aside.commit()
+        pending = atomic_file.PendingFile(self.path)
+        with atomic_file.undone_by(pending.discard):
+            pending.path.write_bytes(header + _line({ENDED: digest(table)}))
+            pending.commit()
 
 
 def digest(table: Path) -> str:

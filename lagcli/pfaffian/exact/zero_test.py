@@ -59,14 +59,14 @@ def vanish(
     """Tell if all the expressions vanish identically: the first that does not decides, then the first
     unknown one.
     """
-    doubt: Finding | None = None
+    unknown: Finding | None = None
     for expression in expressions:
         finding = is_zero(expression, deadline, surface)
         if finding.truth is Truth.NO:
             return finding
         if finding.truth is Truth.UNKNOWN:
-            doubt = doubt or finding
-    return doubt or Finding(Truth.YES, "symbolic")
+            unknown = unknown or finding
+    return unknown or Finding(Truth.YES, "symbolic")
 
 
 def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding:

@@ -25,7 +25,7 @@ from lagcli.pfaffian.single_form import integrating_factors, potential, tidy_int
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 
 _CLOSED = "The mixed partial derivatives agree, so the form is exact"
-# Part of the time that is left for the search; the rest is for telling what was found.
+# Part of the time that is left for the search; the rest is for reporting what was found.
 _SEARCH_SHARE = 0.8
 # Budgets of operations: of the search for an integrating factor, of the symbolic proof that a witness is not zero, of
 # its tidy form, of the factors that all components share.
@@ -84,9 +84,9 @@ def classify(form: forms.Form, deadline: float) -> FormVerdict:
 
 
 def _judge(form: forms.Form, deadline: float) -> FormVerdict:
-    form, doubt = _without_zeros(form, deadline)
-    if doubt is not None:
-        return doubt
+    form, undecided = _without_zeros(form, deadline)
+    if undecided is not None:
+        return undecided
     if all(a == 0 for a in form.coefficients):
         return _undecided("all coefficients vanish identically, the form states nothing")
     closed = zero_test.vanish((c for _, c in form.curls()), deadline)

@@ -145,8 +145,8 @@ class WatchFunctions:
             for i in range(len(NODES) - 1)
         ]
         bends = [_bend(i, values, slopes) for i in range(len(NODES) - 1)]
-        doubt = ca.fmax(2 * misfit, WARY * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2]))
-        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - doubt
+        bound = ca.fmax(2 * misfit, WARY * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2]))
+        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - bound
         arguments = [t, h, y, k, new, k_new, p]
         gaps = self._numeric.gaps(t + h, new, p)
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)

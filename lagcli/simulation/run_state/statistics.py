@@ -123,7 +123,7 @@ class RunStatistics(Counts):
             self.reported = self.tally
             self.incidents.append(incident)
 
-    def doubt(self) -> None:
+    def mark_work_unknown(self) -> None:
         """From here on W is not known."""
         self.is_balanced = False
         if self.extremes is not None:

@@ -18,7 +18,7 @@ from lagcli.simulation.scheme.step_end import Expression
 
 # Polynomials of the dense output.
 DENSE_ROWS = 7
-# Stages at which the nearness of the rows to dependent ones is looked at, in the order of their times.
+# Stages at which the distance of the rows from dependent ones is looked at, in the order of their times.
 WATCHED = (1, 3, 6, 5, 9, 8, 10)
 DIP = 0.3
 

@@ -33,7 +33,7 @@ GAIN, SMALL = 4.0, 1e-6
 # Times are rounded, and what W' does in a panel is seen at times that far off; W' itself is rounded too.
 TIME_ROUNDOFF, POWER_ROUNDOFF = 2**-50, 1e-15
 # Roundings by which states and times are moved to see the rounding of W', where its terms cancel.
-SHAKEN = 2**-51
+PERTURBED = 2**-51
 # W is not known where it is off by more than this part of the energy, or by so many tolerances of a step.
 DOUBT, DOUBTED = 1e-6, 100.0
 
@@ -93,8 +93,8 @@ def within(
         return projected(times, states((times - t) / h))
 
     def perturbed(times: Floats) -> tuple[Floats, float] | None:
-        signs = np.where(np.arange(2 * n + 1) % 2, -SHAKEN, SHAKEN)
-        return projected(times + SHAKEN * (abs(t) + h), states((times - t) / h) * (1 + signs))
+        signs = np.where(np.arange(2 * n + 1) % 2, -PERTURBED, PERTURBED)
+        return projected(times + PERTURBED * (abs(t) + h), states((times - t) / h) * (1 + signs))
 
     return WorkIntegral(powers, rtol, perturbed).over(t, h, float(y[-1]))
 
@@ -107,7 +107,7 @@ class WorkIntegral:
     """
 
     def __init__(self, powers: Powers, rtol: float, perturbed: Powers | None = None) -> None:
-        self._powers, self._rtol, self._shaken = powers, rtol, perturbed
+        self._powers, self._rtol, self._perturbed = powers, rtol, perturbed
         self._nodes = np.array(collocation.nodes(NODES))
         self._energy = 0.0
         self._rounding = 0.0  # of the power
@@ -118,9 +118,9 @@ class WorkIntegral:
         whole = self._panel(t, h)
         if whole is None:
             return None
-        aside = None if self._shaken is None else self._shaken(t + self._nodes * h)
-        if aside is not None:
-            self._rounding = float(np.abs(aside[0] - whole.slopes[:, 0]).max())
+        moved = None if self._perturbed is None else self._perturbed(t + self._nodes * h)
+        if moved is not None:
+            self._rounding = float(np.abs(moved[0] - whole.slopes[:, 0]).max())
         waiting = [_Panel(-np.inf, t, whole)]
         done: list[_Panel] = []
         for count in range(1, MOST_PANELS):

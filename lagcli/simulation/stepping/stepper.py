@@ -263,7 +263,7 @@ class Stepper:
         )
         self.count_scratch()
         if work is None:
-            self.statistics.doubt()
+            self.statistics.mark_work_unknown()
         else:
             bound.new[-1] = work.end
         self.found.work = work

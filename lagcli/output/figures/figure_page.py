@@ -26,7 +26,7 @@ from lagcli.output.files import atomic_file, formats
 Dash = Literal["-"] | tuple[float, tuple[float, ...]]
 
 # A figure in the hands of those who do not load matplotlib.
-SheetFigure: TypeAlias = figure.Figure
+PlainFigure: TypeAlias = figure.Figure
 
 
 class TextStyle(TypedDict, total=False):

@@ -38,7 +38,7 @@ MOST_NAMED = 3  # parameters in one name of a table
 SETTINGS = ("method", "rtol", "atol", "version")
 
 
-class ColumnWords:
+class ColumnTexts:
     """The words for the columns of one table."""
 
     def __init__(self, columns: Sequence[str], facts: TableFacts) -> None:
