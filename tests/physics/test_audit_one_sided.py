@@ -272,3 +272,20 @@ def test_command_refuses_other_events(
 def test_a_run_that_an_audit_makes_is_judged_with_its_incidents() -> None:
     found = lagcli.audit(Path(__file__).parents[2] / "models" / "zeno-ball.yaml")
     assert found.check("impacts").verdict == found.check("missed").verdict == "pass"
+
+
+@pytest.mark.parametrize("event_rows", [False, True])
+def test_an_impact_at_the_start_is_behind_its_row(event_rows: bool) -> None:
+    model = lagcli.loads("""
+lagcli: 1
+particles: {a: {mass: 2, position: [0, 0, 0], velocity: [0.2, 0, -1]}}
+forces: {weight: {to: a, force: "[0, 0, -9.81*m]"}}
+inequality: {floor: {condition: a.z >= 0, restitution: 0.5}}
+simulation: {duration: 0.3, samples: 31}
+""")
+    run = lagcli.simulate(model, event_rows=event_rows)
+    assert run.events["t"][0] == 0
+    found = lagcli.audit(model, run, events=run.events)
+    assert found.passed, fails(found)
+    assert found.check("balance").judged >= 31
+    assert dict(found.figures)["energy_lost_in_impacts"] > 0.75

@@ -283,8 +283,9 @@ def balance(e: Evidence) -> list[Check]:
     E_moved = _energy_of_motion(e, _moved(e), e.moved_values) + e.moved_values.V
     noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
     limit = noise * (1 + (np.arange(len(E)) + count) / SAFETY) + e.tolerance.atol
-    apart = (E - E[0] - total)[:, None]
-    # Of rows at one time the last, which is after it.
+    # Of rows at one time the last, which is after the impacts then: at the first time too.
+    first = np.searchsorted(e.record.t, e.record.t[0], "right") - 1
+    apart = (E - E[first] - (total - total[first]))[:, None]
     judged = np.concatenate([np.diff(e.record.t) > 0, [True]])
     return [judge(BALANCE, ("the whole system",), e.record.t, apart, limit[:, None], judged[:, None])]
 
