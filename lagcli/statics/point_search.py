@@ -55,7 +55,7 @@ class SearchParameters:
     `test_points_that_are_one_are_kept_once` fails at 3e-5 and 0.003."""
     rounding: float = 1e-15
     """The least part of a coordinate, or of the force, that is reported.
-    `test_a_coordinate_that_rounding_moves_is_told_as_zero` fails at 1e-16 and 1e-14."""
+    `test_a_coordinate_that_rounding_moves_is_reported_as_zero` fails at 1e-16 and 1e-14."""
     spread: tuple[float, ...] = (0.3, 1.0, 2.5)
     """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond.
     `test_starts_are_drawn_beside_across_and_beyond` fails at a tenth and at ten times of it."""

@@ -41,7 +41,7 @@ class RefineParameters:
     `test_starts_lie_beside_the_first_in_four_sizes` fails at a tenth and at ten times of it."""
     large: int = 60
     """Above so many unknowns a search costs so much that the starts aside wait until the way downhill has
-    failed. `test_above_sixty_unknowns_the_starts_aside_wait` fails at 6 and 600."""
+    failed. `test_above_sixty_unknowns_the_starts_beside_wait` fails at 6 and 600."""
 
 
 PARAMETERS = RefineParameters()

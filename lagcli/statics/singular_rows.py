@@ -30,20 +30,20 @@ class DependenceParameters:
     `test_places_of_dependent_gradients_are_sought_among_twelve_coordinates` fails at 1 and 120."""
     tries: int = 12
     """Starts at random, beside the start of the model.
-    `test_such_places_are_sought_from_twelve_starts_beside_the_first` fails at 1 and 120."""
+    `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 1 and 120."""
     damped: int = 80
-    """Damped steps of each. `test_such_places_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
+    """Damped steps of each. `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
     800."""
     most_named: int = 4
-    """Points that a note names; of more it gives the number. `test_a_note_names_four_such_places` fails at 0
+    """Points that a note names; of more it gives the number. `test_a_note_names_four_such_points` fails at 0
     and 40."""
     zero: float = 1e-10
-    """The residual of a point, of rows of length one. `test_such_a_place_has_no_residual` fails at 1e-11 and
+    """The residual of a point, of rows of length one. `test_such_a_point_has_no_residual` fails at 1e-11 and
     1e-9."""
     near: float = 3e-4
     """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of
     things are zero, and points closer than ten times it are one.
-    `test_a_coordinate_of_such_a_place_is_zero_to_the_root_of_rounding` fails at 3e-5 and 0.003."""
+    `test_a_coordinate_of_such_a_point_is_zero_to_the_root_of_rounding` fails at 3e-5 and 0.003."""
 
 
 PARAMETERS = DependenceParameters()

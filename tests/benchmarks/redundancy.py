@@ -10,7 +10,7 @@ import statistics
 from collections.abc import Iterator
 
 import lagcli
-from tests.helpers import lean
+from tests.helpers import redundant_models
 
 TURNS = 9
 SIZES = (10, 100)
@@ -31,8 +31,12 @@ TWINS = '  twin[i]: {for: "i = 2..N", equation: "dot(p[i] - p[i-1], p[i] - p[i-1
 
 def pairs() -> Iterator[tuple[str, str, str]]:
     """Names, texts with redundant rows, texts without."""
-    for name in lean.REDUNDANT:
-        yield name, (lean.MODELS / name).read_text(encoding="utf-8"), lean.without(name)
+    for name in redundant_models.REDUNDANT:
+        yield (
+            name,
+            (redundant_models.MODELS / name).read_text(encoding="utf-8"),
+            redundant_models.without(name),
+        )
     for size in SIZES:
         chain = CHAIN.format(size)
         yield f"chain of {size} twin rods", chain + TWINS, chain

@@ -54,7 +54,7 @@ def opened(browser: Browser, path: pathlib.Path, *arguments: Any, **features: An
     return shown
 
 
-def test_arrows_are_as_long_as_the_forces_and_balls_stand_at_their_places(
+def test_arrows_are_as_long_as_the_forces_and_balls_stand_at_their_positions(
     browser: Browser, pendulum: pathlib.Path
 ) -> None:
     run = lagcli.simulate(MODELS / "double-pendulum.yaml", samples=201)

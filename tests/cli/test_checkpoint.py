@@ -238,7 +238,7 @@ def test_a_finer_grid_cannot_look_behind_the_checkpoint(monkeypatch: pytest.Monk
     assert ready(PENDULUM, point, duration=10, samples=3).skipped_rows == 0
 
 
-def test_a_stopped_run_stops_at_the_same_place_again(tmp_path: Path) -> None:
+def test_a_stopped_run_stops_at_the_same_state_again(tmp_path: Path) -> None:
     model, file = lagcli.loads(FALL), tmp_path / "run.json"
     with pytest.raises(lagcli.SimulationStopped) as first:
         lagcli.simulate(model, duration=5, samples=501, checkpoint=file)
@@ -511,7 +511,7 @@ def test_dataclasses_are_saved_and_read_by_their_types() -> None:
         (("more",), 1, "Shape: other fields than name, corners, sizes, inner"),
     ],
 )
-def test_what_is_not_of_its_type_is_reported_with_its_place(
+def test_what_is_not_of_its_type_is_reported_with_its_location(
     place: tuple[Any, ...], value: object, sentence: str
 ) -> None:
     tree = json.loads(json.dumps(saved_form.saved(SHAPE)))

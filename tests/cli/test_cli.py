@@ -975,7 +975,7 @@ def test_a_pipe_that_nobody_reads_is_quiet_too(started: Started, arguments: list
     assert process.returncode == 141
 
 
-def test_a_table_leaves_a_closed_pipe_to_the_door(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_leaves_a_closed_pipe_to_the_exit(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in `check | head -1`, where the title is read and the table finds the pipe closed."""
 
     class Closed(io.StringIO):

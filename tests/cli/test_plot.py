@@ -22,7 +22,7 @@ from lagcli.output.charts import (
     chart_figure,
     chart_table,
     chart_terminal,
-    chart_words,
+    chart_texts,
     compose,
 )
 from lagcli.output.charts.chart import ChartData
@@ -359,20 +359,20 @@ def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
 def test_runs_are_named_by_the_parameters_that_differ() -> None:
     paths = ["a/run.npz", "b/run.npz"]
     told = [{"parameters": {"L": size, "m": 1.0}, "rtol": 1e-9} for size in (0.5, 2.0)]
-    assert chart_words.distinguishing(paths, told) == ["L = 0.5", "L = 2"]
-    assert chart_words.distinguishing(paths, [told[0], told[0]]) == ["a", "b"]
-    assert chart_words.distinguishing(paths, [told[0], told[0] | {"rtol": 1e-6}]) == [
+    assert chart_texts.distinguishing(paths, told) == ["L = 0.5", "L = 2"]
+    assert chart_texts.distinguishing(paths, [told[0], told[0]]) == ["a", "b"]
+    assert chart_texts.distinguishing(paths, [told[0], told[0] | {"rtol": 1e-6}]) == [
         "rtol = 1e-09",
         "rtol = 1e-06",
     ]
-    assert chart_words.distinguishing(paths, [told[0], None]) == ["a", "b"]
+    assert chart_texts.distinguishing(paths, [told[0], None]) == ["a", "b"]
     # Of one model, parameters that follow from those that were set are not told.
     follows = [{"sha256": "1", "parameters": {"L": x, "M": 2 * x}, "set": {"L": str(x)}} for x in (1.0, 3.0)]
-    assert chart_words.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    assert chart_texts.distinguishing(paths, follows) == ["L = 1", "L = 3"]
     follows[0] |= {"set": {}}
-    assert chart_words.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    assert chart_texts.distinguishing(paths, follows) == ["L = 1", "L = 3"]
     follows[1] |= {"sha256": "2"}
-    assert chart_words.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
+    assert chart_texts.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
 
 
 @pytest.mark.parametrize(
@@ -389,7 +389,7 @@ def test_runs_are_named_by_the_parameters_that_differ() -> None:
     ],
 )
 def test_names_of_files_are_shortened_to_what_differs(paths: list[str], names: list[str]) -> None:
-    assert chart_words.distinguishing(paths, [None] * len(paths)) == names
+    assert chart_texts.distinguishing(paths, [None] * len(paths)) == names
 
 
 def test_overlays_tell_columns_by_colour_and_runs_by_dashes() -> None:
@@ -567,7 +567,7 @@ def test_a_strangers_provenance_tells_what_it_can(origin: dict[str, object]) -> 
     facts = provenance.facts_from(origin)
     assert facts.units is None
     assert facts.dimensions.lengths in ({}, {"c": 1.0})
-    chart_words.distinguishing(["a", "b"], [origin, origin])
+    chart_texts.distinguishing(["a", "b"], [origin, origin])
 
 
 def test_standard_input_is_a_table(here: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -140,7 +140,7 @@ def test_an_unknown_name_is_located(model):
 @pytest.mark.parametrize(
     ("of", "code"), [("a.vx", "velocity-not-allowed"), ("t*a.x", "time-not-allowed"), ("a", "not-a-scalar")]
 )
-def test_a_function_is_of_places(model, of, code):
+def test_a_function_is_of_positions(model, of, code):
     done = run("stationary", model, "--of", of)
     assert done.code == 2
     assert f"error[{code}]" in done.err

@@ -237,7 +237,7 @@ def test_reductions_are_expressions_over_columns() -> None:
         (("--points", os.curdir), "--points: . is a folder, and a table of points is needed"),
     ],
 )  # fmt: skip
-def test_bad_input_is_refused_with_its_place(
+def test_bad_input_is_refused_with_its_location(
     options: tuple[str, ...], told: str, tmp_path: pathlib.Path
 ) -> None:
     done = run("sweep", PENDULUM, *options)

@@ -182,7 +182,7 @@ def test_units_of_length_and_mass_do_not_count(length, mass):
     ],
 )
 @pytest.mark.parametrize("place", [(0, 0, 0), (3, 4, -5)])
-def test_particles_at_one_place_are_moved_apart(law, least, place):
+def test_particles_at_one_point_are_moved_apart(law, least, place):
     """The gradient of the rod vanishes or has no value at the start; every direction is as near."""
     text = document([place, place], {"rod": law})
     (found,) = refused(lagcli.simulate, text)
@@ -223,9 +223,9 @@ def test_a_chain_is_pulled_straight_to_reach_its_far_end():
 def test_redundant_rows_do_not_change_the_assembly():
     places = zigzag(12)
     twins = {f"s{i}": f"3*dot(p{i} - p{i - 1}, p{i} - p{i - 1}) = 3" for i in range(1, 12)}
-    _, lean = assembled(chain(1.5 * places))
+    _, independent = assembled(chain(1.5 * places))
     _, redundant = assembled(chain(1.5 * places, twins))
-    np.testing.assert_allclose(redundant.state.q, lean.state.q, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(redundant.state.q, independent.state.q, rtol=0, atol=1e-10)
 
 
 def test_parts_that_share_nothing_are_each_the_nearest():
@@ -323,7 +323,7 @@ def test_each_conflict_is_reported():
     assert [set(re.findall(r"`(\w+)`", d.message)) for d in found] == [{"a", "b"}, {"c", "d"}]
 
 
-def test_rows_beside_kept_coordinates_are_counted_on_the_others(capfd):
+def test_rows_beside_fixed_coordinates_are_counted_on_the_others(capfd):
     """Four rows on three coordinates of which one may not move: no more than two go to IPOPT, and nothing is told on
     the way to the answer, by CasADi or by NumPy."""
     text = """

@@ -206,8 +206,8 @@ def test_symmetries_are_reported() -> None:
 def test_what_is_determined_is_reported() -> None:
     twin = lagcli.audit(lagcli.load(ROOT / "models" / "twin-rod.yaml"))
     assert any("2 of 3 multipliers are not determined (`rod`, `twin`)" in line for line in twin.sentences)
-    lean = lagcli.audit(lagcli.load(ROOT / "models" / "pendulum.yaml"))
-    assert any("lambda(0) too" in line for line in lean.sentences)
+    independent = lagcli.audit(lagcli.load(ROOT / "models" / "pendulum.yaml"))
+    assert any("lambda(0) too" in line for line in independent.sentences)
 
 
 def test_a_row_at_a_crossing_needs_no_multiplier() -> None:

@@ -176,7 +176,7 @@ def test_a_row_of_a_neighbouring_run_fails(name: str) -> None:
 
 
 @pytest.mark.parametrize("fault", ["all shuffled", "two swapped", "ten rows frozen"])
-def test_the_steps_name_the_place(fault: str) -> None:
+def test_the_steps_name_the_entry(fault: str) -> None:
     model, run = motion("pendulum")
     found = lagcli.audit(model, with_rows_of(run, FAULTS[fault](np.arange(251)))).check("steps")
     assert {"a.x", "a.vz"} <= {place.name for place in found.failing}
@@ -552,7 +552,7 @@ def test_bounds_of_steps_hold_for_jumps_wherever_they_are(even: bool) -> None:
 
 
 @pytest.mark.parametrize("rows", [[50], [0], range(50, 60), range(251)])
-def test_a_table_with_places_where_rows_have_no_gradient_fails(rows: list[int]) -> None:
+def test_a_table_with_points_where_rows_have_no_gradient_fails(rows: list[int]) -> None:
     model, run = motion("uniform circular motion")
     table = run.rows.copy()
     table[np.ix_(list(rows), [run.columns.index(f"a.{axis}") for axis in "xyz"])] = 0.0

@@ -178,7 +178,7 @@ def test_the_law_of_rows_that_move_written_out() -> None:
     assert min(map(abs, works)) > 1e-3
 
 
-def test_the_law_of_places_that_move_written_out() -> None:
+def test_the_law_of_positions_that_move_written_out() -> None:
     """Places x(q, t) that are led by t do work on their particles: m (u(+) - u(-)) . dx/dt."""
     found = tables("places")
     of = dict(zip(found.heads, found.incidents[0].tolist(), strict=True))

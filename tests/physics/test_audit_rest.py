@@ -69,7 +69,7 @@ def test_a_fault_is_found(name, column, change, check, tmp_path):
     assert audit.conclusion.endswith("the table does not hold points of rest of this model.")
 
 
-def test_a_place_on_the_hoop_where_nothing_rests(tmp_path):
+def test_a_point_on_the_hoop_where_nothing_rests(tmp_path):
     model = lagcli.loads(HEAD + MODELS["hoop"])
     columns, numbers, types = written(model, tmp_path / "points.csv")
     numbers[:, list(columns).index("th")] = np.pi / 2

@@ -217,7 +217,7 @@ differential: {row: x*d(y) - y*d(x) - (x**2 + y**2)*d(th) = 0}
 @pytest.mark.parametrize(
     "chart", [TURNS, LevelFunction("atan2(y, x) - th", period="2*pi")], ids=["regular", "angle"]
 )
-def test_an_angle_is_held_through_ten_turns(chart: LevelFunction) -> None:
+def test_an_angle_is_followed_through_ten_turns(chart: LevelFunction) -> None:
     going, columns = run(WINDING, held("atan2(y, x) - th", chart), duration=40, samples=4001)
     phi = np.unwrap(np.arctan2(columns["y"], columns["x"])) - columns["th"]
     assert columns["th"][-1] > 10 * 2 * math.pi
@@ -264,7 +264,7 @@ def test_a_line_through_the_origin_is_passed_without_a_jump(phi: Any, angle: flo
     assert len(going.notes) == 1  # of these configurations, and none of integrals
 
 
-def test_a_rheonomic_row_is_held_too() -> None:
+def test_a_rheonomic_row_is_enforced_too() -> None:
     text = """
 lagcli: 1
 coordinates: {x: {value: 2, rate: -2}, y: {value: 1}}
@@ -360,7 +360,7 @@ def test_a_start_where_the_gradient_vanishes_takes_the_next_chart() -> None:
         assert not [note for note in going.notes if "y**2/x" in note]
 
 
-def test_an_integral_that_cannot_be_held_is_reported() -> None:
+def test_an_integral_that_cannot_be_enforced_is_reported() -> None:
     one = dataclasses.replace(PARABOLA[0], charts=PARABOLA[0].charts[:1])
     none = dataclasses.replace(one, charts=())
     pole = dataclasses.replace(one, charts=(LevelFunction("1/y"),))
@@ -606,7 +606,7 @@ def test_a_limit_is_a_number_of_seconds(limit: float) -> None:
         lagcli.simulate(lagcli.loads(FACTOR), duration=0.1, limit=limit)
 
 
-def test_an_integral_is_held_where_functions_of_t_are_looked_through() -> None:
+def test_an_integral_is_enforced_where_functions_of_t_are_looked_through() -> None:
     """The constants of its level come behind the parameters, which not every function takes."""
     text = """
 lagcli: 1

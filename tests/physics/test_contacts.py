@@ -36,10 +36,10 @@ def test_a_run_that_is_resumed_is_the_one_that_was_not(end, tmp_path):
 
 def test_contacts_stand_beside_redundant_rows():
     both = BALL.replace("inequality:", "holonomic:\n  track: a.y = 0\n  spare: 3*a.y = 0\ninequality:")
-    lean = lagcli.simulate(lagcli.loads(BALL), duration=1.0, samples=11)
+    independent = lagcli.simulate(lagcli.loads(BALL), duration=1.0, samples=11)
     found = lagcli.simulate(lagcli.loads(both), duration=1.0, samples=11)
-    assert np.abs(found["a.z"] - lean["a.z"]).max() < 1e-12
-    assert found.stats.impacts == lean.stats.impacts == 2
+    assert np.abs(found["a.z"] - independent["a.z"]).max() < 1e-12
+    assert found.stats.impacts == independent.stats.impacts == 2
 
 
 def test_an_open_rope_may_start_at_its_centre():

@@ -366,9 +366,9 @@ def test_the_command_line_tells_and_writes_them(tmp_path):
     assert json.loads(stats.read_text(encoding="utf-8"))["digits"] == run.digits
     # The figure is the one of the run without them.
     other = tmp_path / "b.svg"
-    lean = completed("simulate", file, "--plot", other)
+    independent = completed("simulate", file, "--plot", other)
     assert other.read_bytes() == figure.read_bytes()
-    assert "digits" not in lean.stderr
+    assert "digits" not in independent.stderr
 
 
 def test_the_command_line_refuses_a_resumed_run_and_has_no_errors_without(tmp_path):

@@ -86,7 +86,7 @@ def test_an_inertia_that_jumps_stops_a_run_too():
         lagcli.simulate(model)
 
 
-def test_a_particle_whose_place_jumps_stops_a_run():
+def test_a_particle_whose_position_jumps_stops_a_run():
     text = """\
 lagcli: 1
 coordinates: {x: {value: 0.5, rate: 1}}
@@ -244,7 +244,7 @@ def compiled(model):
     return names
 
 
-def test_a_step_far_from_a_switch_is_looked_at_in_few_places():
+def test_a_step_far_from_a_switch_is_looked_at_in_few_points():
     text = POTENTIAL % "1e-9*abs(p.x)/(p.y + 40)"
     assert compiled(lagcli.loads(text)) == [("margin", 5)]
     assert compiled(lagcli.loads(text.replace("p.y + 40", "40*p.y**2 + 1"))) == []

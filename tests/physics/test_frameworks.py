@@ -261,10 +261,10 @@ def test_run_with_redundant_rows_is_the_run_without(frame, seed):
     speeds, count = speeds_of(frame, seed), len(frame.points)
     doubled = lagcli.simulate(lagcli.loads(frame.document(speeds)), **BRIEF)
     kept = [k for k in range(len(frame.laws)) if k not in exact_rank.redundant(frame.matrix)]
-    lean = lagcli.simulate(lagcli.loads(frame.only(kept).document(speeds)), **BRIEF)
+    independent = lagcli.simulate(lagcli.loads(frame.only(kept).document(speeds)), **BRIEF)
     place, R = table(doubled, count, "{}.{}"), table(doubled, count, "R.{}.{}")
-    np.testing.assert_allclose(place, table(lean, count, "{}.{}"), rtol=0, atol=SAME)
-    R_lean = table(lean, count, "R.{}.{}")
+    np.testing.assert_allclose(place, table(independent, count, "{}.{}"), rtol=0, atol=SAME)
+    R_lean = table(independent, count, "R.{}.{}")
     np.testing.assert_allclose(R, R_lean, rtol=0, atol=SAME * max(1.0, np.abs(R_lean).max()))
     assert indeterminate(doubled) == {frame.names[k] for k in exact_rank.shared(frame.matrix)}
     lam = np.stack([doubled.multiplier(name) for name in frame.names], axis=1)
@@ -335,10 +335,15 @@ def test_bodies_with_all_their_distances(points, rank):
     model = lagcli.loads(frame.document())
     count = lagcli.dof(model)
     assert (count.configuration_dof, count.redundant) == (6, len(frame.rods) - rank)
-    lean = frame.only([k for k in range(len(frame.rods)) if k not in exact_rank.redundant(frame.matrix)])
-    doubled, lean = lagcli.simulate(model, **BRIEF), lagcli.simulate(lagcli.loads(lean.document()), **BRIEF)
+    independent = frame.only(
+        [k for k in range(len(frame.rods)) if k not in exact_rank.redundant(frame.matrix)]
+    )
+    doubled, independent = (
+        lagcli.simulate(model, **BRIEF),
+        lagcli.simulate(lagcli.loads(independent.document()), **BRIEF),
+    )
     R = table(doubled, len(points), "R.{}.{}")
-    np.testing.assert_allclose(R, table(lean, len(points), "R.{}.{}"), rtol=0, atol=SAME)
+    np.testing.assert_allclose(R, table(independent, len(points), "R.{}.{}"), rtol=0, atol=SAME)
     assert indeterminate(doubled) == {frame.names[k] for k in exact_rank.shared(frame.matrix)}
 
 
@@ -492,7 +497,7 @@ def test_redundant_differential_rows(rows):
     assert (count.configuration_dof, count.velocity_dof, count.redundant) == (4, 2, len(rows) - 2)
     assert redundant(report) == {names[k] for k in exact_rank.redundant(exact)}
     assert not_unique(report) == {names[k] for k in exact_rank.shared(exact)}
-    doubled, lean = lagcli.simulate(model), lagcli.simulate(lagcli.loads(plain))
+    doubled, independent = lagcli.simulate(model), lagcli.simulate(lagcli.loads(plain))
     for column in ("x", "y", "phi", "R.x", "R.y", "R.phi"):
-        np.testing.assert_allclose(doubled[column], lean[column], rtol=0, atol=SAME)
+        np.testing.assert_allclose(doubled[column], independent[column], rtol=0, atol=SAME)
     assert indeterminate(doubled) == {names[k] for k in exact_rank.shared(exact)}

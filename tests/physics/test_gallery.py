@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from tests.helpers import lean, recorded_runs
+from tests.helpers import recorded_runs, redundant_models
 
 pytestmark = pytest.mark.numeric
 
@@ -117,9 +117,9 @@ def test_redundant_rows_and_multipliers_that_are_not_unique(name):
     assert set(table(name).stats.indeterminate) == shared
 
 
-@pytest.mark.parametrize("name", lean.REDUNDANT)
-def test_reactions_are_those_of_the_lean_version(name):
-    other = lagcli.loads(lean.without(name))
+@pytest.mark.parametrize("name", redundant_models.REDUNDANT)
+def test_reactions_are_those_of_the_version_without_redundant_rows(name):
+    other = lagcli.loads(redundant_models.without(name))
     assert not any(row["redundant"] for row in lagcli.check(other).as_json()["constraints"])
     run, other = table(name), lagcli.simulate(other)
     for column in run.columns:
@@ -134,7 +134,7 @@ TWICE = [n for n in GALLERY if GALLERY[n]["verdicts"] or "contacts" in GALLERY[n
 
 @pytest.mark.parametrize("name", [n for n in TWICE if n != "sphere-pile.yaml"])
 def test_reactions_stay_where_every_constraint_is_declared_twice(name):
-    once, twice = map(lagcli.loads, lean.twice(name))
+    once, twice = map(lagcli.loads, redundant_models.twice(name))
     options = {"samples": 6, "duration": min(1.0, once.simulation.duration or 1.0)}
     run, other = lagcli.simulate(once, **options), lagcli.simulate(twice, **options)
     for column in run.columns:

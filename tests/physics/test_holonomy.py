@@ -119,7 +119,7 @@ def test_martinet_leaves_the_special_start() -> None:
 
 
 @pytest.mark.parametrize("row", ["n1", "n2"])
-def test_the_rolling_disk_parks_beside_its_place(row: str) -> None:
+def test_the_rolling_disk_parks_beside_its_start(row: str) -> None:
     result = verified(of_reference("pfaff_rolling_disk_upright"), row)
     assert result.coordinate == {"n1": "x", "n2": "y"}[row]
     corners = result.paths[0].corners

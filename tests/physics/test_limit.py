@@ -184,7 +184,7 @@ def test_energy_balance_of_a_spring_that_moves_and_stiffens() -> None:
     assert run.stats.energy_imbalance < 1e-9
 
 
-def test_swings_of_a_ramp_grow_as_their_action_is_kept() -> None:
+def test_swings_of_a_ramp_grow_as_their_action_is_constant() -> None:
     """The action of the swing k^(1/2) u^2 is constant, and its force k u grows as k^(3/4)."""
     found = lagcli.limit(
         lagcli.loads(STICK.replace("w: 2", "w: 0")), "rod", ramp=6.0, stiffness="1e3:1e5", unprestressed=True

@@ -64,7 +64,7 @@ def test_what_drives_away_is_found_far_from_zero() -> None:
     assert found.growth == pytest.approx(np.sqrt(8), rel=1e-9)
 
 
-def test_damping_is_kept() -> None:
+def test_damping_is_constant() -> None:
     text = SPRINGS + "  drag: {to: p, force: -0.01*v}\n"
     found = lagcli.modes(lagcli.loads(text), lowest=3)
     root = np.sqrt(springs(3) ** 2 - 0.0025**2 + 0j)

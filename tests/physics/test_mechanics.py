@@ -287,7 +287,7 @@ forces:
     assert table.stats.energy_imbalance <= 1e-10
 
 
-def test_coefficients_that_depend_on_time_and_place():
+def test_coefficients_that_depend_on_time_and_position():
     # A wire that turns at the rate w about the origin carries its bead outwards: r = r0 cosh(w t).
     table = run(
         """

@@ -78,7 +78,7 @@ def chosen(B, masses=None):
 
 @settings(max_examples=150, deadline=None)
 @given(dependent_rows())
-def test_circuits_are_minimal_dependent_sets_and_kept_rows_are_independent(B):
+def test_dependencies_are_minimal_and_the_other_rows_independent(B):
     found = chosen(B).selection
     assert found.count == len(B)
     assert (
@@ -126,7 +126,7 @@ def test_groups_are_circuits_that_share_rows():
     assert found.shared == (0, 1, 2, 3, 4, 5, 7, 8)
 
 
-def test_other_rows_are_kept_of_the_same_sets():
+def test_other_rows_are_chosen_of_the_same_sets():
     found = Selection((0, 1, 2, 5, 6), ((3, 0, 1), (4, 1, 2), (7, 5), (8,)))
     other = independent_rows.rebased(found, (2, 3, 4, 6, 7))
     assert other == Selection((2, 3, 4, 6, 7), ((0, 2, 3, 4), (1, 2, 3, 4), (5, 7), (8,)))

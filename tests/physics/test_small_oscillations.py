@@ -132,7 +132,7 @@ def test_a_gyroscopic_term_parts_two_equal_frequencies() -> None:
     assert found.as_json()["shapes"][0] == [[1.0, 0.0], [0.0, -1.0]]
 
 
-def test_a_maximum_held_by_gyroscopic_terms_is_not_judged() -> None:
+def test_a_maximum_stabilized_by_gyroscopic_terms_is_not_judged() -> None:
     found = modes(FOUCAULT.replace("k: w0**2", "k: -0.1"))
     root = np.sqrt(0.16 - 0.1)
     np.testing.assert_allclose(found.frequencies, [0.4 - root, 0.4 + root], rtol=1e-11)
@@ -220,7 +220,7 @@ ROW
     np.testing.assert_allclose(whole.frequencies, rolling.frequencies, rtol=1e-13)
 
 
-def test_a_sleigh_at_rest_has_zeros_for_its_places_and_its_speeds() -> None:
+def test_a_sleigh_at_rest_has_zeros_for_its_positions_and_its_speeds() -> None:
     text = """\
 lagcli: 1
 coordinates: {x: {}, y: {}, th: {}}

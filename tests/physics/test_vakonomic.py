@@ -136,7 +136,7 @@ def test_motion_has_the_least_action_among_paths_that_satisfy_the_row() -> None:
     assert abs(found.formulations[0].table[1, 1] - column(found, "x")[1]) > 0.1
 
 
-def test_energy_is_kept_where_rows_rest_and_are_homogeneous() -> None:
+def test_energy_is_constant_where_rows_rest_and_are_homogeneous() -> None:
     found = both(KNIFE.replace("g: 0", "g: 3"), {"blade": 0.6}, duration=20)
     energy = column(found, "energy")
     assert np.ptp(energy) < 1e-10 * np.abs(column(found, "x")).max() * 1.3 * 3

@@ -94,7 +94,7 @@ def test_a_gradient_that_jumps_is_not_smooth(jump: float, answer: bool) -> None:
     assert scaled_equations.is_smooth(part_of(f"x + {jump!r}*abs(y)")) is answer
 
 
-def test_newton_creeps_to_a_place_that_is_not_regular() -> None:
+def test_newton_converges_slowly_to_a_point_that_is_not_regular() -> None:
     with pytest.raises(branches._SlowConvergence):
         branches._nearby(part_of("x**2"), np.array([0.1, 0.0])[:1], 0.0)
     assert branches._nearby(part_of("x**2 + x"), np.array([0.1]), 0.0) is not None

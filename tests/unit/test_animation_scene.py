@@ -233,7 +233,7 @@ def test_a_wire_is_hung_on_alone_and_a_circle_in_a_plane() -> None:
     assert surface(scene, "circle").name == "wire"
 
 
-def test_a_place_that_is_given_leaves_no_curve() -> None:
+def test_a_point_that_is_given_leaves_no_curve() -> None:
     text = """
 particles: {pin: {mass: 1, position: [1, 0, 0], velocity: [0, 0, 2]}}
 holonomic: {motor: "pin = [cos(2*t), 0, sin(2*t)]"}
@@ -545,7 +545,7 @@ def test_masses_give_sizes_and_rods_bound_them() -> None:
 # ---- coordinates, tables, modes
 
 
-def test_coordinates_without_particles_are_places_or_beads() -> None:
+def test_coordinates_without_particles_are_positions_or_beads() -> None:
     disk = gallery("rolling-disk", samples=21)
     assert disk.names == ("(x, y)",)
     assert disk.points[0].shape == (21, 3)

@@ -90,7 +90,7 @@ def test_a_model_that_is_too_large_is_refused_before_it_is_built(work, monkeypat
     lagcli.dof(lagcli.loads(CHAIN.format(n=9)))  # 35
 
 
-def test_a_run_that_takes_too_much_memory_is_refused_with_its_place(monkeypatch):
+def test_a_run_that_takes_too_much_memory_is_refused_with_its_location(monkeypatch):
     n, rows = 3 * 30, 29
     # Of a chain each coordinate between the ends stands in two rows.
     entries = 3 * (2 + 28 * 4)

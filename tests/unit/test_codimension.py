@@ -331,7 +331,7 @@ def test_null_vectors_have_exact_weights():
     assert force["d1_3"] / force["d0_2"] == pytest.approx(1, abs=1e-12)
 
 
-def test_multipliers_are_unique_near_a_start_where_rows_are_dependent_at_that_place_alone():
+def test_multipliers_are_unique_near_a_start_where_rows_are_dependent_at_that_point_alone():
     text = """
 lagcli: 1
 particles:

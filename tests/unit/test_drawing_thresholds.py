@@ -153,7 +153,7 @@ def test_a_curve_is_met_in_sixteen_newton_steps_or_not() -> None:
     assert newton_values(lambda x: np.exp(2 * x), lambda f, at: nets.nearest([f], at, 1.0)) == 16
 
 
-def test_a_net_is_laid_in_thirty_newton_steps_or_left_open() -> None:
+def test_a_net_is_drawn_in_thirty_newton_steps_or_left_open() -> None:
     # Each step asks for the value, and for two beside it.
     assert newton_values(lambda x: np.exp(3 * x), lambda f, at: nets._lifted(f, at, 0, 1.0)) == 3 * 30
 

@@ -56,7 +56,7 @@ def test_a_step_along_a_branch_is_halved_seven_times(monkeypatch):
 
 
 @pytest.mark.parametrize(("value", "is_on"), [(3e-14, True), (3e-13, False)])
-def test_a_place_is_on_a_surface_to_thirteen_digits(value, is_on):
+def test_a_point_is_on_a_surface_to_thirteen_digits(value, is_on):
     part = Residuals(value)
     if is_on:
         assert branches._nearby(part, np.zeros(1), 0.0) is not None
@@ -66,7 +66,7 @@ def test_a_place_is_on_a_surface_to_thirteen_digits(value, is_on):
 
 
 @pytest.mark.parametrize(("ratio", "is_regular"), [(0.01, True), (0.05, False)])
-def test_the_last_step_to_a_regular_place_squares_the_residual(ratio, is_regular):
+def test_the_last_step_to_a_regular_point_squares_the_residual(ratio, is_regular):
     part = Residuals(1.0, 1e-12, ratio * 1e-12)
     if is_regular:
         assert branches._nearby(part, np.zeros(1), 0.0) is not None
@@ -132,7 +132,7 @@ def test_twelve_newton_steps_lead_back_to_a_manifold():
 
 
 @pytest.mark.parametrize(("value", "looks"), [(3e-13, 1), (3e-12, 2)])
-def test_a_place_is_on_a_manifold_to_twelve_digits(value, looks):
+def test_a_point_is_on_a_manifold_to_twelve_digits(value, looks):
     part = Residuals(value, 0.0)
     assert Manifold(part, np.eye(1)).reached(np.zeros(1), 0.0) is not None
     assert part.calls == looks

@@ -31,13 +31,13 @@ def one(g, slope):
     return lambda x: (np.array([g(x)]), np.array([slope(x)]))
 
 
-def test_the_doubt_of_a_piece_is_four_times_what_it_shows():
+def test_the_misfit_of_a_piece_is_four_times_what_it_shows():
     assert zero_bounds.misfit((0.0, 0.0, 0.0, 0.0), 0.5, (0.25, 0.0), 0.0) == 4 * 0.25
 
 
-@pytest.mark.parametrize(("misfit", "is_told"), [(0.15, True), (0.3, False)])
-def test_a_cubic_is_trusted_to_a_tenth_of_its_range(misfit, is_told):
-    assert zero_bounds.turns_once((1.0, 1 / 3, -1 / 3, -1.0), misfit, True) is is_told
+@pytest.mark.parametrize(("misfit", "is_reported"), [(0.15, True), (0.3, False)])
+def test_a_cubic_is_trusted_to_a_tenth_of_its_range(misfit, is_reported):
+    assert zero_bounds.turns_once((1.0, 1 / 3, -1 / 3, -1.0), misfit, True) is is_reported
 
 
 def piece(begin, slope, end, end_slope):
@@ -45,7 +45,7 @@ def piece(begin, slope, end, end_slope):
     return zero_search._Piece(*ends, 0.0)
 
 
-def test_the_doubt_of_a_piece_is_half_of_its_bend_or_more():
+def test_the_misfit_of_a_piece_is_half_of_its_bend_or_more():
     assert piece(0.0, 0.0, 1.0, 0.0).with_least_misfit().misfit == 0.5
 
 

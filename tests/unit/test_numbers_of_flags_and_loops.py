@@ -109,7 +109,7 @@ def test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_durati
     assert found == pytest.approx([0.05, 0.02])
 
 
-def test_a_flow_is_looked_at_in_thirty_two_places(places, monkeypatch):
+def test_a_flow_is_looked_at_in_thirty_two_points(places, monkeypatch):
     counts = []
     monkeypatch.setattr(flag_points, "_path", lambda along, x, scale, count: counts.append(count))
     there = places(pieces=SimpleNamespace(count=1))

@@ -450,7 +450,7 @@ def test_four_sets_are_searched_from_each_start_and_of_more_one(contacts, search
 
 
 @pytest.mark.parametrize(("unknowns", "waits"), [(60, False), (61, True)])
-def test_above_sixty_unknowns_the_starts_aside_wait(unknowns, waits, search_of, monkeypatch):
+def test_above_sixty_unknowns_the_starts_beside_wait(unknowns, waits, search_of, monkeypatch):
     search, asked = search_of(n=unknowns), []
     monkeypatch.setattr(search, "_nearest", lambda begin, asides: asked.append(asides) or NO_FORCE)
     monkeypatch.setattr(search, "_from", lambda *_: None)
@@ -483,13 +483,13 @@ def test_a_search_ends_with_its_budget(evaluations, is_cut, search_of, monkeypat
     assert search.is_cut is is_cut
 
 
-@pytest.mark.parametrize(("residual", "is_told"), [(5e-16, True), (5e-15, False)])
-def test_a_coordinate_that_rounding_moves_is_told_as_zero(residual, is_told, search_of, monkeypatch):
+@pytest.mark.parametrize(("residual", "is_reported"), [(5e-16, True), (5e-15, False)])
+def test_a_coordinate_that_rounding_moves_is_reported_as_zero(residual, is_reported, search_of, monkeypatch):
     tidy = EquilibriumPoint(np.zeros(1), np.zeros(0), (), residual)
     monkeypatch.setattr(refine, "begun", lambda *_: np.zeros(1))
     monkeypatch.setattr(refine, "settled", lambda *_: tidy)
     found = EquilibriumPoint(np.full(1, 1e-16), np.zeros(0), (), 0.0)
-    assert (search_of()._tidied(None, found, 1e-15) is tidy) is is_told
+    assert (search_of()._tidied(None, found, 1e-15) is tidy) is is_reported
 
 
 @pytest.fixture
@@ -580,25 +580,25 @@ def test_places_of_dependent_gradients_are_sought_among_twelve_coordinates(n, se
     assert bool(asked) is searched
 
 
-def test_such_places_are_sought_from_twelve_starts_beside_the_first(dependent_places):
+def test_such_points_are_sought_from_twelve_starts_beside_the_first(dependent_places):
     _, asked = dependent_places()
     assert asked == [80] * 13
 
 
 @pytest.mark.parametrize(("residual", "count"), [(3e-11, 1), (3e-10, 0)])
-def test_such_a_place_has_no_residual(residual, count, dependent_places):
+def test_such_a_point_has_no_residual(residual, count, dependent_places):
     found, _ = dependent_places(residual=residual)
     assert len(found) == count
 
 
 @pytest.mark.parametrize(("x", "is_zero"), [(1e-4, True), (1e-3, False)])
-def test_a_coordinate_of_such_a_place_is_zero_to_the_root_of_rounding(x, is_zero, dependent_places):
+def test_a_coordinate_of_such_a_point_is_zero_to_the_root_of_rounding(x, is_zero, dependent_places):
     found, _ = dependent_places(x=x)
     assert bool(found[0][0] == 0.0) is is_zero
 
 
 @pytest.mark.parametrize(("count", "sentences"), [(4, 4), (5, 5), (6, 5)])
-def test_a_note_names_four_such_places(count, sentences, search_of, monkeypatch):
+def test_a_note_names_four_such_points(count, sentences, search_of, monkeypatch):
     search = search_of(value=lambda q: 0.0)
     monkeypatch.setattr(singular_rows, "singular_points", lambda search: [np.ones(1)] * count)
     told = singular_rows.notes(search, ["x"], "f")

@@ -41,7 +41,7 @@ def of_steps(rtol, atol=None):
 # From the tolerance of a run to that of a step
 
 
-def test_steps_are_held_to_a_hundredth_of_the_tolerance_of_a_run():
+def test_steps_have_a_hundredth_of_the_tolerance_of_a_run():
     assert of_steps(1e-6)[0] == relatively(1e-8)
     assert of_steps(1e-6, 1e-9)[1] == relatively(1e-11)
 
@@ -161,10 +161,10 @@ class Gap:
         return Gap(self.gap, self.gradient, x, looks=self.looks)
 
 
-@pytest.mark.parametrize(("part", "is_told"), [(3e-4, True), (3e-3, False)])
-def test_a_gradient_that_has_fallen_to_a_thousandth_is_looked_at(part, is_told):
+@pytest.mark.parametrize(("part", "is_reported"), [(3e-4, True), (3e-3, False)])
+def test_a_gradient_that_has_fallen_to_a_thousandth_is_looked_at(part, is_reported):
     here = SimpleNamespace(g=np.zeros(1), lowest=np.array([part]))
-    assert contact_gradient.fallen(here, np.ones(1), [0]).tolist() == [is_told]
+    assert contact_gradient.fallen(here, np.ones(1), [0]).tolist() == [is_reported]
 
 
 @pytest.mark.parametrize(("bend", "vanishes"), [(0.2, False), (1.0, True)])
@@ -281,7 +281,7 @@ def test_looks_that_are_close_together_say_nothing_new(at, looks):
     assert len(dip(0.5, at=at)[1]) == looks
 
 
-def test_a_minimum_is_looked_for_at_four_places_after_the_first():
+def test_a_minimum_is_looked_for_at_four_points_after_the_first():
     asked = []
 
     def square(h):
@@ -351,7 +351,7 @@ def test_a_step_from_a_singular_start_is_halved_thirty_times(monkeypatch):
 
 
 @pytest.mark.parametrize(("angle", "places"), [(0.02, 5), (0.05, 1)])
-def test_all_places_of_the_instant_are_tried_from_close_by(angle, places, monkeypatch):
+def test_all_distances_from_the_instant_are_tried_from_close_by(angle, places, monkeypatch):
     tried = []
     monkeypatch.setattr(singularity_step, "_placed", lambda *given: tried.append(given[-1]))
     assert singularity_step._step_across(None, None, Prediction(1.0, 1, angle=angle)) is None
@@ -541,7 +541,7 @@ def along(f, q=1.0, duration=1.0, reach=1.0):
     ("q", "duration", "edge", "is_seen"),
     [(1.0, 1.0, 3e-9, True), (1.0, 1.0, 3e-8, False), (0.0, 1.0, 3e-12, True), (0.0, 1.0, 3e-11, False)],
 )
-def test_a_jump_is_seen_within_rounding_of_the_place(q, duration, edge, is_seen):
+def test_a_jump_is_seen_within_rounding_of_the_point(q, duration, edge, is_seen):
     assert bool(along(lambda t: float(t > edge), q, duration).jumps()[0]) is is_seen
 
 
@@ -579,7 +579,7 @@ def repeated(rtol, atol=None):
     return step_tolerance.of_steps(error_estimate.repeated(settings(rtol, atol)))[:2].tolist()
 
 
-def test_steps_of_the_repeated_run_are_held_to_less():
+def test_steps_of_the_repeated_run_have_a_smaller_tolerance():
     assert repeated(1e-6)[0] == relatively(4e-11)  # 1e-8 / 250
     assert repeated(1e-11)[0] == relatively(3e-15)
 

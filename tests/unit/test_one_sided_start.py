@@ -152,7 +152,7 @@ def test_gaps_that_decimals_put_below_zero_begin_at_zero() -> None:
         ("f: a.x >= 0\n  g: a.y >= 0\n  h: a.z >= 0\n  s: norm(a) <= 1", (3, -1, 4), (0.6, 0, 0.8)),
     ],
 )
-def test_assembly_moves_to_the_nearest_allowed_place(
+def test_assembly_moves_to_the_nearest_allowed_configuration(
     inequalities: str, start: tuple[float, ...], nearest: tuple[float, ...]
 ) -> None:
     found = assembled(f"{BALL}inequality:\n  {inequalities}\n", **dict(zip("xyz", start, strict=True)))
@@ -194,7 +194,7 @@ inequality:
     assert np.abs(q - [[0.3 * min(i, 3), 0, 1] for i in range(1, 5)]).max() < 0.6
 
 
-def test_contradictory_conditions_are_named_where_no_place_is_found() -> None:
+def test_contradictory_conditions_are_named_where_no_configuration_is_found() -> None:
     with pytest.raises(diagnostics.ModelError) as caught:
         assembled(BALL + "inequality:\n  f: a.z >= 1\n  g: a.z <= 0.5\n")
     (error,) = caught.value.diagnostics

@@ -488,7 +488,7 @@ def refused(
 
 
 @pytest.mark.parametrize("case", TABLE, ids=lambda case: f"{case.command} {case.code} {case.at}")
-def test_it_is_refused_with_place_reason_and_way_out(
+def test_it_is_refused_with_location_reason_and_way_out(
     case: Refusal, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     code, out, err = refused(case, tmp_path, monkeypatch, capfd)
@@ -558,7 +558,7 @@ def test_a_family_names_what_a_scheme_of_another_program_is() -> None:
         assert words in sentence
 
 
-def test_errors_as_data_hold_code_place_and_hint(
+def test_errors_as_data_hold_code_location_and_hint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "model.yaml").write_text(law("rate(x)**2 = 1"), encoding="utf-8")

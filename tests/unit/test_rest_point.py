@@ -54,7 +54,7 @@ def test_twin_rods_share_the_force_evenly() -> None:
     np.testing.assert_allclose(found.lam, [-9.81 / 2] * 2, rtol=1e-12)
 
 
-def test_a_follower_force_has_no_potential_and_a_place_of_rest() -> None:
+def test_a_follower_force_has_no_potential_and_a_point_of_rest() -> None:
     # Torques: m g sin(th) against a force across the rod, F: sin th = F / (m g).
     text = (
         "coordinates:\n  th: {value: 0.1}\nparticles:\n"

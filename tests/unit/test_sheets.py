@@ -84,14 +84,14 @@ def test_the_mode_of_a_four_bar_counts_and_its_integral_is_reported():
         ({"y": "pi"}, ["d(sin(y)) = 0", LIFT.format("sin(y)*x")], 2),
     ],
 )
-def test_a_place_that_the_rows_keep_to_is_judged_by_itself(values, rows, truth):
+def test_a_set_that_the_rows_keep_to_is_judged_by_itself(values, rows, truth):
     found = count(START | values, [], rows)
     assert found.configuration_dof == truth
     assert found.velocity_dof is not None
 
 
 @pytest.mark.parametrize("power", [1, 2, 3])
-def test_a_place_that_the_rows_lead_away_from_takes_nothing(power):
+def test_a_point_that_the_rows_lead_away_from_takes_nothing(power):
     found = count(START, [], [LIFT.format(f"y**{power}")])
     assert (found.configuration_dof, found.proof) == (4, "symbolic")
     assert power == 1 or "lead away" in found.notes[0]
@@ -104,7 +104,7 @@ def test_a_row_that_holds_on_the_sheet_has_its_integral_there():
     assert report["dof"]["notes"]
 
 
-def test_an_integral_of_a_sheet_is_not_held_by_a_run():
+def test_an_integral_of_a_sheet_is_not_enforced_by_a_run():
     run = lagcli.simulate(lagcli.loads(text(START, ["y*(y - 1 - x**2) = 0"], [LIFT.format("y")])))
     assert np.abs(run["w"] - 0.1).max() < 1e-12
     assert np.abs(run["lambda.d0"]).max() < 1e-12
@@ -199,7 +199,7 @@ OTHERS = ("(y - 5)", "(x + y - 7)", "(x**2 + y**2 - 16)", "atan(x - 6)")
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_sheets_and_places_have_the_count_they_were_made_with(seed):
+def test_random_sheets_and_special_points_have_the_count_they_were_made_with(seed):
     r = random.Random(seed)
     own, values = r.choice(SHAPES)
     is_kept, on_sheet = r.random() < 0.6, seed % 2 == 0
@@ -297,7 +297,7 @@ def test_a_hidden_condition_that_holds_to_rounding_alone_does_not_stop_a_run():
         ),
     ],
 )
-def test_a_motion_runs_on_a_place_that_the_rows_keep_to(values, rows):
+def test_a_motion_runs_on_a_set_that_the_rows_keep_to(values, rows):
     model = lagcli.loads(text(START | {"z": "0.2, rate: 1"} | values, [], rows))
     run = lagcli.simulate(model)
     np.testing.assert_allclose(run["z"], 0.2 + run.t, atol=1e-10)
@@ -306,7 +306,7 @@ def test_a_motion_runs_on_a_place_that_the_rows_keep_to(values, rows):
         np.testing.assert_allclose(np.hypot(run["R.x"], run["R.y"]), 1.0, atol=1e-9)
 
 
-def test_a_place_that_the_rows_lead_away_from_is_a_singular_start():
+def test_a_point_that_the_rows_lead_away_from_is_a_singular_start():
     rows = ["d(w) - y*d(x) = 0", "d(w) + y*d(x) = 0"]
     with pytest.raises(lagcli.ModelError, match="singular configuration"):
         lagcli.simulate(lagcli.loads(text(START | {"z": "0.2, rate: 1"}, [], rows)))

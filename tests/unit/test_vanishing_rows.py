@@ -66,7 +66,7 @@ def test_a_factor_that_vanishes_on_the_surface_is_not_divided_out(surface, row):
         ("(sqrt(x**2 + y**2) - 2)*d(z)", "z"),
     ],
 )
-def test_what_does_not_vanish_on_the_surface_is_held(row, integral):
+def test_what_does_not_vanish_on_the_surface_is_enforced(row, integral):
     verdict, is_redundant, found = judged(CIRCLE, row)
     assert verdict.integral == integral
     assert not is_redundant

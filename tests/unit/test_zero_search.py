@@ -99,7 +99,7 @@ def test_kinks() -> None:
         assert found.evaluations < 120
 
 
-def test_jumps_are_found_at_their_place() -> None:
+def test_jumps_are_found_at_their_point() -> None:
     found = search((lambda x: 0.5 - float(x > 0.3), lambda x: 0.0))
     assert found.x == pytest.approx(0.3, abs=1e-14)
 

@@ -41,16 +41,17 @@ class BranchParameters:
     """Halvings of a step; closer to a singular point the rank cannot be seen.
     `test_a_step_along_a_branch_is_halved_seven_times` fails at 0 and 70."""
     newton_steps: int = 8
-    """Newton's steps that may lead back. `test_newton_creeps_to_a_place_that_is_not_regular` fails at 1."""
+    """Newton's steps that may lead back. `test_newton_converges_slowly_to_a_point_that_is_not_regular` fails at 1."""
     more_steps: int = 40
-    """Further ones, which show that it creeps. `test_newton_creeps_to_a_place_that_is_not_regular` fails at 4."""
+    """Further ones, which show that it creeps. `test_newton_converges_slowly_to_a_point_that_is_not_regular` fails at
+    4."""
     solved: float = 1e-13
-    """The residual at which Newton's method ends. `test_a_place_is_on_a_surface_to_thirteen_digits` fails at
+    """The residual at which Newton's method ends. `test_a_point_is_on_a_surface_to_thirteen_digits` fails at
     1e-14 and 1e-12."""
     squared: float = 0.02
     """A step that leaves no more than this part has squared a small residual, as it does where the rank is
     constant; where it is not it halves the distance.
-    `test_the_last_step_to_a_regular_place_squares_the_residual` fails at 0.002 and 0.2."""
+    `test_the_last_step_to_a_regular_point_squares_the_residual` fails at 0.002 and 0.2."""
     slow: float = 1e-9
     """A residual that comes so near, but slowly, comes to a point that is not regular.
     `test_what_comes_near_a_surface_slowly_creeps` fails at 1e-10 and 1e-8."""

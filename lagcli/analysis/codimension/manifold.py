@@ -39,7 +39,7 @@ class ManifoldParameters:
     newton_steps: int = 12
     """Back to the manifold. `test_twelve_newton_steps_lead_back_to_a_manifold` fails at 1 and 120."""
     solved: float = 1e-12
-    """The largest value that Newton's method leaves. `test_a_place_is_on_a_manifold_to_twelve_digits` fails
+    """The largest value that Newton's method leaves. `test_a_point_is_on_a_manifold_to_twelve_digits` fails
     at 1e-13 and 1e-11."""
     vanishes: float = 1e-11
     """The largest value that is rounding on a manifold that the equations follow; one that does not vanish is of

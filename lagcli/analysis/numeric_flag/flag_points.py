@@ -84,7 +84,7 @@ class FlowParameters:
     1e-8."""
     looks: int = 32
     """Points of a flow at which it is looked at whether it stays on its piece.
-    `test_a_flow_is_looked_at_in_thirty_two_places` fails at 3 and 320."""
+    `test_a_flow_is_looked_at_in_thirty_two_points` fails at 3 and 320."""
 
 
 PARAMETERS = FlowParameters()

@@ -40,7 +40,7 @@ class NetParameters:
     `test_a_curve_is_met_in_sixteen_newton_steps_or_not` fails at 1 and 160."""
     net_steps: int = 30
     """Newton's steps along one axis onto a surface; where they have not ended by then the net is left open.
-    `test_a_net_is_laid_in_thirty_newton_steps_or_left_open` fails at 3 and 300."""
+    `test_a_net_is_drawn_in_thirty_newton_steps_or_left_open` fails at 3 and 300."""
     exact: float = 1e-9
     """The distance from a zero at which Newton's steps end, well above the rounding of gradients, 1e-10:
     `test_a_jump_over_zero_that_is_rounding_is_met` fails at 1e-8 and 1e-10."""

@@ -90,14 +90,14 @@ class RepeatedRunParameters:
 
     tighter: float = 250.0
     """The steps of the repeated run are held to this part of the tolerance of the first.
-    `test_steps_of_the_repeated_run_are_held_to_less` fails at 25 and 2500."""
+    `test_steps_of_the_repeated_run_have_a_smaller_tolerance` fails at 25 and 2500."""
     first_step: float = 0.45
     """It begins with this part of the first step of the other: the first step, and those that grow from it as
     fast as they may, do not always depend on the tolerance, and two runs with the same steps have the same
     errors. `test_the_repeated_run_begins_with_a_shorter_step` fails at 0.045 and 4.5."""
     finest: float = 3e-15
     """The relative tolerance below which the error estimate of a step is nothing but rounding, and steps only
-    get shorter. `test_steps_of_the_repeated_run_are_held_to_less` fails at 3e-16 and 3e-14."""
+    get shorter. `test_steps_of_the_repeated_run_have_a_smaller_tolerance` fails at 3e-16 and 3e-14."""
     finest_absolute: float = 1e-16
     """The same of the absolute tolerance. `test_the_absolute_tolerance_of_the_repeated_run_is_above_rounding`
     fails at 1e-17 and 1e-15."""

@@ -37,7 +37,7 @@ class ToleranceParameters:
 
     tightening: float = 100.0
     """Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a
-    hundredth of the tolerance asked for. `test_steps_are_held_to_a_hundredth_of_the_tolerance_of_a_run` fails
+    hundredth of the tolerance asked for. `test_steps_have_a_hundredth_of_the_tolerance_of_a_run` fails
     at 10 and 1000."""
     finest: float = 1e-14
     """The tightest tolerance of a step: below it its error estimate is rounding.

@@ -54,7 +54,7 @@ class MonitorParameters:
     `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it` fails at 0.01 and 1."""
     looks: int = 4
     """Points at which a minimum of the angle is looked for after the first three.
-    `test_a_minimum_is_looked_for_at_four_places_after_the_first` fails at 0 and 40."""
+    `test_a_minimum_is_looked_for_at_four_points_after_the_first` fails at 0 and 40."""
     farthest: float = 2.0
     """How far it may lie, as a part of the time to the instant foreseen.
     `test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant` fails at 0.2 and 20."""

@@ -65,7 +65,7 @@ class SingularStepParameters:
     With the middle alone `test_a_crossing_soon_after_the_start` fails."""
     too_close: float = 0.03
     """The angle (rad) below which a step begins so close that all parts are tried.
-    `test_all_places_of_the_instant_are_tried_from_close_by` fails at 0.003 and 0.3."""
+    `test_all_distances_from_the_instant_are_tried_from_close_by` fails at 0.003 and 0.3."""
     far: tuple[float, float] = (0.15, 0.3)
     """Points beside the instant, as parts of twice the time up to it, where the smallest angle is read first.
     `test_the_instant_is_read_closer_and_closer` fails at a tenth and at ten times of it."""

@@ -27,7 +27,7 @@ class DiagnosisParameters:
 
     near: float = 1e-8
     """How close the two sides of a point are looked at: a run stops within rounding of a jump.
-    `test_a_jump_is_seen_within_rounding_of_the_place` fails at 1e-9 and 1e-7."""
+    `test_a_jump_is_seen_within_rounding_of_the_point` fails at 1e-9 and 1e-7."""
     far: float = 1e-5
     """And from farther off: a run stops some way before the end of a function, where its steps have become
     too short. `test_the_end_of_a_function_is_seen_from_farther_off` fails at 1e-6 and 0.0001."""
@@ -36,7 +36,7 @@ class DiagnosisParameters:
     tenth and at ten times of it."""
     part_of_run: float = 1e-3
     """A configuration is as large as the way of this part of the run, or larger.
-    `test_a_jump_is_seen_within_rounding_of_the_place` fails at 0.0001 and 0.01."""
+    `test_a_jump_is_seen_within_rounding_of_the_point` fails at 0.0001 and 0.01."""
     jump: float = 1e-4
     """The part of a row by which its sides must differ. `test_sides_of_a_row_differ_by_a_part_of_it` fails at
     1e-5 and 0.001."""
