@@ -149,10 +149,10 @@ WRITTEN = [
 
 @pytest.mark.parametrize(("one", "other"), [*itertools.combinations(WRITTEN, 2)])
 def test_twin_rods_share_one_force_equally_however_they_are_written(one, other):
-    lean = simulated(HEAD + ROD)
+    independent = simulated(HEAD + ROD)
     run = simulated(HEAD + f"  rod: '{one}'\n  twin: '{other}'\n")
     for start in ("a.", "R."):
-        np.testing.assert_allclose(columns(run, start), columns(lean, start), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(columns(run, start), columns(independent, start), rtol=0, atol=1e-9)
     # The part of R that each bears: lambda_i B_i, B_i along the rod.
     shares = []
     for name, text in (("rod", one), ("twin", other)):
@@ -160,16 +160,16 @@ def test_twin_rods_share_one_force_equally_however_they_are_written(one, other):
         length *= 100 if text.startswith("100") else 1 / 7 if "/7" in text else 1
         shares.append(run[f"lambda.{name}"] * length * (-1 if text.startswith("5") else 1))
     np.testing.assert_allclose(shares[0], shares[1], rtol=1e-9)
-    np.testing.assert_allclose(shares[0], lean["lambda.rod"] / 2, rtol=1e-9)
+    np.testing.assert_allclose(shares[0], independent["lambda.rod"] / 2, rtol=1e-9)
     assert set(run.stats.indeterminate) == {"rod", "twin"}
     assert not np.abs(run["lambda.plane"]).max() > 1e-12
 
 
 def test_many_copies_each_bear_their_part():
     copies = "".join(f"  copy{k}: 'distance(a, [0, 0, 0]) = 5'\n" for k in range(7))
-    lean, run = simulated(HEAD + ROD), simulated(HEAD + ROD + copies)
+    independent, run = simulated(HEAD + ROD), simulated(HEAD + ROD + copies)
     for name in ("rod", *(f"copy{k}" for k in range(7))):
-        np.testing.assert_allclose(run[f"lambda.{name}"], lean["lambda.rod"] / 8, rtol=1e-9)
+        np.testing.assert_allclose(run[f"lambda.{name}"], independent["lambda.rod"] / 8, rtol=1e-9)
 
 
 def test_what_is_not_unique_is_said_by_name():
@@ -194,25 +194,25 @@ differential:
 
 
 def test_redundant_differential_rows():
-    lean = simulated(SKATES)
+    independent = simulated(SKATES)
     more = (
         SKATES
         + "  twin: 3*cos(phi)*d(y) - 3*sin(phi)*d(x) = 0\n  hot: (2 + x**2)*(tan(phi)*d(x) - d(y)) = 0\n"
     )
     run = simulated(more)
     for name in ("x", "y", "phi", "R.x", "R.y"):
-        np.testing.assert_allclose(run[name], lean[name], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(run[name], independent[name], rtol=0, atol=1e-9)
     assert set(run.stats.indeterminate) == {"blade", "twin", "hot"}
     # B_i M^-1 B_i^T of blade is 1: lambda of blade is a third.
-    np.testing.assert_allclose(run["lambda.blade"], lean["lambda.blade"] / 3, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(run["lambda.twin"], -lean["lambda.blade"] / 9, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(run["lambda.blade"], independent["lambda.blade"] / 3, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(run["lambda.twin"], -independent["lambda.blade"] / 9, rtol=1e-8, atol=1e-10)
 
 
 def test_a_differential_row_that_follows_from_whole_ones():
     more = HEAD + ROD + "differential: {turn: 'a.x*d(a.x) + a.y*d(a.y) + a.z*d(a.z) = 0'}\n"
-    lean, run = simulated(HEAD + ROD), simulated(more)
-    np.testing.assert_allclose(columns(run, "R."), columns(lean, "R."), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(run["lambda.rod"], lean["lambda.rod"] / 2, rtol=1e-9)
+    independent, run = simulated(HEAD + ROD), simulated(more)
+    np.testing.assert_allclose(columns(run, "R."), columns(independent, "R."), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run["lambda.rod"], independent["lambda.rod"] / 2, rtol=1e-9)
     assert set(run.stats.indeterminate) == {"rod", "turn"}
 
 
@@ -229,9 +229,9 @@ def test_a_row_that_vanishes_on_the_surface_bears_nothing():
 
 def test_moving_redundant_rows():
     text = HEAD.replace("position: [3, 4, 0]", "position: [3, 4, 0], velocity: [0.6, 0.8, 0]")
-    lean = text + "  rod: distance(a, [0, 0, 0]) = 5 + t\n"
-    run = simulated(lean + "  twin: dot(a, a) = (5 + t)**2\n")
-    np.testing.assert_allclose(columns(run, "R."), columns(simulated(lean), "R."), rtol=0, atol=1e-8)
+    independent = text + "  rod: distance(a, [0, 0, 0]) = 5 + t\n"
+    run = simulated(independent + "  twin: dot(a, a) = (5 + t)**2\n")
+    np.testing.assert_allclose(columns(run, "R."), columns(simulated(independent), "R."), rtol=0, atol=1e-8)
     assert set(run.stats.indeterminate) == {"rod", "twin"}
 
 
