@@ -12,9 +12,9 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.model.model import Simulation
-from lagcli.simulation.run.loop import Run
+from lagcli.simulation.run.loop import Run, RunBlock
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.incident import Incident, RankDrop
+from lagcli.simulation.run_state.incident import RankDrop
 from lagcli.simulation.run_state.statistics import NO_ROWS, Extremes, RunStatistics
 from lagcli.simulation.stepping import grid
 
@@ -66,14 +66,6 @@ class RunReport:
         return tuple(one for one in self.statistics.crossings if one.t <= self.t)
 
 
-@frozen
-class RunBlock:
-    """Rows (k, columns) as they are handed out, maybe none, and the incidents that came with them."""
-
-    rows: Floats
-    incidents: list[Incident]
-
-
 class RunInBlocks:
     """A run that is ready to go: iterate `blocks` once; all else is data.
 
@@ -99,9 +91,9 @@ class RunInBlocks:
         """Blocks of complete rows, each with its incidents. Raises `run_stop.RunStop` after the last one."""
         run = self.reference or self._run
         try:
-            for rows in run.blocks():
+            for block in run.blocks():
                 self.report = self._report()
-                yield RunBlock(rows, run.take_incidents())
+                yield block
         finally:
             # Of a run that stops or is interrupted the report is that of the time reached.
             self.report = self._report()

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_sides import IncidentErrors
-from lagcli.simulation.run import loop, run_start
+from lagcli.simulation.run import run_start
+from lagcli.simulation.run.loop import Run, RunBlock
 from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.between_steps import RunState
@@ -33,7 +34,7 @@ class RunWithReference:
 
     COLUMNS = error_estimate.COLUMNS
 
-    def __init__(self, run: loop.Run, begin: run_start.RunStart) -> None:
+    def __init__(self, run: Run, begin: run_start.RunStart) -> None:
         settings, system = begin.settings, begin.enforced.system
         again = error_estimate.repeated(settings)
         self._tolerance = float(step_tolerance.of_steps(again)[0])
@@ -54,12 +55,12 @@ class RunWithReference:
         self._errors = error_estimate.Errors(self.columns_of_kinds, factor, parted)
         self._at_incidents = IncidentErrors(self.columns_of_kinds, factor)
         self._last: Floats | None = None  # t and errors of the row before the block
-        # The run as it stood behind the last whole block, and where rows end within one: only where the repeated run
-        # has stopped there.
+        # The run as it stood behind the last whole block, and where rows end within one, with the incidents up to
+        # there: only where the repeated run has stopped there.
         self._mark: RunState | None = None
         self._cut: float | None = None
-        self._taken = 0
         self._incidents: list[Incident] = []
+        self._taken = 0
 
     @property
     def solve_seconds(self) -> float:
@@ -78,37 +79,38 @@ class RunWithReference:
         stops before the last of them.
         """
         known = 0
-        for others in self._ahead:
+        for again in self._ahead:
+            others = again.rows
             part = rows[known : known + len(others)]
             if len(part) < len(others) or not np.allclose(part[:, 0], others[:, 0], rtol=SAME_TIME, atol=0):
                 return None
-            self._errors.sides.add(1, self._again.take_incidents())
+            self._errors.sides.add(1, again.incidents)
             self._errors.take(part, others, None)
             known += len(others)
         return self.accuracy if known == len(rows) else None
 
-    def blocks(self) -> Iterator[Floats]:
-        """Blocks of rows (k, columns + 4), the errors last.
+    def blocks(self) -> Iterator[RunBlock]:
+        """Blocks of rows (k, columns + 4), the errors last, and of incidents, their lines with errors too.
 
         Raises `run_stop.RunStop` after the last good one, also where the repeated run stops and the first does not.
         """
-        for rows in self._run.blocks():
-            self._incidents = self._run.take_incidents()
+        for block in self._run.blocks():
+            rows = block.rows
             others = self._others(len(rows))
             known = len(others)
-            self._errors.sides.add(0, self._incidents)
-            errors = self._errors.take(rows[:known], others, self._incidents)
-            self._incidents = self._with_errors(np.hstack([rows[:known, :1], errors]))
+            self._errors.sides.add(0, block.incidents)
+            errors = self._errors.take(rows[:known], others, block.incidents)
+            incidents = self._with_errors(block.incidents, np.hstack([rows[:known, :1], errors]))
             if known < len(rows):
                 if known:
                     self._cut = self._run.grid.time(self._taken + known - 1)
                     last = self._run.origin + self._cut
-                    self._incidents = [incident for incident in self._incidents if incident.t <= last]
-                    yield np.hstack([rows[:known], errors])
+                    self._incidents = [incident for incident in incidents if incident.t <= last]
+                    yield RunBlock(np.hstack([rows[:known], errors]), self._incidents)
                 assert self._broken is not None, "the rows of both runs stand on one grid"
                 raise run_stop.RunStop(self._broken)
             self._taken += known
-            yield np.hstack([rows, errors])
+            yield RunBlock(np.hstack([rows, errors]), incidents)
             self._mark = self._run.run_state()
 
     def run_state(self) -> RunState:
@@ -119,28 +121,24 @@ class RunWithReference:
         reported = functools.reduce(Tally.plus, self._incidents, run_state.reported)
         return dataclasses.replace(run_state, row=self._cut, reported=reported)
 
-    def take_incidents(self) -> list[Incident]:
-        """Take the incidents of the first run that come with the last block, their lines with the errors."""
-        return self._incidents
-
-    def _with_errors(self, rows: Floats) -> list[Incident]:
-        """The incidents that come with rows of t and errors (k, 5)."""
+    def _with_errors(self, incidents: list[Incident], rows: Floats) -> list[Incident]:
+        """The incidents that come with rows of t and errors (k, 5), their lines with errors."""
         if self._last is not None:
             rows = np.vstack([self._last, rows])
         if not len(rows):
-            return self._incidents
+            return incidents
         self._last = rows[-1]
-        return self._at_incidents.extended(self._incidents, self._run.origin + self._run.grid.time(0), rows)
+        return self._at_incidents.extended(incidents, self._run.origin + self._run.grid.time(0), rows)
 
     def _others(self, count: int) -> Floats:
         """The next rows of the repeated run; less than `count` where it has stopped."""
         parts, have = [self._waiting], len(self._waiting)
         try:
             while have < count:
-                parts.append(next(self._ahead))
-                incidents = self._again.take_incidents()
-                self._errors.sides.add(1, incidents)
-                self._at_incidents.add(incidents)
+                again = next(self._ahead)
+                parts.append(again.rows)
+                self._errors.sides.add(1, again.incidents)
+                self._at_incidents.add(again.incidents)
                 have += len(parts[-1])
         except run_stop.RunStop as stopped:
             stop = stopped.stop

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.frozen import frozen
 from lagcli.simulation.events import events_of_run
 from lagcli.simulation.run.row_writer import RowGaps, RowWriter
 from lagcli.simulation.run_state.between_steps import RunState
@@ -26,6 +27,15 @@ Floats = npt.NDArray[np.float64]
 BLOCK_VALUES = 2**16  # numbers in a block of rows
 NEARLY = 1.001  # a step of so many times the length proposed, that ends before the run, is not its last
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
+
+
+@frozen
+class RunBlock:
+    """Rows (k, columns) as they are handed out, maybe none, and the incidents that come with them in the order of time:
+    some may lie beyond the last row."""
+
+    rows: Floats
+    incidents: list[Incident]
 
 
 class Run:
@@ -54,11 +64,6 @@ class Run:
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
-    def take_incidents(self) -> list[Incident]:
-        """Incidents up to the last block since they were last taken, in the order of time."""
-        taken, self.statistics.incidents = self.statistics.incidents, []
-        return taken
-
     @property
     def complete(self) -> int:
         """The rows of the grid that it is beyond."""
@@ -82,7 +87,7 @@ class Run:
         reported = self.statistics.reported
         return dataclasses.replace(self.stepper.state(), row=self._row, extremes=extremes, reported=reported)
 
-    def blocks(self) -> Iterator[Floats]:
+    def blocks(self) -> Iterator[RunBlock]:
         """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
 
         Raises `RunStop` after the last good row.
@@ -106,8 +111,9 @@ class Run:
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0
             statistics.solve_seconds += time.perf_counter() - began
-            if len(block) or going or statistics.incidents:
-                yield rows
+            incidents, statistics.incidents = statistics.incidents, []
+            if len(block) or going or incidents:
+                yield RunBlock(rows, incidents)
         if stop is not None:
             raise RunStop(stop)
 
