@@ -14,15 +14,19 @@ import typer
 from lagcli.cli.commands import completing, model_reading
 from lagcli.cli.commands.options import (
     AssembleOption,
+    AtolOption,
     DebugOption,
+    DurationOption,
     FromOption,
+    MethodOption,
     OutputStepOption,
     QuietOption,
+    RtolOption,
+    SamplesOption,
     SetOption,
     VerboseOption,
 )
 from lagcli.cli.terminal import exits
-from lagcli.model import settings
 from lagcli.output.files import atomic_file, file_requests, formats, write_guard
 
 if TYPE_CHECKING:
@@ -52,13 +56,13 @@ def animate(
             autocompletion=completing.model_files,
         ),
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    duration: DurationOption = None,
     output_step: OutputStepOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    samples: SamplesOption = None,
+    rtol: RtolOption = None,
+    atol: AtolOption = None,
     max_step: Annotated[float | None, typer.Option("--max-step", help="no step is longer")] = None,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    method: MethodOption = None,
     assemble: AssembleOption = False,
     begin: FromOption = None,
     changes: SetOption = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 import sys
 import time
@@ -64,52 +63,35 @@ def derive(
     the linear system for lambda.
     """
     form = "json" if as_json else form
-    asked = DeriveOptions(form, fragment, solve, everything, values, limit)
-    asked.require()
+    if form not in DERIVE_FORMATS:
+        raise exits.UsageError(f"--format {form}: the formats are {', '.join(DERIVE_FORMATS)}")
+    if fragment and form != "latex":
+        raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
+    names = [name.strip() for name in values.split(",") if name.strip()]
+    given: options.RunSettings = {
+        "solve": solve, "everything": everything, "values": names, "limit": limit,
+    }  # fmt: skip
     read = model_reading.read(model, changes, form == "json")
     began = time.perf_counter()
-    page = model_reading.reported(lambda: derived(read, asked), form == "json")
-    write(page, form, fragment)
+    page = model_reading.reported(lambda: _derived(read, given), form == "json")
+    _print(page, form, fragment)
     if not quiet:
         exits.print_err_all(warning.render() for warning in (read.warnings if verbose else ()))
     if verbose:
         exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class DeriveOptions:
-    """Options of `derive`; `form`: one of `DERIVE_FORMATS`, `fragment`: its equations alone, `values`: names of
-    parameters to put in as numbers."""
-
-    form: str
-    fragment: bool
-    solve: bool
-    everything: bool
-    values: str
-    limit: float
-
-    def require(self) -> None:
-        """Refuse a format there is not, and a fragment of one that has none."""
-        if self.form not in DERIVE_FORMATS:
-            raise exits.UsageError(f"--format {self.form}: the formats are {', '.join(DERIVE_FORMATS)}")
-        if self.fragment and self.form != "latex":
-            raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
-
-
-def derived(model: Model, options: DeriveOptions) -> Derivation:
+def _derived(model: Model, given: options.RunSettings) -> Derivation:
     """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
     from lagcli.api import derive as deriving
 
-    names = [name.strip() for name in options.values.split(",") if name.strip()]
     try:
-        return deriving.derive(
-            model, solve=options.solve, everything=options.everything, values=names, limit=options.limit
-        )
+        return deriving.derive(model, **given)
     except ValueError as error:
         raise exits.UsageError(f"--values: {error}") from None
 
 
-def write(page: Derivation, chosen: str, fragment: bool) -> None:
+def _print(page: Derivation, chosen: str, fragment: bool) -> None:
     """Print it."""
     match chosen:
         case "latex":

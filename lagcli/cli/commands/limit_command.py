@@ -46,7 +46,7 @@ def limit(
     ] = None,
     duration: options.RunsDurationOption = None,
     output_step: options.OutputStepOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
+    samples: options.SamplesOption = None,
     rtol: options.RunsRtolOption = None,
     atol: options.RunsAtolOption = None,
     max_step: options.RunsMaxStepOption = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import pathlib
 from typing import TYPE_CHECKING, Annotated
@@ -54,39 +53,34 @@ def modes(
 
     Exit 4 where there is no equilibrium to be found.
     """
-    asked = ModesOptions(plot, animate, as_json, quiet)
-    asked.require(model)
+    model_reading.require_models([model])
+    page, figure = ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)
+    file_requests.require([("MODEL", model)], page, figure)
     read = model_reading.read(model, changes, as_json, verbose)
     given: options.RunSettings = {
         "about": about, "assemble": True if assemble else None, "limit": limit,
         "lowest": lowest,
     }  # fmt: skip
-    model_reading.reported(lambda: carry_out(read, given, asked), as_json)
+    found = model_reading.reported(lambda: _found(read, given), as_json)
+    if plot is not None:
+        _draw(found, read, plot)
+    if animate is not None:
+        _animate(found, read, animate)
+    if as_json:
+        print(json_text.text(found.as_json()))
+    elif plot is None and animate is None:
+        _print_report(found)
+    if not quiet:
+        exits.print_err_all(f"note: {note}" for note in found.notes)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class ModesOptions:
-    """Options of `modes` besides its settings; `animate`: the file of a page."""
-
-    plot: str | None
-    animate: str | None
-    as_json: bool
-    quiet: bool
-
-    def require(self, model: str) -> None:
-        """Refuse what cannot be done for this MODEL."""
-        model_reading.require_models([model])
-        page, figure = ("--animate", self.animate, ("html",)), ("--plot", self.plot, formats.FIGURES)
-        file_requests.require([("MODEL", model)], page, figure)
-
-
-def carry_out(model: Model, settings: options.RunSettings, options: ModesOptions) -> None:
-    """Find the modes and print them. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
+def _found(model: Model, given: options.RunSettings) -> Modes:
+    """The modes. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
     from lagcli.api import find_modes
     from lagcli.output.trajectory import SimulationStopped
 
     try:
-        found = find_modes.modes(model, **settings)
+        return find_modes.modes(model, **given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
     except find_modes.NoEquilibriumError as error:
@@ -95,16 +89,6 @@ def carry_out(model: Model, settings: options.RunSettings, options: ModesOptions
     except SimulationStopped as stop:
         exits.print_err(f"lagcli: {stop}")
         raise exits.Exit(exits.STOPPED) from None
-    if options.plot is not None:
-        _draw(found, model, options.plot)
-    if options.animate is not None:
-        _animate(found, model, options.animate)
-    if options.as_json:
-        print(json_text.text(found.as_json()))
-    elif options.plot is None and options.animate is None:
-        _print_report(found)
-    if not options.quiet:
-        exits.print_err_all(f"note: {note}" for note in found.notes)
 
 
 def _draw(found: Modes, model: Model, path: str) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypeAlias
 import typer
 
 from lagcli.cli.commands import completing
+from lagcli.model import settings
 from lagcli.output.files import formats
 
 
@@ -45,6 +46,12 @@ AssembleOption = Annotated[
 ]
 OutputStepOption = Annotated[float | None, typer.Option("--output-step", help="time between rows")]
 RunSettings: TypeAlias = dict[str, Any]  # keywords of a function of the API, None where the file's stays
+# Of one run.
+DurationOption = Annotated[float | None, typer.Option(help="length of the run")]
+SamplesOption = Annotated[int | None, typer.Option(help="number of rows, both ends counted")]
+RtolOption = Annotated[float | None, typer.Option(help="relative tolerance")]
+AtolOption = Annotated[float | None, typer.Option(help="absolute tolerance")]
+MethodOption = Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))]
 # Of runs that a command makes several of.
 RunsDurationOption = Annotated[float | None, typer.Option(help="length of the runs")]
 RunsRtolOption = Annotated[float | None, typer.Option(help="relative tolerance of the runs")]

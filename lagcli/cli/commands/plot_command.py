@@ -14,13 +14,13 @@ from lagcli.cli.commands.options import (
     AssembleOption,
     DebugOption,
     FromOption,
+    MethodOption,
     OutputStepOption,
     QuietOption,
     SetOption,
     WatchOption,
 )
 from lagcli.cli.terminal import console, exits
-from lagcli.model import settings
 from lagcli.output.files import file_requests, formats, write_guard
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def plot(
     rtol: Annotated[float | None, typer.Option(help="its relative tolerance")] = None,
     atol: Annotated[float | None, typer.Option(help="its absolute tolerance")] = None,
     max_step: Annotated[float | None, typer.Option("--max-step", help="no step of it is longer")] = None,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))] = None,
+    method: MethodOption = None,
     assemble: AssembleOption = False,
     begin: FromOption = None,
     changes: SetOption = None,

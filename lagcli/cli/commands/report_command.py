@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import pathlib
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +12,7 @@ from lagcli.cli.commands import model_reading
 from lagcli.cli.commands.options import (
     AssembleOption,
     DebugOption,
+    DurationOption,
     LimitOption,
     ModelArgument,
     QuietOption,
@@ -25,7 +25,7 @@ from lagcli.model import settings
 from lagcli.output.files import file_requests, write_guard
 
 if TYPE_CHECKING:
-    from lagcli.model.model import Model
+    pass
 
 
 @exits.command
@@ -38,7 +38,7 @@ def report(
         ),
     ] = "-",
     title: Annotated[str | None, typer.Option(help="title of the page; by default the model's")] = None,
-    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    duration: DurationOption = None,
     samples: Annotated[int | None, typer.Option(help="number of rows of the run, both ends counted")] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
@@ -66,74 +66,29 @@ def report(
 
     The page is written where the run stops (exit 3) and where the audit fails (exit 1) too, and says so at its top.
     """
-    options = ReportOptions(output, title, digits, limit, quiet, pdf)
-    options.require(model)
-    read = model_reading.read(model, changes, False, verbose)
-    given: RunSettings = {
-        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
-        "assemble": True if assemble else None,
-    }  # fmt: skip
-    carry_out(read, given, options)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class ReportOptions:
-    """Options of `report` besides the settings of the run; `output`: a file, or `-` for standard output."""
-
-    output: str
-    title: str | None
-    digits: bool
-    limit: float
-    quiet: bool
-    pdf: str | None = None
-
-    def require(self, model: str) -> None:
-        """Refuse what cannot be done with this MODEL, before any work."""
-        from lagcli.output.report import pdf_programs, report_page
-
-        model_reading.require_models([model])
-        is_pdf = pathlib.Path(self.output).suffix.lower() == ".pdf"
-        if self.pdf is not None and not is_pdf:
-            raise exits.UsageError(f"--pdf {self.pdf}: the page is no PDF; write -o report.pdf")
-        if self.output == "-":
-            return
-        file_requests.require([("MODEL", model)], ("--output", self.output, report_page.FORMATS))
-        target = pathlib.Path(self.output)
-        if target.suffix.lower() == ".md":
-            folder = report_page.figure_folder(target)
-            if folder.exists() and not folder.is_dir():
-                raise exits.UsageError(
-                    f"--output {self.output}: {folder} is needed for figures, and is no folder"
-                )
-        if is_pdf:
-            try:
-                pdf_programs.require(self.pdf)
-            except pdf_programs.NoPdf as error:
-                raise exits.UsageError(f"--output {self.output}: {error}") from None
-            except ValueError as error:
-                raise exits.UsageError(f"--pdf: {error}") from None
-
-
-def carry_out(model: Model, settings: RunSettings, options: ReportOptions) -> None:
-    """Write the page. Raises `exits.Exit` with 1 where the audit fails, with 3 where the run stopped before its end."""
     from lagcli.api import report as reporting
     from lagcli.output.report import pdf_programs
 
+    model_reading.require_models([model])
+    _require(model, output, pdf)
+    read = model_reading.read(model, changes, False, verbose)
+    given: RunSettings = {
+        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
+        "assemble": True if assemble else None, "title": title, "digits": digits, "limit": limit,
+    }  # fmt: skip
     try:
-        page = reporting.report(
-            model, title=options.title, digits=options.digits, limit=options.limit, **settings
-        )
+        page = reporting.report(read, **given)
     except ValueError as error:
         raise exits.UsageError(str(error)) from None
-    if options.output == "-":
+    if output == "-":
         print(page.html(), end="")
     else:
         try:
-            with write_guard.drawing(options.output):
-                files = page.save(options.output, options.pdf)
+            with write_guard.drawing(output):
+                files = page.save(output, pdf)
         except pdf_programs.NoPdf as error:
-            raise write_guard.WriteError(f"cannot write {options.output}: {error}") from None
-        if not options.quiet:
+            raise write_guard.WriteError(f"cannot write {output}: {error}") from None
+        if not quiet:
             exits.print_err(f"written: {', '.join(map(os.fspath, files))}")
     if page.stopped is not None:
         exits.print_err(f"lagcli: {page.stopped}")
@@ -142,3 +97,27 @@ def carry_out(model: Model, settings: RunSettings, options: ReportOptions) -> No
         raise exits.Exit(exits.INVALID)
     if page.stopped is not None:
         raise exits.Exit(exits.STOPPED)
+
+
+def _require(model: str, output: str, pdf: str | None) -> None:
+    """Refuse what cannot be done with this MODEL, before any work."""
+    from lagcli.output.report import pdf_programs, report_page
+
+    is_pdf = pathlib.Path(output).suffix.lower() == ".pdf"
+    if pdf is not None and not is_pdf:
+        raise exits.UsageError(f"--pdf {pdf}: the page is no PDF; write -o report.pdf")
+    if output == "-":
+        return
+    file_requests.require([("MODEL", model)], ("--output", output, report_page.FORMATS))
+    target = pathlib.Path(output)
+    if target.suffix.lower() == ".md":
+        folder = report_page.figure_folder(target)
+        if folder.exists() and not folder.is_dir():
+            raise exits.UsageError(f"--output {output}: {folder} is needed for figures, and is no folder")
+    if is_pdf:
+        try:
+            pdf_programs.require(pdf)
+        except pdf_programs.NoPdf as error:
+            raise exits.UsageError(f"--output {output}: {error}") from None
+        except ValueError as error:
+            raise exits.UsageError(f"--pdf: {error}") from None

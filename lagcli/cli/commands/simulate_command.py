@@ -24,11 +24,11 @@ def simulate(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="length of the run")] = None,
+    duration: options.DurationOption = None,
     output_step: options.OutputStepOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance")] = None,
+    samples: options.SamplesOption = None,
+    rtol: options.RtolOption = None,
+    atol: options.AtolOption = None,
     max_step: Annotated[
         float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
     ] = None,

@@ -74,7 +74,6 @@ LimitEachOption = Annotated[
 ]
 YesOption = Annotated[bool, typer.Option("--yes", help="also for more than ten million points")]
 SamplesOption = Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")]
-MethodOption = Annotated[str | None, typer.Option(metavar="NAME", help=" or ".join(settings.METHODS))]
 
 
 @exits.command
@@ -102,7 +101,7 @@ def sweep(
     rtol: options.RunsRtolOption = None,
     atol: options.RunsAtolOption = None,
     max_step: options.RunsMaxStepOption = None,
-    method: MethodOption = None,
+    method: options.MethodOption = None,
     assemble: options.AssembleOption = False,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
