@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
-from typing import NamedTuple
 
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
@@ -71,12 +70,12 @@ def start(
     """
     began = time.perf_counter()
     ready = cache.compiled(dataclasses.replace(model, simulation=chosen))
-    return SimulationRun(_started(ready, known, limit, began, RunRows(digits, ends_only)))
+    return SimulationRun(_started(ready, known, limit, began, digits, ends_only))
 
 
 def start_compiled(ready: CompiledModel, known: KnownIntegrals) -> SimulationRun:
     """A run from the start of a model that is compiled, with its own settings. Raises `diagnostics.ModelError`."""
-    return SimulationRun(_started(ready, known, settings.LIMIT, time.perf_counter(), RunRows()))
+    return SimulationRun(_started(ready, known, settings.LIMIT, time.perf_counter()))
 
 
 def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> SimulationRun:
@@ -104,27 +103,26 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     )
 
 
-class RunRows(NamedTuple):
-    """The rows that are asked for: with columns of errors; the first and the last alone, where these are enough."""
-
-    digits: bool = False
-    ends_only: bool = False
-
-
 def _started(
-    ready: CompiledModel, known: KnownIntegrals | None, limit: float, began: float, rows: RunRows
+    ready: CompiledModel,
+    known: KnownIntegrals | None,
+    limit: float,
+    began: float,
+    digits: bool = False,
+    ends_only: bool = False,
 ) -> PreparedRun:
     """The parts of a run from its start; `began`: when the work for it did. Raises `diagnostics.ModelError`."""
     start = ready.examined_start(known, limit)
     found = start.known
-    plan = RunPlan(start.state, start.selection, start.is_singular, found.integrals, found.notes, *rows)
+    integrals, notes = found.integrals, found.notes
+    plan = RunPlan(start.state, start.selection, start.is_singular, integrals, notes, digits, ends_only)
     run = run_entry.begin(ready.system, ready.cached, plan)
     return PreparedRun(
         ready.system,
         ready.numeric,
         start.state,
         run,
-        found.integrals,
+        integrals,
         time.perf_counter() - began,
         found.conditions,
         start.assembly,

@@ -130,7 +130,7 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
         bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
     if not bouncing.size:
         return bouncing, np.zeros(0)
-    lying = after.near & (np.abs(after.speeds) <= after.slow)
+    lying = after.at_rest
     lying[bouncing] = False
     pull = -contact_forces(after, lying).accelerations[bouncing]
     small = (pull > 0) & _is_low(after, bouncing, pull)
@@ -149,7 +149,7 @@ def _staying_closed(
         lifted = lifted[is_slow & (reported.speeds[lifted] > reported.speed_roundoff[lifted])]
     if not lifted.size:
         return lifted, np.zeros(0)
-    rests = after.near & (np.abs(after.speeds) <= after.slow)
+    rests = after.at_rest
     rests[lifted] = False
     pull = -contact_forces(after, rests).accelerations[lifted]
     return lifted[pull > 0], pull[pull > 0]

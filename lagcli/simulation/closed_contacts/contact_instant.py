@@ -288,6 +288,11 @@ class ContactInstant:
         """The contacts that are closed, (K,)."""
         return np.asarray(self.g <= self.touching_gap)
 
+    @property
+    def at_rest(self) -> Flags:
+        """The contacts that are closed and neither approach nor part, (K,), in memory of their own."""
+        return np.asarray(self.near & (np.abs(self.speeds) <= self.slow))
+
     @cached_property
     def force(self) -> Floats:
         """h (n,)."""

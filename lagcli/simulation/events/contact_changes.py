@@ -53,7 +53,7 @@ class ContactChanges:
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
         self.events = EventValues(stepper, self.log)
-        self._restitution = system.model.restitution
+        self._restitution, self._names = system.model.restitution, system.model.contact_names
         self._kinked = named_functions.switching_contacts(system.model)
         # Extents of gaps, as `ContactInstant.lowest`, in the step behind (K,).
         self._lowest = np.full(self._count, np.inf)
@@ -116,7 +116,7 @@ class ContactChanges:
             raise self._jump(*max(deep))
 
     def _jump(self, depth: float, contact: int) -> StepFailure:
-        name = self._system.contacts.rows[contact].name
+        name = self._names[contact]
         if contact_crossings.is_near(self._run):
             return contact_crossings.stop(
                 self._run, f"the gap of `{name}` is not known better than to {depth:.3g}"
@@ -148,7 +148,7 @@ class ContactChanges:
         sunk = self._sunk(here)
         if not sunk.any():
             return ()
-        level = sunk | (here.near & (np.abs(here.speeds) <= here.slow))
+        level = sunk | here.at_rest
         closed = self._decided(lambda: contact_change.contact_forces(here, level, sunk)).closed
         return tuple(self._rows + j for j in closed if sunk[j])
 
@@ -198,14 +198,9 @@ class ContactChanges:
         before = self.log.line() if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
         impact = self._decided(lambda: contact_change.impact(here, self._restitution))
-        after = here
-        if impact is None:
-            level = after.near & (np.abs(after.speeds) <= after.slow)
-        elif here.parts(impact.onward):
-            level = np.zeros(self._count, dtype=bool)
-        else:
-            after = here.moved(impact.onward)
-            level = after.near & (np.abs(after.speeds) <= after.slow)
+        is_apart = impact is not None and here.parts(impact.onward)
+        after = here if impact is None or is_apart else here.moved(impact.onward)
+        level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
         look = after
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
@@ -264,11 +259,11 @@ class ContactChanges:
         due = [j for j, t in run.contacts.ending if t <= run.t]
         if not due:
             return
-        line, names = self.log.line(), [row.name for row in self._system.contacts.rows]
+        line = self.log.line()
         kinds: tuple[Kind, ...] = ("accumulation", "contact")
         for kind in kinds:
             for j in due:
-                self.log.report(kind, names[j], InstantLines(line, line))
+                self.log.report(kind, self._names[j], InstantLines(line, line))
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
         run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
 
@@ -290,7 +285,7 @@ class ContactChanges:
         self._run.statistics.evaluations += 1
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
-        run, names, impact = self._run, [row.name for row in self._system.contacts.rows], reported.impact
+        run, impact = self._run, reported.impact
         impulses = np.zeros(self._rows + self._count)
         kinds: list[tuple[Kind, Iterable[int]]] = [
             ("accumulation", sorted(reported.cut)),
@@ -307,14 +302,14 @@ class ContactChanges:
         lines = InstantLines(reported.before, reported.after, impulses)
         for kind, contacts in kinds:
             for j in contacts:
-                self.log.report(kind, names[j], lines)
+                self.log.report(kind, self._names[j], lines)
         self.events.report(reported.events, lines)
 
     def _decided(self, law: Callable[[], Found]) -> Found:
         try:
             return law()
         except ContactsUndecided as error:
-            names = ", ".join(f"`{self._system.contacts.rows[j].name}`" for j in error.contacts)
+            names = ", ".join(f"`{self._names[j]}`" for j in error.contacts)
             raise StepFailure(f"{error}: {names}", run_stop.CONTACT) from None
 
 
