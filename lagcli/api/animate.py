@@ -160,7 +160,7 @@ def _with_notes(scene: Scene, rows: int, parts: Mapping[str, bool]) -> Scene:
     notes = [*scene.notes]
     if len(scene.t) < rows:
         notes.append(
-            f"{len(scene.t)} of {rows} rows are shown, evenly thinned; between them places are interpolated"
+            f"{len(scene.t)} of {rows} rows are shown, evenly thinned; between them positions are interpolated"
         )
     notes += [f"{kind} is left out: there is no room for it in a page" for kind in "FR" if not parts[kind]]
     return dataclasses.replace(scene, notes=tuple(notes))

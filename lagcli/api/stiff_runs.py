@@ -71,7 +71,7 @@ class _StiffRuns:
         self._size = stiff_system.size_of_terms(built, constrained.row.index, constrained.start)
 
     def ladder(self, kind: str) -> StiffLimit:
-        """One run for each stiffness, from the least on, as far as their errors can be told."""
+        """One run for each stiffness, from the least on, as far as their errors can be resolved."""
         constrained, plan = self._constrained, self._plan
         rate_of = "mean_error" if plan.unprestressed else "max_error"
         rungs: list[Rung] = []

@@ -192,6 +192,6 @@ def _elsewhere(model: nouns.Model, found: Record, tolerance: Tolerance) -> list[
     names = (*model.coordinate_names, *(f"the rate of {name}" for name in model.coordinate_names))
     worst = int(np.argmax(apart))
     return [
-        f"the table begins at another place than the model says ({names[worst]} is off by {apart[worst]:.3g}): it is of"
-        " another start, or of another model"
+        f"the table begins at another position than the model says ({names[worst]} is off by {apart[worst]:.3g}): it is"
+        " of another start, or of another model"
     ]

@@ -111,7 +111,7 @@ class FewContacts:
         return None
 
     def _closed(self, closed: list[int], c: Floats) -> Floats | None:
-        """z of contacts that are held; None where one of them pulls."""
+        """z of contacts that stay closed; None where one of them pulls."""
         if len(closed) == 1:
             part = -c[closed] / self.D[closed[0], closed[0]]
         else:

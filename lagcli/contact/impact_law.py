@@ -72,7 +72,7 @@ def least_after(before: Floats, e: Floats) -> Floats:
 def impact(
     metric: Metric, v: Floats, equalities: tuple[Sparse, Floats], contacts: tuple[Sparse, Floats, Floats]
 ) -> LawResult:
-    """The impact of contacts G v + g_t with coefficients e, (G, g_t, e), held by rows B v + b = 0, (B, b).
+    """The impact of contacts G v + g_t with coefficients e, (G, g_t, e), under rows B v + b = 0, (B, b).
 
     Raises `LawError` where no impulses part the contacts, `EnergyCreated` where they would make energy: with
     dot g_j- <= 0 at all contacts that cannot be, whatever their coefficients.

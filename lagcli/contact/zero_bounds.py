@@ -135,7 +135,7 @@ def fall(b: Cubic[float]) -> float:
 
 def lowest(b: Cubic[float], misfit: float, is_up: bool) -> float | None:
     """The point in the piece, in (0, 1), at which the cubic that comes near leaving its side turns back; None where
-    that cannot be told."""
+    that is not known."""
     b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
     if not misfit <= TRUSTED * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
         return None

@@ -306,7 +306,7 @@ def _of(sample: _Sample, row: int) -> _Point:
 
 
 def _cut_point(piece: _Piece, is_up: bool) -> float:
-    """The point of a cut: at the lowest point of a function that comes near zero, if that can be told."""
+    """The point of a cut: at the lowest point of a function that comes near zero, if that is known."""
     u = zero_bounds.lowest(piece.cubic, piece.misfit, is_up)
     part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
     return piece.left.x + part * piece.width

@@ -181,7 +181,7 @@ def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
     for particle in model.particles:
         count = particle.members.count
         if particle.is_dependent and count:
-            description = f"the place of the particle `{particle.members.base}`"
+            description = f"the position of the particle `{particle.members.base}`"
             yield Subject(description, particle.location, count, _position(first, env))
         first += count
 

@@ -132,7 +132,7 @@ class Environment:
     def velocity(self, numbers: Integers) -> Triple:
         """v of particles, columns (K, 1); of dependent ones the total time derivative of x(q, t)."""
         if not self._velocities.has(numbers).all():
-            # All that can be told by now, in one go.
+            # All that is known by now, in one go.
             able = self._positions.has(self.dependent) & ~self._velocities.has(self.dependent)
             x, y, z = (self.rate(part) for part in self.position(self.dependent[able]))
             self._velocities.fill(self.dependent[able], (x, y, z))

@@ -61,7 +61,7 @@ class Kinks:
                 f"the gradient of the constraint `{row.name}` jumps at the start: `abs`, `sign`, `min` or `max`"
                 " switches there, and the constraint force has no direction"
             )
-            hint = "start clear of that place, or state the branch that is meant as an equation without the switch"
+            hint = "start clear of that point, or state the branch that is meant as an equation without the switch"
             raise diagnostics.ModelError(
                 [diagnostics.Diagnostic("kink-at-start", message, row.location, hint)]
             )

@@ -307,7 +307,7 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geomet
     for body in model.rigid:
         positions = points[np.searchsorted(numbers, body.particles)]
         if not np.abs(positions).max() < rigid.FAR:
-            message = f"the particles of the body `{body.name}` do not start at finite places"
+            message = f"the particles of the body `{body.name}` do not start at finite positions"
             raise diagnostics.ModelError(
                 [diagnostics.Diagnostic("not-finite-at-start", message, body.location)]
             )

@@ -196,7 +196,7 @@ class _Document:
         yield from node
 
     def _formulas_of(self, section: str, name: yaml_tree.Scalar) -> Formulas | None:
-        """Reads the expressions of an entry; None where its members could not be told."""
+        """Reads the expressions of an entry; None where its members are not known."""
         found = self._names.members[section, name.value]
         return None if found is None else self._formulas.within(found)
 

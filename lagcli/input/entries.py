@@ -196,8 +196,10 @@ class ParticleReader:
         if not (masses > 0.0).all():
             first = int(np.argmin(masses > 0.0))
             message = f"a mass must be positive, and this one is {masses[first]:g}{formulas.where(first)}"
-            hint = "a massless stick or string is a constraint between what it joins; a point that only marks a place"
-            hint += " is an expression under `definitions`"
+            hint = (
+                "a massless stick or string is a constraint between what it joins; a point that only marks a"
+            )
+            hint += " position is an expression under `definitions`"
             formulas.report(node, "mass-not-positive", message, hint)
             return None, nothing
         return expression, masses

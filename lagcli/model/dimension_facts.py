@@ -47,7 +47,7 @@ def of(model: Model) -> DimensionFacts:
     coordinates = frozenset(coordinate.members.base for coordinate in model.coordinates)
     trees = [expression.tree for expression in model.expressions()]
     angles = frozenset(_angles(trees, coordinates))
-    lengths = {body.name: 1.0 for body in model.rigid}  # distances and places of its particles
+    lengths = {body.name: 1.0 for body in model.rigid}  # distances and positions of its particles
     for law in model.laws:
         power = dimensions.of_relation(law.equation.tree, particles.__contains__, angles.__contains__)
         if power is not None:

@@ -127,7 +127,7 @@ def _warning(system: System, numeric: NumericSystem, index: int) -> diagnostics.
         f"{what} is not Lipschitz at the start, where its slope has no bound: the motion from there need not be"
         " unique (D.24), and a run gives one of those that exist"
     )
-    hint = "start beside that place, or write the law without the infinite slope"
+    hint = "start beside that point, or write the law without the infinite slope"
     return diagnostics.Diagnostic("not-lipschitz", message, location, hint, "warning")
 
 

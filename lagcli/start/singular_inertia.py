@@ -26,7 +26,9 @@ FALLEN, MOST_ASKED = 1e-3, 300
 # (`test_an_inertia_is_negative_beyond_rounding` fails at 1e-11 and 1e-6).
 NEGATIVE = 1e-9
 
-_SINGULAR_HINT = "start away from a singular place (the centre of polar, the pole of spherical coordinates)"
+_SINGULAR_HINT = (
+    "start away from a singular configuration (the centre of polar, the pole of spherical coordinates)"
+)
 
 
 @frozen_value

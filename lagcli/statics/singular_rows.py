@@ -124,5 +124,5 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
             f" it may be an extreme without lambda ({value} = {search.problem.value(q):.9g})"
         )
     if len(found) > PARAMETERS.most_named:
-        notes.append("there are more such places")
+        notes.append("there are more such points")
     return notes

@@ -93,7 +93,7 @@ coordinates: {x: {value: 0.5, rate: 1}}
 particles: {p: {mass: 1, position: [x, sign(x - 1), 0]}}
 simulation: {duration: 5, samples: 11}
 """
-    with pytest.raises(lagcli.SimulationStopped, match="the place of the particle `p` jumps there"):
+    with pytest.raises(lagcli.SimulationStopped, match="the position of the particle `p` jumps there"):
         lagcli.simulate(lagcli.loads(text))
 
 

@@ -603,7 +603,7 @@ def test_a_note_names_four_such_points(count, sentences, search_of, monkeypatch)
     monkeypatch.setattr(singular_rows, "singular_points", lambda search: [np.ones(1)] * count)
     told = singular_rows.notes(search, ["x"], "f")
     assert len(told) == sentences
-    assert (told[-1] == "there are more such places") is (count > 4)
+    assert (told[-1] == "there are more such points") is (count > 4)
 
 
 # One unknown, by intervals

@@ -1,4 +1,4 @@
-"""The findings of exact algebra in general position, held against the motions from the start.
+"""The findings of exact algebra in general position, compared with the motions from the start.
 
 Algebra judges all sheets of the holonomic rows, all sides of kinks and all points at once; what it found not to
 vanish may vanish where the start lies. Where nothing that it divided by vanishes at the start its ranks are those

@@ -6,7 +6,7 @@ three things can be so, and each is looked for:
 - They are redundant: some of them cut out a smooth surface, and on that the others vanish (`manifold`). The rank is
   the codimension, motion and R are unique, single multipliers are not.
 - The rank is below the codimension (`second_order`): the surface is smooth, but of smaller dimension than the
-  kernel of B, and is held there by second derivatives. Three particles on a line with all three distances are
+  kernel of B, and is rigid there by second derivatives. Three particles on a line with all three distances are
   such a set. The multiplier rule (D.13-D.22) fails: no finite multipliers give the true motion.
 - The point is singular (`branches`): nearby on the surface the rank is higher, as where a linkage lies flat.
 

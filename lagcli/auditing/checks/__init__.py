@@ -1,5 +1,5 @@
-"""The laws that a table is held against, one family a file.
+"""The laws that a table is checked against, one family a file.
 
 In: `tolerances.Evidence`
-Out: a `Check` of each law: its worst entry and the limit it was held against
+Out: a `Check` of each law: its worst entry and the limit it was compared with
 """

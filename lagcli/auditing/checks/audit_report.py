@@ -1,4 +1,4 @@
-"""The findings of an audit: the checks, each with its worst entry and the limit it was held against, and sentences."""
+"""The findings of an audit: the checks, each with its worst entry and the limit it was compared with, and sentences."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ class Energies:
 
 def _is_driven(values: LawValues) -> bool:
     """True if the `lagrangian` holds particles that time itself moves: how it changes with them at rest is not known
-    here, and what they bring to the energy cannot be told."""
+    here, and what they bring to the energy is not known."""
     through = (np.abs(slope).max(initial=0.0) > 0 for slope in (values.L_x, values.L_u))
     return bool(np.abs(values.x_t).max(initial=0.0) > 0 and any(through))
 

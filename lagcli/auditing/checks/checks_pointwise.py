@@ -83,7 +83,7 @@ def _multipliers(e: Evidence) -> Check:
     apart = np.where(missing, np.inf, lam - np.nan_to_num(found))
     judged |= missing & ~d.is_singular[:, None]
     limit = np.where(missing, e.tolerance.atol, limit)
-    # A multiplier that is unique nowhere is not held against R; that it is not is stated in words.
+    # A multiplier that is unique nowhere is not compared with R; that it is not is stated in words.
     compared = np.flatnonzero((d.is_unique | missing).any(axis=0) | d.is_singular.all())
     names = [e.laws.rows[i] for i in compared]
     return judge(MULTIPLIERS, names, r.t[rows], apart[:, compared], limit[:, compared], judged[:, compared])

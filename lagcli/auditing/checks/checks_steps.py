@@ -236,7 +236,7 @@ def _pushed(h: Array, one: Quantity, push: Array) -> Array:
 
 
 def _too_far(grid: TableSteps, one: Quantity) -> Array:
-    """True where a particle is farther from its last place than it can come, however fast it swings between rows."""
+    """True where a particle is farther from its last position than it can come, however fast it swings between rows."""
     if one.second is None:
         return np.zeros((len(grid.h), one.y.shape[1]), dtype=bool)
     h = grid.h[:, None]

@@ -86,8 +86,8 @@ def _change_along(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Ar
 
 
 def check(e: Evidence) -> list[Check]:
-    """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is told of
-    the whole of a run."""
+    """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is reported
+    of the whole of a run."""
     r, values, index = e.record, e.values, e.laws.index
     own, rows = index.first_generalized, len(r.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)

@@ -1,4 +1,4 @@
-"""The commands, a file each: its options, what is refused about them, and how its answer is told.
+"""The commands, a file each: its options, what is refused about them, and how its answer is printed.
 
 In: options
 Out: text on streams, files, `exits.Exit`

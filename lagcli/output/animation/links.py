@@ -109,8 +109,8 @@ class PointTable:
 
 
 def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: bool) -> Link | None:
-    """The rod or string that a row of a distance is, or None where it is a surface, or not held in this run. is_led:
-    there is another equation for its only particle."""
+    """The rod or string that a row of a distance is, or None where it is a surface, or not satisfied in this run.
+    is_led: there is another equation for its only particle."""
     if found.at_least:
         return None
     alone = len(found.weights) == 1

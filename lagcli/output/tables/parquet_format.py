@@ -1,5 +1,5 @@
 """Tables as Parquet, one row group per buffered block; the only file that imports pyarrow, an extra, in functions: the
-format is told by its file where there is none."""
+format is known by its file where there is none."""
 
 from __future__ import annotations
 

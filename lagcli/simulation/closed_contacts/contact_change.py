@@ -126,7 +126,7 @@ def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Number
     speeds = after.speeds[near]
     bouncing = near[(speeds > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
     if bouncing.size:
-        # They rise at most as their largest acceleration lets them: most are told at once.
+        # They rise at most as their largest acceleration lets them: most are decided at once.
         bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
     if not bouncing.size:
         return bouncing, np.zeros(0)

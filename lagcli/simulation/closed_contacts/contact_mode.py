@@ -86,8 +86,8 @@ def mode(
     level: contacts that are closed and do not part, those that press among them.
 
     A contact whose row depends on those before it shares their forces as any redundant row does, as long as it stays
-    closed with them. Where they are dependent at the instant alone, those are held that keep the others from closing.
-    Raises `ContactsUndecided`.
+    closed with them. Where they are dependent at the instant alone, those are enforced that keep the others from
+    closing. Raises `ContactsUndecided`.
     """
     choice = _ModeChoice(open_, here, rows)
     closed = found.closed

@@ -1,4 +1,4 @@
-"""Jumps of a potential, the Lagrangian or a place as an `Event`: the force there is an impulse, and the run ends."""
+"""Jumps of a potential, the Lagrangian or a position as an `Event`: the force there is an impulse, and the run ends."""
 
 from __future__ import annotations
 

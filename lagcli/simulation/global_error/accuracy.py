@@ -19,7 +19,7 @@ class Accuracy:
 
     errors: of the largest component up to t, in the units of the columns; scales: the largest value up to t;
     until: time of the last row before the error first exceeded a thousandth of the scale, t where it never did;
-    rtol: what the steps of the repeated run were held to; steps, rejected, evaluations: its account. zero: kinds of
+    rtol: the tolerance of the steps of the repeated run; steps, rejected, evaluations: its account. zero: kinds of
     which all values are zero to rounding; parted: between which times the two runs have gone apart at once, one of them
     having missed a force; None where they have not.
     between: how many rows stand between the times of one incident in both runs, and the time of the first: they count

@@ -89,7 +89,7 @@ class RepeatedRunParameters:
     __slots__ = ()
 
     tighter: float = 250.0
-    """The steps of the repeated run are held to this part of the tolerance of the first.
+    """The part of the tolerance of the first run that the steps of the repeated run have.
     `test_steps_of_the_repeated_run_have_a_smaller_tolerance` fails at 25 and 2500."""
     first_step: float = 0.45
     """It begins with this part of the first step of the other: the first step, and those that grow from it as
@@ -102,7 +102,7 @@ class RepeatedRunParameters:
     """The same of the absolute tolerance. `test_the_absolute_tolerance_of_the_repeated_run_is_above_rounding`
     fails at 1e-17 and 1e-15."""
     nearly: float = 3.0
-    """A run held to less than so many times the finest cannot be repeated with less error: it is with more.
+    """A run with a tolerance of less than so many times the finest cannot be repeated with less error: it is with more.
     `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and 30."""
     looser: float = 3.0
     """So many times more. `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and
@@ -137,7 +137,7 @@ def repeated(settings: Simulation) -> Simulation:
 
 
 def _tightened(settings: Simulation, rtol: float, atol: float) -> Simulation:
-    """Settings whose steps are held to these: the inverse of `step_tolerance.of_steps`."""
+    """The settings whose steps have these tolerances: the inverse of `step_tolerance.of_steps`."""
     wanted = rtol if rtol < step_tolerance.PARAMETERS.finest else rtol * step_tolerance.PARAMETERS.tightening
     return dataclasses.replace(
         settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / rtol
@@ -202,7 +202,7 @@ class Errors:
         return errors
 
     def accuracy(self, again: Run, tolerance: float) -> Accuracy | None:
-        """The accuracy after the rows so far, if any; `again`: the repeated run, held to this tolerance."""
+        """The accuracy after the rows so far, if any; `again`: the repeated run, with this tolerance."""
         if math.isnan(self._last):
             return None
         errors = np.maximum(self._factor * self._gaps, PARAMETERS.floor * self._sizes)

@@ -29,7 +29,7 @@ class RunStop(Exception):
 
 
 class StepFailure(Exception):
-    """No step can be taken, or no row written: a sentence without place and time, and its code."""
+    """No step can be taken, or no row written: a sentence without the time, and its code."""
 
     def __init__(self, reason: str, code: str) -> None:
         super().__init__(reason)

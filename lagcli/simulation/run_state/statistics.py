@@ -74,9 +74,9 @@ class Counts:
     have it.
 
     steps are accepted ones; evaluations those of the right-hand side; notes: what there is to report on integrals that
-    are not held all the time; crossings: singular configurations that were passed; tally: of incidents up to the state,
-    reported: of those handed out before or standing in `RunStatistics.incidents`, which may be more where the run was
-    resumed from before them.
+    are not enforced all the time; crossings: singular configurations that were passed; tally: of incidents up to the
+    state, reported: of those handed out before or standing in `RunStatistics.incidents`, which may be more where the
+    run was resumed from before them.
     """
 
     steps: int = 0

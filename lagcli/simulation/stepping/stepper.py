@@ -293,7 +293,7 @@ class Stepper:
         if not (max(error, moved) < 1.0 and residual <= MOST_RESIDUAL and math.isfinite(everything)):
             return False
         if is_last:
-            # A longer run may be in another place when it comes to this.
+            # A longer run may be in another state when it comes to this.
             self._undisturbed = self._undisturbed or self._here()
         self.let_go(t + h, new)
         return True
