@@ -135,7 +135,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         from lagcli.start import conflict  # here, as the rows of most models are independent
 
         has_others = len(holonomic_rows) < len(names) and surface.kind != "deficient"
-        if (has_others or surface.kind == "singular") and len(names) <= metric_rows.DENSE:
+        if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
             points = _generic(system, numeric, begin, holonomic_rows, later)
@@ -182,7 +182,7 @@ def _generic(
     for shorter in range(SHORTER):
         part = 0.5 ** (2 * shorter)
         found = sample_points.along(
-            numeric, begin, holonomic_rows, part * later, step=part * sample_points.STEP
+            numeric, begin, holonomic_rows, part * later, step=part * sample_points.PARAMETERS.step
         )
         points = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
         for k, (one, other) in enumerate(itertools.pairwise(points), start=1):

@@ -83,7 +83,7 @@ def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.R
 def _along(system: System, numeric: NumericSystem, start: State) -> list[State]:
     later = LATER * (system.model.simulation.duration or 1.0) if pattern.depends_on_time(system) else 0.0
     points = (
-        1 if len(system.rows.rows) > metric_rows.DENSE else sample_points.POINTS
+        1 if len(system.rows.rows) > metric_rows.PARAMETERS.dense else sample_points.PARAMETERS.points
     )  # of many rows a walk takes long
     return sample_points.along(numeric, start, list(range(system.holonomic_count)), later, points)
 
@@ -125,7 +125,7 @@ def _null_vectors(
         of |= {row: weights[index[row]] / rows.lengths[row] for row in dependency[1:]}
         vector = np.array([of[row] for row in sorted(dependency)])
         largest = np.abs(vector).max()
-        lead = vector[np.abs(vector) > rank.SMALL * largest][0]
+        lead = vector[np.abs(vector) > rank.PARAMETERS.small * largest][0]
         vector = vector / (largest * np.sign(lead))
         found.append(NullVector(tuple(names[row] for row in sorted(dependency)), tuple(vector.tolist())))
     return tuple(sorted(found, key=lambda one: [names.index(name) for name in one.rows]))

@@ -13,15 +13,33 @@ import itertools
 
 import numpy as np
 
-from lagcli.contact.impact_law import SAFE, Exchange, LawResult, certified, least_after
+from lagcli.contact import impact_law
+from lagcli.contact.impact_law import Exchange, LawResult, certified, least_after
 from lagcli.contact.least_distance import EPS, Floats
 
-# So many contacts are few. The smallest eigenvalue of D with ones on its diagonal is not below APART: what is solved
-# with it keeps its digits.
-MOST, APART = 4, 1e-2
-# Of the square of a row the equality rows leave this part at the least, or rounding is too large for a formula; and the
-# response breaks them by no more than LEFT.
-FREE, LEFT = 0.01, 1e-13
+
+class FewContactParameters:
+    """Limits of the formulas for few contacts; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py` and `tests/unit/test_numbers_of_starts.py`.
+    """
+
+    __slots__ = ()
+
+    most: int = 4
+    """So many contacts are few. `test_four_contacts_are_few` fails at 0 and 40."""
+    apart: float = 1e-2
+    """The smallest eigenvalue of D with ones on its diagonal is not below this: what is solved with it keeps
+    its digits. `test_few_contacts_are_apart_from_a_hundredth` fails at 0.001 and 0.1."""
+    free: float = 0.01
+    """Of the square of a row the equality rows leave this part at the least, or rounding is too large for a
+    formula. `test_a_formula_serves_a_row_of_which_a_hundredth_is_left` fails at 0.001 and 0.1."""
+    left: float = 1e-13
+    """The response of a contact breaks the equality rows by no more than this part.
+    `test_a_formula_serves_where_equality_rows_are_kept_to_thirteen_digits` fails at 1e-14 and 1e-12."""
+
+
+PARAMETERS = FewContactParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +60,11 @@ class Response:
     @property
     def is_certain(self) -> bool:
         """True where the formula is as good as rounding."""
-        return bool(0.0 < self.free < np.inf and self.square > FREE * self.free and self.left <= LEFT)
+        return bool(
+            0.0 < self.free < np.inf
+            and self.square > PARAMETERS.free * self.free
+            and self.left <= PARAMETERS.left
+        )
 
 
 def single(v: Floats, speed: float, e: float, response: Response) -> LawResult | None:
@@ -56,7 +78,7 @@ def single(v: Floats, speed: float, e: float, response: Response) -> LawResult |
     asked = float(least_after(before, np.array([e]))[0])
     impulse = max(0.0, asked - speed) / response.square
     after = speed + impulse * response.square
-    rounding = SAFE * EPS * response.terms
+    rounding = impact_law.PARAMETERS.safe * EPS * response.terms
     if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
         return None
     speeds, impulses = np.array([after]), np.array([impulse])
@@ -81,7 +103,7 @@ class FewContacts:
         if len(self.responses) == 1:
             return True
         scale = 1 / np.sqrt(np.diag(self.D))
-        return bool(np.linalg.eigvalsh(self.D * scale * scale[:, None])[0] >= APART)
+        return bool(np.linalg.eigvalsh(self.D * scale * scale[:, None])[0] >= PARAMETERS.apart)
 
     @property
     def free(self) -> Floats:
@@ -128,7 +150,7 @@ class FewContacts:
         None where rounding decides. Raises `impact_law.EnergyCreated`.
         """
         c = speeds - least_after(speeds, e)
-        z = self.solve(c, SAFE * EPS * terms)
+        z = self.solve(c, impact_law.PARAMETERS.safe * EPS * terms)
         if z is None:
             return None
         after = speeds + self.D @ z

@@ -17,18 +17,35 @@ import numpy as np
 
 from lagcli.contact import complementarity, load_sharing
 from lagcli.contact.least_distance import EPS, ContradictoryRows, Floats, UndecidedRows
-from lagcli.contact.load_sharing import DEPENDENT, Flags
+from lagcli.contact.load_sharing import Flags
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import Sparse
 
-# Rounding of a sum, as many times that of its terms.
-SAFE = 8.0
-# The part of the energy at hand, and through contacts, which they may gain: speeds of gaps are no better known.
-GAINED = 1e-9
-# A contact of which the equality rows leave no more than this part cannot move: what is left is rounding.
-IMMOBILE = 1e-7
-# Each refinement gains all the digits there are; the second finds nothing but rounding.
-REFINEMENTS = 2
+
+class ImpactParameters:
+    """Impacts and forces of contacts; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    safe: float = 8.0
+    """Rounding of a sum, as many times that of its terms.
+    `test_speeds_after_an_impact_are_known_to_eight_roundings` fails at 0.8 and 80."""
+    gained: float = 1e-9
+    """The part of the energy at hand, and through contacts, which they may gain: speeds of gaps are no better
+    known. `test_an_impact_may_gain_nine_digits_less_than_goes_through_it` fails at 1e-10 and 1e-8."""
+    immobile: float = 1e-7
+    """A contact of which the equality rows leave no more than this part cannot move: what is left is
+    rounding. `test_a_contact_of_which_equality_rows_leave_seven_digits_less_cannot_move` fails at 1e-8 and
+    1e-6."""
+    refinements: int = 2
+    """Each refinement gains all the digits there are; the second finds nothing but rounding.
+    `test_rows_of_an_impact_are_met_to_rounding_after_two_refinements` fails at 0."""
+
+
+PARAMETERS = ImpactParameters()
 
 
 class LawError(Exception):
@@ -81,7 +98,7 @@ def impact(
     rows = TouchingRows(metric, B, G)
     before = rows.G @ v + g_t
     terms = np.abs(rows.G) @ np.abs(v) + np.abs(g_t)
-    push = _push(rows, -(rows.B @ v + b), least_after(before, e) - before, SAFE * EPS * terms)
+    push = _push(rows, -(rows.B @ v + b), least_after(before, e) - before, PARAMETERS.safe * EPS * terms)
     after = v + push.change
     speeds = rows.G @ after + g_t
     energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
@@ -104,7 +121,7 @@ def certified(exchange: Exchange, impulses: Floats) -> float:
     gains = impulses * (exchange.before + exchange.after) / 2
     energy = float(gains.sum())
     through = float(impulses @ (exchange.terms + np.abs(exchange.after))) + exchange.at_hand
-    if energy > GAINED * through:
+    if energy > PARAMETERS.gained * through:
         raise EnergyCreated(tuple(int(row) for row in np.flatnonzero(gains > 0)), energy)
     return energy
 
@@ -118,7 +135,7 @@ def forces(
     """
     (B, gamma_B), (G, gamma) = equalities, contacts
     rows, free = TouchingRows(metric, B, G), metric.solved(h)
-    rounding = SAFE * EPS * (np.abs(rows.G) @ np.abs(free) + np.abs(gamma))
+    rounding = PARAMETERS.safe * EPS * (np.abs(rows.G) @ np.abs(free) + np.abs(gamma))
     push = _push(rows, gamma_B - rows.B @ free, gamma - rows.G @ free, rounding)
     a = free + push.change
     slack = np.where(push.contacts > 0, 0.0, rows.G @ a - gamma)
@@ -159,7 +176,7 @@ class TouchingRows:
         self._lengths = np.where(lengths > 0, lengths, 1.0)
         self._unit = white / self._lengths[:, None]
         left, sigma, right = np.linalg.svd(self._unit[: self.equalities], full_matrices=False)
-        is_independent = sigma > DEPENDENT
+        is_independent = sigma > load_sharing.PARAMETERS.dependent
         self._left, self._sigma, self._right = (
             left[:, is_independent],
             sigma[is_independent],
@@ -204,7 +221,7 @@ class TouchingRows:
         for _ in range(2):
             bare = bare - (bare @ self._right.T) @ self._right
         lengths = np.linalg.norm(bare, axis=1)
-        return np.where((lengths > IMMOBILE)[:, None], bare, 0.0)
+        return np.where((lengths > PARAMETERS.immobile)[:, None], bare, 0.0)
 
     def _weights(self, u: Floats) -> Floats:
         """The shortest weights (C,) of the equality rows with B~^T weights = u, of u in their span."""
@@ -214,9 +231,12 @@ class TouchingRows:
         """mu with the rows that hold met to rounding: what they are missing is asked for again."""
         rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self.equalities))
         left, sigma, _ = np.linalg.svd(self._unit[rows], full_matrices=False)
-        left = left[:, sigma > DEPENDENT] / sigma[sigma > DEPENDENT]
+        left = (
+            left[:, sigma > load_sharing.PARAMETERS.dependent]
+            / sigma[sigma > load_sharing.PARAMETERS.dependent]
+        )
         mu = mu.copy()
-        for _ in range(REFINEMENTS):
+        for _ in range(PARAMETERS.refinements):
             missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)
             mu[rows] += left @ (left.T @ missing)
         mu[self.equalities :] = np.maximum(mu[self.equalities :], 0.0)

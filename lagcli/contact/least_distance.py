@@ -20,14 +20,31 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
-# A least squares distance below this says that no vector will do: a shortest one would be 1e8 times as long as h.
-NONE_LEFT = 1e-8
-# Relative to lengths and bounds of unit rows, what the solution may leave of them.
-CLOSE = 1e-11
-# A row takes part in a contradiction if its weight is this part of the largest.
-WEIGHT = 1e-9
-# Of columns of about length one: what a gradient may be off.
-OFF = 1e-9
+
+
+class LeastDistanceParameters:
+    """Shortest vectors under inequalities; parts are of rows of length one.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    none_left: float = 1e-8
+    """A least squares distance below this says that no vector will do: a shortest one would be 1e8 times as
+    long as h. `test_no_vector_will_do_where_it_would_be_eight_digits_longer` fails at 1e-9 and 1e-7."""
+    close: float = 1e-11
+    """Relative to lengths and bounds of unit rows, what the solution may leave of them.
+    `test_a_row_is_met_to_eleven_digits` fails at 1e-12 and 1e-10."""
+    weight: float = 1e-9
+    """A row takes part in a contradiction if its weight is this part of the largest.
+    `test_a_row_takes_part_in_a_contradiction_with_nine_digits_of_its_weight` fails at 1e-10 and 1e-8."""
+    off: float = 1e-9
+    """Of columns of about length one: what a gradient may be off. `test_weights_are_the_best_to_nine_digits`
+    fails at 1e-10 and 1e-8."""
+
+
+PARAMETERS = LeastDistanceParameters()
 
 
 class ContradictoryRows(ValueError):
@@ -65,8 +82,8 @@ def shortest(A: Floats, h: Floats) -> Shortest:
     target[-1] = 1.0
     cause = None
     for weights in proposals(np.vstack([factor, h / largest]), target):
-        if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= NONE_LEFT:
-            raise ContradictoryRows(_numbers(weights > WEIGHT * weights.max()))
+        if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= PARAMETERS.none_left:
+            raise ContradictoryRows(_numbers(weights > PARAMETERS.weight * weights.max()))
         try:
             return _settled(A, h, list(_numbers(weights > 0)))
         except UndecidedRows as error:
@@ -82,7 +99,7 @@ def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
     """x and mu of the rows that hold, solved to rounding; a row that rounding has put on the wrong side changes it."""
     for _ in range(2 * h.size + 10):
         x, mu = _on(A[closed], h[closed])
-        allowed = CLOSE * (float(np.linalg.norm(x)) + np.abs(h))
+        allowed = PARAMETERS.close * (float(np.linalg.norm(x)) + np.abs(h))
         if mu.size and mu.min() < 0:
             del closed[int(np.argmin(mu))]
             continue
@@ -132,6 +149,8 @@ def residual(columns: Floats, target: Floats) -> Floats | None:
     for weights in proposals(columns, target):
         left = target - columns @ weights
         gradient = columns.T @ left
-        if (gradient <= OFF * size).all() and abs(float(weights @ gradient)) <= OFF * size * size:
+        if (gradient <= PARAMETERS.off * size).all() and abs(
+            float(weights @ gradient)
+        ) <= PARAMETERS.off * size * size:
             return np.asarray(left)
     return None

@@ -15,11 +15,27 @@ from lagcli.contact.least_distance import EPS, Floats
 
 Flags = npt.NDArray[np.bool_]
 
-# Rows are dependent where a singular value is below the first; a load is only shared anew where it is below the
-# second, for a share moved between rows must not be felt in the sum.
-DEPENDENT, SAME = 3e-6, 1e-11
-# A row of the null space of length less than this takes no part in it; a share of the load less than this is none.
-NONE = 1e-9
+
+class LoadSharingParameters:
+    """Loads that several rows share, all of length one.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    dependent: float = 3e-6
+    """Rows are dependent where a singular value is below this.
+    `test_loads_are_unique_where_rows_are_independent` fails at 3e-7 and 3e-5."""
+    same: float = 1e-11
+    """A load is only shared anew where a singular value is below this, for a share moved between rows must
+    not be felt in the sum. `test_a_load_is_shared_anew_where_that_is_not_felt` fails at 1e-12 and 1e-10."""
+    none: float = 1e-9
+    """A row of the null space of length less than this takes no part in it; a share of the load less than
+    this is none. `test_a_share_of_nine_digits_less_is_none` fails at 1e-10 and 1e-8."""
+
+
+PARAMETERS = LoadSharingParameters()
 
 
 def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
@@ -29,12 +45,12 @@ def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
         return mu, np.ones(count, dtype=bool)
     left, sigma, _ = np.linalg.svd(A, full_matrices=A.shape[1] < count)
     sigma = np.concatenate([sigma, np.zeros(count - sigma.size)])
-    if sigma[-1] > DEPENDENT:
+    if sigma[-1] > PARAMETERS.dependent:
         return mu, np.ones(count, dtype=bool)
-    free = left[:, sigma <= SAME]
+    free = left[:, sigma <= PARAMETERS.same]
     if free.shape[1]:
         mu = _shortest(mu, free, pulling)
-    return mu, ~_varies(left[:, sigma <= DEPENDENT], mu, pulling)
+    return mu, ~_varies(left[:, sigma <= PARAMETERS.dependent], mu, pulling)
 
 
 def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
@@ -42,7 +58,7 @@ def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
     shortest z that makes it push."""
     least = mu - free @ (free.T @ mu)
     lengths = np.linalg.norm(free, axis=1)
-    rows = lengths > NONE
+    rows = lengths > PARAMETERS.none
     rows[:pulling] = False
     # Rounding must not make two shares that can only be zero contradict each other.
     bounds = -least[rows] - 16 * EPS * float(np.linalg.norm(mu))
@@ -64,8 +80,8 @@ def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
     which one of those grows; with all found, the shares that can be positive change in any direction that leaves the
     rest at zero.
     """
-    free = free * (np.linalg.norm(free, axis=1) > NONE)[:, None]
-    positive = mu > NONE * np.abs(mu).max(initial=0.0)
+    free = free * (np.linalg.norm(free, axis=1) > PARAMETERS.none)[:, None]
+    positive = mu > PARAMETERS.none * np.abs(mu).max(initial=0.0)
     positive[:pulling] = True
     for row in np.flatnonzero(~positive):
         if positive[row]:
@@ -74,10 +90,10 @@ def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
         # sum to minus this row (Farkas).
         zero = np.flatnonzero(~positive)
         left = least_distance.residual(free[zero].T, -free[row])
-        if left is not None and np.linalg.norm(left) > DEPENDENT:
-            positive[zero] |= free[zero] @ -left > NONE
+        if left is not None and np.linalg.norm(left) > PARAMETERS.dependent:
+            positive[zero] |= free[zero] @ -left > PARAMETERS.none
     rest = free[~positive]
     if rest.shape[0]:
         _, sigma, Vt = np.linalg.svd(rest, full_matrices=True)
-        free = free @ Vt[int((sigma > DEPENDENT).sum()) :].T
-    return np.asarray(positive & (np.linalg.norm(free, axis=1) > DEPENDENT))
+        free = free @ Vt[int((sigma > PARAMETERS.dependent).sum()) :].T
+    return np.asarray(positive & (np.linalg.norm(free, axis=1) > PARAMETERS.dependent))

@@ -23,15 +23,32 @@ Floats = npt.NDArray[np.float64]
 Number = TypeVar("Number", float, Floats)
 
 EPS = float(np.finfo(float).eps)
-# The misfit of a piece that was cut is the misfit about its parts, this many times as large as a kink would leave.
-SAFETY = 4.0
-# The cubic is trusted to say how often a function leaves its side, and where the next value is worth most, if the
-# misfit about it is this part of its range.
-TRUSTED = 0.1
-# After the first cut, the misfit is this part of what the cubics bend at the least.
-WARY = 0.5
-# A root of a cubic is looked for in so many steps.
-STEPS = 60
+
+
+class ZeroBoundParameters:
+    """Bounds of a function on a piece of a step; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    safety: float = 4.0
+    """The misfit of a piece that was cut is the misfit about its parts, this many times as large as a kink
+    would leave. `test_the_doubt_of_a_piece_is_four_times_what_it_shows` fails at 0.4 and 40."""
+    trusted: float = 0.1
+    """The cubic is trusted to say how often a function leaves its side, and where the next value is worth
+    most, if the misfit about it is this part of its range. `test_a_cubic_is_trusted_to_a_tenth_of_its_range`
+    fails at 0.01 and 1."""
+    wary: float = 0.5
+    """After the first cut, the misfit is this part of what the cubics bend at the least.
+    `test_the_doubt_of_a_piece_is_half_of_its_bend_or_more` fails at 0.05 and 5."""
+    root_steps: int = 60
+    """A root of a cubic is looked for in so many steps.
+    `test_a_threefold_root_of_a_cubic_is_found_in_sixty_steps` fails at 6."""
+
+
+PARAMETERS = ZeroBoundParameters()
 
 
 def largest(first: Number, *others: Number | float) -> Number:
@@ -92,7 +109,7 @@ def misfit(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Nu
     allowed = 3 * noise + 8 * EPS * largest(abs(g), abs(rise), abs(m0), abs(m1))
     misfit = largest(abs(value_off) - allowed, 0.0)
     turn = largest(abs(slope_off) - 2 * allowed, 0.0) + misfit * abs(2 / c - 2 / (1 - c))
-    return SAFETY * (misfit + max(c, 1 - c) * turn) / (16 * (c * (1 - c)) ** 2)
+    return PARAMETERS.safety * (misfit + max(c, 1 - c) * turn) / (16 * (c * (1 - c)) ** 2)
 
 
 def turns_once(b: Cubic[float], misfit: float, is_up: bool) -> bool:
@@ -104,7 +121,7 @@ def turns_once(b: Cubic[float], misfit: float, is_up: bool) -> bool:
     level = min(b0, 0.0)
     c0, c1, c3, c4 = b0 - level, (b0 + 3 * b1) / 4 - level, (3 * b2 + b3) / 4 - level, b3 - level
     middle, reach = (b1 + b2) / 2 - level, 8 / 3 * misfit
-    if not misfit <= TRUSTED * (max(c0, c1, middle, c3) - c4):
+    if not misfit <= PARAMETERS.trusted * (max(c0, c1, middle, c3) - c4):
         return False
     outer = (c3 > 0) + 0, (c4 > 0) + 0
     for c2 in (middle - reach, middle + reach):
@@ -121,7 +138,7 @@ def fall(b: Cubic[float]) -> float:
     level = min(b0, 0.0)
     low, high = 0.0, 1.0
     u = b0 / (b0 - b3) if 0.0 < b0 < b0 - b3 else 0.5
-    for _ in range(STEPS):
+    for _ in range(PARAMETERS.root_steps):
         v = 1 - u
         value = v * v * (v * b0 + 3 * u * b1) + u * u * (3 * v * b2 + u * b3) - level
         low, high = (u, high) if value > 0 else (low, u)
@@ -137,7 +154,7 @@ def lowest(b: Cubic[float], misfit: float, is_up: bool) -> float | None:
     """The point in the piece, in (0, 1), at which the cubic that comes near leaving its side turns back; None where
     that is not known."""
     b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
-    if not misfit <= TRUSTED * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
+    if not misfit <= PARAMETERS.trusted * (max(b0, b1, b2, b3) - min(b0, b1, b2, b3)):
         return None
     d0, d1, d2 = b1 - b0, b2 - b1, b3 - b2
     # The slope is d0 + 2 turn u + bend u^2; it rises at the root that is the lowest point.

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import zero_bounds
-from lagcli.contact.zero_bounds import EPS, WARY, Cubic, Ends, Floats
+from lagcli.contact.zero_bounds import EPS, Cubic, Ends, Floats
 
 Flags = npt.NDArray[np.bool_]
 # x -> values (K,) and slopes dg/dx (K,) of all functions.
@@ -31,14 +31,34 @@ Values = Callable[[float], tuple[Floats, Floats]]
 
 DOWN, BOTH, UP = -1, 0, 1  # the direction of a crossing: the sign of its slope, 0 for either
 GOLDEN = (3 - 5**0.5) / 2  # the golden section of an interval
-# A cut keeps this distance from both ends of its piece, and a piece this narrow has no inside.
-MARGIN, NARROW = 0.1, 8 * EPS
-# The most evaluations of one search.
-MOST = 2000
-# Newton's steps for one root; each halves the bracket at the least every other time.
-MOST_STEPS = 130
-# So many functions are looked at one after the other from the start.
-FEW = 8
+
+
+class ZeroSearchParameters:
+    """The search for a first crossing; lengths are parts of the step.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    margin: float = 0.1
+    """A cut keeps this part of its piece from both ends of it.
+    `test_a_cut_keeps_a_tenth_from_the_ends_of_its_piece` fails at 0.01 and 1."""
+    narrow: float = 8 * EPS
+    """A piece of this length has no inside. `test_a_jump_over_zero_is_found_to_a_few_roundings` fails at
+    1.78e-14."""
+    most_evaluations: int = 2000
+    """The most evaluations of one search. `test_a_search_that_never_ends_has_two_thousand_evaluations` fails
+    at 200 and 20000."""
+    newton_steps: int = 130
+    """Newton's steps for one root; each halves the bracket at the least every other time.
+    `test_a_root_is_found_to_rounding_where_slopes_say_nothing` fails at 13."""
+    few: int = 8
+    """So many functions are looked at one after the other from the start.
+    `test_of_more_than_eight_functions_most_are_told_at_once` fails at 0 and 80."""
+
+
+PARAMETERS = ZeroSearchParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +85,7 @@ def first_crossing(
     direction: npt.ArrayLike = DOWN,
     armed: npt.ArrayLike = True,
     together: float = 0.0,
-    most: int = MOST,
+    most: int = PARAMETERS.most_evaluations,
 ) -> FirstCrossing:
     """The first crossing of zero by functions of x in [0, 1], to double precision.
 
@@ -129,7 +149,11 @@ class _Piece(NamedTuple):
 
     def with_least_misfit(self) -> _Piece:
         """The piece with no less misfit than a part of how much the cubic bends: one misfit may be small by chance."""
-        return _Piece(self.left, self.right, max(self.misfit, WARY * zero_bounds.bend(self.cubic)))
+        return _Piece(
+            self.left,
+            self.right,
+            max(self.misfit, zero_bounds.PARAMETERS.wary * zero_bounds.bend(self.cubic)),
+        )
 
 
 class _Unresolved(Exception):
@@ -200,7 +224,7 @@ class _Search:
 
     def candidates(self, inner: _Sample, end: _Sample) -> list[int]:
         """The functions that may leave their side, those first that seem to do so first."""
-        rows = np.arange(self.noise.size) if self.noise.size <= FEW else self.open_rows(inner, end)
+        rows = np.arange(self.noise.size) if self.noise.size <= PARAMETERS.few else self.open_rows(inner, end)
         if rows.size < 2:
             return [int(row) for row in rows]
         g = [each.g[rows] for each in (self.start, inner, end)]
@@ -218,7 +242,7 @@ class _Search:
         for left, right in ((start, inner), (inner, end)):
             part = right.x - left.x
             cubic = zero_bounds.cubic((left.g, part * left.slope, right.g, part * right.slope))
-            doubts = zero_bounds.largest(part * misfit, WARY * zero_bounds.bend(cubic))
+            doubts = zero_bounds.largest(part * misfit, zero_bounds.PARAMETERS.wary * zero_bounds.bend(cubic))
             low, high = zero_bounds.extent(cubic, doubts)
             slack = 2 * self.noise + zero_bounds.rounding(cubic)
             stays &= np.where(self.up, low >= -slack, high <= slack)
@@ -242,7 +266,7 @@ class _Search:
         while pieces:
             piece = pieces.pop()
             cubic, misfit = piece.cubic, piece.misfit
-            is_known, is_narrow = math.isfinite(sum(cubic) + misfit), piece.width <= NARROW
+            is_known, is_narrow = math.isfinite(sum(cubic) + misfit), piece.width <= PARAMETERS.narrow
             if is_known:
                 low, high = zero_bounds.extent(cubic, misfit)
                 slack = 2 * noise + zero_bounds.rounding(cubic)
@@ -270,7 +294,7 @@ class _Search:
         low, high, noise = left.x, right.x, float(self.noise[row])
         x = low + zero_bounds.fall(piece.cubic) * (high - low)
         last = before = high - low
-        for _ in range(MOST_STEPS):
+        for _ in range(PARAMETERS.newton_steps):
             sample = self.sample(x)
             value, slope = float(sample.g[row]) - level, float(sample.slope[row])
             low, high = (x, high) if value > 0 else (low, x)
@@ -308,7 +332,7 @@ def _of(sample: _Sample, row: int) -> _Point:
 def _cut_point(piece: _Piece, is_up: bool) -> float:
     """The point of a cut: at the lowest point of a function that comes near zero, if that is known."""
     u = zero_bounds.lowest(piece.cubic, piece.misfit, is_up)
-    part = GOLDEN if u is None else min(max(u, MARGIN), 1 - MARGIN)
+    part = GOLDEN if u is None else min(max(u, PARAMETERS.margin), 1 - PARAMETERS.margin)
     return piece.left.x + part * piece.width
 
 

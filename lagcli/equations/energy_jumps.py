@@ -99,7 +99,7 @@ class Crossings:
     def _between(self, k: int, way: Way, ends: tuple[float, float]) -> Jump | None:
         low, high = ends
         side = _side(way.switches(low)[k])
-        for _ in range(jump_search.HALVINGS):
+        for _ in range(jump_search.PARAMETERS.halvings):
             middle = (low + high) / 2
             if middle in (low, high):
                 break
@@ -107,7 +107,7 @@ class Crossings:
                 low = middle
             else:
                 high = middle
-        offset, owner = jump_search.OFFSET, self.owners[k]
+        offset, owner = jump_search.PARAMETERS.offset, self.owners[k]
         parts = low - 2 * offset, low - offset, high + offset, high + 2 * offset
         values = np.array([way.values(part)[owner] for part in parts])
         return Jump(low, self.subjects[owner], self.words[k]) if jump_search.is_jump(values) else None

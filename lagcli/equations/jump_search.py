@@ -17,13 +17,39 @@ from lagcli.frozen import frozen
 Floats = npt.NDArray[np.float64]
 # t, q and v.
 StateValues = tuple[float, Floats, Floats]
-# Bisections: an interval of the size of its ends has 53 bits.
-HALVINGS = 60
-# A value jumps where it differs across a switch by so many times what it changes by in the same distance, ASIDE of the
-# way, on either side, and by more than its rounding.
-OFFSET, ABRUPT, ROUNDED = 1e-9, 10.0, 1e-10
-# Points of a switch are sought from so many starts, of the size of the start, by so many steps of Newton's method.
-POINTS, NEWTON, ON_SWITCH = 12, 30, 1e-9
+
+
+class JumpSearchParameters:
+    """The search for jumps at switches; lengths are parts of the size of the start.
+
+    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    """
+
+    __slots__ = ()
+
+    halvings: int = 60
+    """Bisections: an interval of the size of its ends has 53 bits. `test_a_switch_is_found_to_rounding` fails
+    at 6."""
+    offset: float = 1e-9
+    """Values are looked at so far from a switch, as a part of the way across it.
+    `test_a_value_is_looked_at_beside_a_switch` fails at 1e-10 and 1e-8."""
+    abrupt: float = 10.0
+    """A value jumps where it differs across a switch by so many times what it changes by in the same distance
+    on either side. `test_a_value_jumps_by_ten_times_what_it_changes_by_beside` fails at 1 and 100."""
+    rounded: float = 1e-10
+    """And by more than this part of itself, its rounding. `test_a_change_of_ten_digits_less_is_rounding`
+    fails at 1e-11 and 1e-9."""
+    points: int = 12
+    """Starts about the state from which points of a switch are sought.
+    `test_a_switch_is_sought_from_twelve_starts_about_the_state` fails at 1 and 120."""
+    newton_steps: int = 30
+    """Newton's steps from each. `test_a_switch_is_come_upon_in_thirty_newton_steps` fails at 3 and 300."""
+    on_switch: float = 1e-9
+    """The step with which they have come to a switch. `test_a_switch_is_come_upon_in_thirty_newton_steps`
+    fails at 1e-10 and 1e-8."""
+
+
+PARAMETERS = JumpSearchParameters()
 # The numbers between which a value lies, whatever state and parameters are.
 Bounds = tuple[float, float]
 
@@ -111,9 +137,12 @@ def examples(found: Sequence[Switch], most: int) -> list[Switch]:
 
 
 def is_jump(values: Floats) -> npt.NDArray[np.bool_]:
-    """True where values (4, ...) at 2 and 1 OFFSET before a switch, and as far behind it, jump there."""
+    """True where values (4, ...) at 2 and 1 times the offset before a switch, and as far behind it, jump there."""
     a, b, c, d = values
-    least = np.maximum(ABRUPT * np.maximum(abs(b - a), abs(d - c)), ROUNDED * np.maximum(abs(b), abs(c)))
+    least = np.maximum(
+        PARAMETERS.abrupt * np.maximum(abs(b - a), abs(d - c)),
+        PARAMETERS.rounded * np.maximum(abs(b), abs(c)),
+    )
     return np.asarray(abs(c - b) > least)
 
 
@@ -134,7 +163,7 @@ def starts(state: StateValues, p: Floats) -> Starts:
     random = np.random.default_rng(0)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     speed = v + (float(np.abs(v).max(initial=0.0)) or 1.0) * random.standard_normal(v.size)
-    points = np.vstack([q, q + size * random.standard_normal((POINTS, q.size))])
+    points = np.vstack([q, q + size * random.standard_normal((PARAMETERS.points, q.size))])
     return Starts(t, points.T, speed, ca.DM(p), size)
 
 
@@ -170,14 +199,19 @@ def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> 
             return centres + (2 * part - 1) * across
 
         sign = np.sign(switch.at(begin, point(low))[0])
-        for _ in range(HALVINGS):
+        for _ in range(PARAMETERS.halvings):
             middle = (low + high) / 2
             is_before = np.sign(switch.at(begin, point(middle))[0]) == sign
             low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
         at = begin.q[value.moving][:, numbers]
         own = np.searchsorted(value.moving, switch.moving)
         values = []
-        for part in (low - 2 * OFFSET, low - OFFSET, high + OFFSET, high + 2 * OFFSET):
+        for part in (
+            low - 2 * PARAMETERS.offset,
+            low - PARAMETERS.offset,
+            high + PARAMETERS.offset,
+            high + 2 * PARAMETERS.offset,
+        ):
             at[own] = point(part)
             values.append(value.at(begin, at)[0])
         return bool(is_jump(np.array(values)).any())
@@ -188,21 +222,21 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
     x = begin.q[switch.moving]
     slopes = np.zeros_like(x)
     is_going, is_there = np.ones(x.shape[1], dtype=bool), np.zeros(x.shape[1], dtype=bool)
-    for _ in range(NEWTON):
+    for _ in range(PARAMETERS.newton_steps):
         found = switch.at(begin, x)
         value, slope = found[0], found[1:]
         square = (slope * slope).sum(axis=0)
         is_going &= np.isfinite(value) & np.isfinite(square) & (square > 0)
         step = np.where(is_going, value / square * slope, 0.0)
         x = x - step
-        arrived = is_going & (np.abs(step).max(axis=0) < ON_SWITCH * begin.size)
+        arrived = is_going & (np.abs(step).max(axis=0) < PARAMETERS.on_switch * begin.size)
         slopes[:, arrived] = slope[:, arrived] / np.sqrt(square[arrived])
         is_there |= arrived
         is_going &= ~arrived
         if not is_going.any():
             break
     numbers = np.flatnonzero(is_there)
-    return numbers, x[:, numbers], begin.size * OFFSET**0.5 * slopes[:, numbers]
+    return numbers, x[:, numbers], begin.size * PARAMETERS.offset**0.5 * slopes[:, numbers]
 
 
 def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:

@@ -20,10 +20,30 @@ from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 
-# How far off a switch its two sides are looked at, as a part of the size of the coordinates or of the way taken, and
-# the part of a gradient by which these must differ: a change that is only steep is no jump.
-OFFSET, FURTHER, JUMP = 1e-9, 1e-5, 1e-6
-HALVINGS = 60
+
+class KinkParameters:
+    """Jumps of the gradient of a row; lengths are parts of the size of the coordinates, or of the way taken.
+
+    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    """
+
+    __slots__ = ()
+
+    offset: float = 1e-9
+    """How far off a switch its two sides are looked at. `test_a_switch_is_looked_at_nine_digits_off` fails at
+    1e-10 and 1e-8."""
+    farther: float = 1e-5
+    """And from farther off: what draws near as the distance shrinks is no jump.
+    `test_a_jump_is_compared_with_what_changes_farther_off` fails at 1e-6 and 0.0001."""
+    jump: float = 1e-6
+    """The part of a gradient by which its sides must differ: a change that is only steep is no jump.
+    `test_a_gradient_jumps_by_a_millionth` fails at 1e-7 and 1e-5."""
+    halvings: int = 60
+    """Bisections of the way up to a switch: an interval of the size of its ends has 53 bits.
+    `test_a_slope_that_only_changes_on_the_way_does_not_jump` fails at 6."""
+
+
+PARAMETERS = KinkParameters()
 
 
 @frozen
@@ -45,12 +65,12 @@ class Kinks:
         here = self._slopes(t, q, p)
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
-            for h in (OFFSET, FURTHER)
+            for h in (PARAMETERS.offset, PARAMETERS.farther)
         )
         scale = np.abs(here).max(axis=1, initial=0.0) + far
         # Where the slopes of both sides draw near as their distance shrinks there is no jump.
         with np.errstate(invalid="ignore"):
-            jumps = np.isfinite(here).all(axis=1) & (near > JUMP * scale) & (near > 0.1 * far)
+            jumps = np.isfinite(here).all(axis=1) & (near > PARAMETERS.jump * scale) & (near > 0.1 * far)
         return self.rows[int(np.argmax(jumps))] if jumps.any() else None
 
     def require_smooth(self, t: float, q: Floats, p: Floats) -> None:
@@ -84,14 +104,16 @@ class Kinks:
 
         sign = np.sign(float(self.switches(*before, p)[k]))
         low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
+        for _ in range(PARAMETERS.halvings):
             middle = (low + high) / 2
             if np.sign(float(self.switches(*point(middle), p)[k])) == sign:
                 low = middle
             else:
                 high = middle
-        one, other = (self._slopes(*point(part), p)[k] for part in (low - OFFSET, high + OFFSET))
-        return bool(np.abs(one - other).max(initial=0.0) > JUMP * np.abs(one).max(initial=0.0))
+        one, other = (
+            self._slopes(*point(part), p)[k] for part in (low - PARAMETERS.offset, high + PARAMETERS.offset)
+        )
+        return bool(np.abs(one - other).max(initial=0.0) > PARAMETERS.jump * np.abs(one).max(initial=0.0))
 
     def _slopes(self, t: float, q: Floats, p: Floats) -> Floats:
         return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)

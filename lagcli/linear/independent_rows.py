@@ -20,17 +20,41 @@ from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
 
-# The next independent row is the first in the file's order that is this part as far from the others as the farthest.
-EARLY = 0.3
-# A row takes part in a dependency if its weight is above this; of rows that are on the surface to rounding, and
-# dependent on it alone, rounding leaves its square root.
-WEIGHT = 1e-7
-# Of many rows the pivots of their Gram matrix decide, with this added to its diagonal.
-SHIFT, PIVOT = 1e-13, 1e-10
-# Other rows are taken where their angle is this many times as large.
-BETTER = 4.0
-# Circuits that are reported one by one, and rows of one that are named.
-MOST_LISTED, MOST_NAMED = 6, 20
+
+class IndependentRowsParameters:
+    """The choice of independent rows, and what the others follow from.
+
+    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    """
+
+    __slots__ = ()
+
+    early: float = 0.3
+    """The next independent row is the first in the file's order that is this part as far from the others as
+    the farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest` fails at 0.03 and
+    3."""
+    weight: float = 1e-7
+    """A row takes part in a dependency if its weight is above this; of rows that are on the surface to
+    rounding, and dependent on it alone, rounding leaves its square root.
+    `test_a_row_takes_part_in_a_dependency_with_seven_digits` fails at 1e-8 and 1e-6."""
+    shift: float = 1e-13
+    """It is added to the diagonal of the Gram matrix of many rows, whose pivots decide.
+    `test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added` fails at 1e-14 and 1e-12."""
+    pivot: float = 1e-10
+    """Pivots of many rows below this are rounding.
+    `test_of_many_rows_those_are_independent_whose_pivot_has_ten_digits` fails at 1e-11 and 1e-9."""
+    better: float = 4.0
+    """Other rows are taken where their angle is this many times as large.
+    `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones` fails at 0.4 and 40."""
+    most_listed: int = 6
+    """Dependencies that are reported one by one.
+    `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named` fails at 0 and 60."""
+    most_named: int = 20
+    """Rows of a dependency that are named.
+    `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named` fails at 2 and 200."""
+
+
+PARAMETERS = IndependentRowsParameters()
 
 
 @frozen
@@ -44,7 +68,7 @@ class Dependence:
     @property
     def selection(self) -> Selection:
         """The rows to step with, and the dependencies."""
-        supports = (np.flatnonzero(np.abs(row) > WEIGHT) for row in self.weights)
+        supports = (np.flatnonzero(np.abs(row) > PARAMETERS.weight) for row in self.weights)
         dependencies = tuple(
             (row, *(self.independent[k] for k in support))
             for row, support in zip(self.rest, supports, strict=True)
@@ -74,7 +98,7 @@ def elsewhere(selection: Selection, rows: MetricRows, holonomic: int) -> Selecti
     if not selection.dependencies or rows.is_large:
         return None
     independent = dependence(rows, len(selection.independent), holonomic).independent
-    if _smallest_singular_value(rows, independent) < BETTER * _smallest_singular_value(
+    if _smallest_singular_value(rows, independent) < PARAMETERS.better * _smallest_singular_value(
         rows, selection.independent
     ):
         return None
@@ -107,7 +131,7 @@ def _smallest_singular_value(rows: MetricRows, independent: tuple[int, ...]) -> 
 def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
     """`count` independent rows, those in `first` among them."""
     if not rows.is_large:
-        return sorted(farthest(rows.dense, count, first, EARLY))
+        return sorted(farthest(rows.dense, count, first, PARAMETERS.early))
     return _farther(rows, count, first) if first else _pivots(rows)
 
 
@@ -129,10 +153,10 @@ def joined(first: Selection, others: Iterable[Selection]) -> Selection:
 
 def shares(dependencies: Sequence[Sequence[str]]) -> list[str]:
     """The dependencies in words, by the names of their rows."""
-    shares = [_share(names) for names in dependencies[:MOST_LISTED]]
+    shares = [_share(names) for names in dependencies[: PARAMETERS.most_listed]]
     return (
-        [*shares, f"and {len(dependencies) - MOST_LISTED} more"]
-        if len(dependencies) > MOST_LISTED
+        [*shares, f"and {len(dependencies) - PARAMETERS.most_listed} more"]
+        if len(dependencies) > PARAMETERS.most_listed
         else shares
     )
 
@@ -143,7 +167,7 @@ def _share(names: Sequence[str]) -> str:
         return f"{quoted[0]} makes no force, and any multiplier will do"
     if len(quoted) == 2:
         return f"{quoted[0]} and {quoted[1]} share one force"
-    shown = quoted if len(quoted) <= MOST_NAMED else [*quoted[:MOST_NAMED], "..."]
+    shown = quoted if len(quoted) <= PARAMETERS.most_named else [*quoted[: PARAMETERS.most_named], "..."]
     return f"{', '.join(shown)}: a force in one can be passed to the others"
 
 
@@ -164,13 +188,13 @@ def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
     weights = _combinations(rows, first, others)
     unit = rows.unit
     left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
-    return sorted([*first, *(others[k] for k in farthest(left, count - len(first), (), EARLY))])
+    return sorted([*first, *(others[k] for k in farthest(left, count - len(first), (), PARAMETERS.early))])
 
 
 def _pivots(rows: MetricRows) -> list[int]:
     """Independent rows of many: those whose pivot in the sparse factors of the Gram matrix is no rounding."""
-    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + SHIFT * ca.DM.eye(rows.count))
-    large = np.array(D).ravel() > PIVOT
+    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + PARAMETERS.shift * ca.DM.eye(rows.count))
+    large = np.array(D).ravel() > PARAMETERS.pivot
     return sorted(np.asarray(order)[large].tolist())
 
 
@@ -183,7 +207,7 @@ def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
     if rows.are_independent or rows.is_large:
         return flags
     flags[:] = True
-    flags[leading(rows.dense, rank.LARGE)] = False
+    flags[leading(rows.dense, rank.PARAMETERS.large)] = False
     return flags
 
 

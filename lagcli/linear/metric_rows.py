@@ -19,23 +19,49 @@ from lagcli.linear.metric import Metric
 Floats = npt.NDArray[np.float64]
 Sparse = ca.DM  # a matrix of numbers
 
-# Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close to it,
-# and then any of them will do.
-ITERATIONS = 12
-# Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
-CERTAIN = 3e-5
-SHIFT = 1e-14
-# Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
-GRAM_ROUNDOFF = 1e-12
-# More rows than these, over more coordinates than these, are never looked at densely: their singular values would take
-# minutes. Of more rows than MOST_DENSE over few coordinates not all dependences are given (72 MB).
-DENSE, MOST_DENSE = 150, 3000
-# A Gram matrix with this part of its entries is factored faster as a dense one, up to so many rows (128 MB).
-FILLED, MOST_FILLED = 0.1, 4000
-# The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
-FEW = 40
-# A row hangs on a coordinate that no other row holds where the entry is this part of its length.
-HANGING = 1e-2
+
+class MetricRowsParameters:
+    """Rows of length one, and from where on their Gram matrix serves.
+
+    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    """
+
+    __slots__ = ()
+
+    iterations: int = 12
+    """Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close
+    to it, and then any of them will do. `test_the_smallest_singular_value_is_found_in_twelve_iterations`
+    fails at 1 and 120."""
+    certain: float = 3e-5
+    """Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
+    `test_the_gram_matrix_tells_rows_that_are_independent_to_five_digits` fails at 3e-6 and 0.0003."""
+    shift: float = 1e-14
+    """It is added to the diagonal of a Gram matrix of which rows may be the same: far below what is asked
+    for. `test_rows_that_are_the_same_leave_what_is_added_to_their_gram_matrix` fails at 1e-15 and 1e-13."""
+    gram_roundoff: float = 1e-12
+    """Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
+    `test_eigenvalues_of_the_gram_matrix_are_rounding_below_twelve_digits` fails at 1e-13 and 1e-11."""
+    dense: int = 150
+    """More rows than these, over more coordinates than these, are never looked at densely: their singular
+    values would take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many` fails at 15 and 1500."""
+    most_dense: int = 3000
+    """Of more rows than these over few coordinates not all dependences are given (72 MB).
+    `test_up_to_three_thousand_rows_over_few_coordinates_are_looked_at_densely` fails at 300 and 30000."""
+    filled: float = 0.1
+    """A Gram matrix with this part of its entries is factored faster as a dense one.
+    `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 0.01 and 1."""
+    most_filled: int = 4000
+    """Up to so many rows (128 MB). `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 400 and
+    40000."""
+    few: int = 40
+    """The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
+    `test_the_gram_matrix_of_forty_rows_is_inverted` fails at 4 and 400."""
+    hanging: float = 1e-2
+    """A row hangs on a coordinate that no other row holds where the entry is this part of its length.
+    `test_a_row_hangs_on_a_coordinate_of_its_own_by_a_hundredth` fails at 0.001 and 0.1."""
+
+
+PARAMETERS = MetricRowsParameters()
 
 
 class LocalRows:
@@ -159,9 +185,9 @@ class MetricRows:
             return True
         if self.count > self.unit.shape[1] or 0 in self._norms_of_units():
             return False
-        if self.is_large and self._least_with_hanging() > CERTAIN:
+        if self.is_large and self._least_with_hanging() > PARAMETERS.certain:
             return True
-        return self._weakest[0] > CERTAIN**2
+        return self._weakest[0] > PARAMETERS.certain**2
 
     def _least_with_hanging(self) -> float:
         """A lower bound of the smallest singular value, 0 where none is known, from rows that hang on a coordinate of
@@ -174,9 +200,9 @@ class MetricRows:
         holds = rows.values != 0
         alone = holds & (np.bincount(rows.column[holds], minlength=self.unit.shape[1])[rows.column] == 1)
         own = np.sqrt(np.bincount(rows.row[alone], rows.values[alone] ** 2, minlength=self.count))
-        hanging = own > HANGING
+        hanging = own > PARAMETERS.hanging
         rest = np.flatnonzero(~hanging)
-        if rest.size > self.count / 2 or rest.size > DENSE:
+        if rest.size > self.count / 2 or rest.size > PARAMETERS.dense:
             return 0.0
         least = 1.0
         if rest.size:
@@ -191,7 +217,7 @@ class MetricRows:
     @property
     def _is_filled(self) -> bool:
         """True if the Gram matrix is better looked at densely."""
-        return self.count <= MOST_FILLED and self._gram.nnz() > FILLED * self.count**2
+        return self.count <= PARAMETERS.most_filled and self._gram.nnz() > PARAMETERS.filled * self.count**2
 
     @property
     def weakest(self) -> Floats:
@@ -203,10 +229,10 @@ class MetricRows:
     def _weakest(self) -> tuple[float, Floats]:
         """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
-        solve = self._repeated_solver(SHIFT)
+        solve = self._repeated_solver(PARAMETERS.shift)
         x = generic_direction.direction(self.count, 0)
         value = 0.0
-        for _ in range(ITERATIONS):
+        for _ in range(PARAMETERS.iterations):
             found = solve(x)
             length = float(np.linalg.norm(found))
             if not np.isfinite(length) or length == 0.0:
@@ -222,7 +248,7 @@ class MetricRows:
 
     def _repeated_solver(self, shift: float) -> Callable[[Floats], Floats]:
         """y -> x with (Gram matrix + shift) x = y, for one y after another."""
-        if self.count <= FEW or (self.is_large and self._is_filled):
+        if self.count <= PARAMETERS.few or (self.is_large and self._is_filled):
             try:
                 inverse = np.linalg.inv(np.array(self._shifted(shift)))
             except np.linalg.LinAlgError:  # singular to the last digit, in spite of the shift
@@ -281,17 +307,17 @@ class MetricRows:
         if damping > 0:
             return self._solved(scaled, damping)
         if self.are_independent or self.is_large:
-            return self._solved(scaled, 0.0 if self.are_independent else SHIFT)
+            return self._solved(scaled, 0.0 if self.are_independent else PARAMETERS.shift)
         if self.count > self.unit.shape[1]:
             left, sigma, _ = np.linalg.svd(self.dense, full_matrices=False)
-            fixed = left[:, sigma > np.sqrt(GRAM_ROUNDOFF) * sigma.max(initial=0.0)]
+            fixed = left[:, sigma > np.sqrt(PARAMETERS.gram_roundoff) * sigma.max(initial=0.0)]
             return np.asarray(fixed @ ((fixed.T @ scaled) / sigma[: fixed.shape[1]] ** 2))
-        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=GRAM_ROUNDOFF)[0])
+        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=PARAMETERS.gram_roundoff)[0])
 
 
 def are_many(count: int, coordinates: int) -> bool:
     """True if so many rows over so many coordinates are too many to be looked at densely."""
-    return count > DENSE and coordinates > DENSE
+    return count > PARAMETERS.dense and coordinates > PARAMETERS.dense
 
 
 def stacked(*blocks: Sparse) -> Sparse:

@@ -15,12 +15,28 @@ from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
 
-# Singular values of normalized rows: above LARGE they count, below SMALL they are rounding, between is undecided.
-# The start is on the surface to rounding, 1e-16, and where rows are dependent on a surface but not beside it the
-# rest they show is its square root.
-LARGE, SMALL = 3e-6, 1e-7
-# A row takes part in a dependence if its weight in the null vector is above this.
-WEIGHT = 1e-6
+
+class RankParameters:
+    """Singular values of rows of length one. The start is on the surface to rounding, 1e-16, and where rows
+    are dependent on a surface but not beside it the rest they show is its square root.
+
+    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    """
+
+    __slots__ = ()
+
+    large: float = 3e-6
+    """Singular values above this count. `test_singular_values_count_or_are_rounding_with_a_gap` fails at 3e-7
+    and 3e-5."""
+    small: float = 1e-7
+    """Singular values below this are rounding; between the two is undecided.
+    `test_singular_values_count_or_are_rounding_with_a_gap` fails at 1e-8 and 1e-6."""
+    weight: float = 1e-6
+    """A row takes part in a dependence if its weight in the null vector is above this.
+    `test_a_row_takes_part_in_a_dependence_with_six_digits` fails at 1e-7 and 1e-5."""
+
+
+PARAMETERS = RankParameters()
 
 
 @frozen
@@ -56,17 +72,17 @@ def _rank(rows: MetricRows) -> Rank:
     if rows.are_independent:
         return Rank(rows.count, rows.count, np.zeros((0, rows.count)))
     if rows.is_large:
-        large = rows.above(LARGE)
+        large = rows.above(PARAMETERS.large)
         dependences = rows.weakest[None] if large < rows.count else np.zeros((0, rows.count))
-        return Rank(large, rows.above(SMALL), dependences)
-    if rows.count > metric_rows.MOST_DENSE:
+        return Rank(large, rows.above(PARAMETERS.small), dependences)
+    if rows.count > metric_rows.PARAMETERS.most_dense:
         return _rank_of_many(rows)
     sigma = np.zeros(rows.count)
     # The left vectors are wanted whole; of the right ones there may be many more.
     wide = rows.dense.shape[1] >= rows.count
     left, found, _ = np.linalg.svd(rows.dense, full_matrices=not wide)
     sigma[: found.size] = found
-    large, small = int((sigma > LARGE).sum()), int((sigma > SMALL).sum())
+    large, small = int((sigma > PARAMETERS.large).sum()), int((sigma > PARAMETERS.small).sum())
     if large == rows.count:
         return Rank(large, small, np.zeros((0, rows.count)))
     return Rank(large, small, left.T[large:])
@@ -75,10 +91,10 @@ def _rank(rows: MetricRows) -> Rank:
 def _rank_of_many(rows: MetricRows) -> Rank:
     """The rank of very many rows over few coordinates, with one vector of weights."""
     left, sigma, _ = np.linalg.svd(rows.dense, full_matrices=False)
-    large = left[:, sigma > LARGE]
+    large = left[:, sigma > PARAMETERS.large]
     weights = np.random.default_rng(0).standard_normal(rows.count)
     weights -= large @ (large.T @ weights)
-    return Rank(large.shape[1], int((sigma > SMALL).sum()), weights[None])
+    return Rank(large.shape[1], int((sigma > PARAMETERS.small).sum()), weights[None])
 
 
 def null_basis(rows: Floats) -> Floats:
@@ -86,10 +102,10 @@ def null_basis(rows: Floats) -> Floats:
     if rows.shape[0] == 0:
         return np.eye(rows.shape[1])
     _, sigma, Vt = np.linalg.svd(rows, full_matrices=True)
-    return np.asarray(Vt[int((sigma > LARGE).sum()) :].T)
+    return np.asarray(Vt[int((sigma > PARAMETERS.large).sum()) :].T)
 
 
 def participants(null_vector: Floats) -> list[int]:
     """The rows that take part in a dependence."""
     weights = np.abs(null_vector)
-    return [int(i) for i in np.flatnonzero(weights > WEIGHT * weights.max(initial=1.0))]
+    return [int(i) for i in np.flatnonzero(weights > PARAMETERS.weight * weights.max(initial=1.0))]

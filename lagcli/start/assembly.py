@@ -23,18 +23,51 @@ from lagcli.start.initial import Residuals, State
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-# A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move
-# (`test_a_row_that_hardly_acts_on_what_may_move_is_stuck` fails at 1e-4).
-STUCK = 1e-5
-# A start closer to the surface than this part of its size, and than half the radius of curvature, has one nearest
-# point, and Gauss-Newton finds it. Curvature is not computed for many coordinates, whose starts must be closer.
-NEAR, NEAR_OF_MANY, CURVED = 1e-3, 1e-6, 0.5
-NEARER = 1e-9
-# Newton steps on the conditions of the nearest point, and the tangential part of the way that is rounding.
-POLISHING, STATIONARY = 6, 1e-12
-# Starts aside for the nearest point, where Gauss-Newton ends at a feasible one.
-STARTS_OF_FEW, STARTS_OF_MORE, STARTS_OF_MANY = 16, 3, 1
-BRIEFLY = 4  # steps towards the nearest point that show which start leads to it
+
+class AssemblyParameters:
+    """The nearest consistent configuration; lengths are parts of its size.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
+    """
+
+    __slots__ = ()
+
+    stuck: float = 1e-5
+    """A row whose gradient along the coordinates that may move is this part of the whole one has nothing to
+    move (`test_a_row_that_hardly_acts_on_what_may_move_is_stuck` fails at 1e-4)."""
+    near: float = 1e-3
+    """A start closer to the surface than this, and than half the radius of curvature, has one nearest point,
+    and Gauss-Newton finds it. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at
+    0.0001 and 0.01."""
+    near_of_many: float = 1e-6
+    """Curvature is not computed for many coordinates, whose starts must be closer.
+    `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 1e-7 and 1e-5."""
+    curved: float = 0.5
+    """The smallest second derivative of the squared distance along the surface: it is less beyond half the
+    radius of curvature. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 0.05 and
+    5."""
+    nearer: float = 1e-9
+    """A configuration is nearer where the square of its distance is less by more than this part.
+    `test_a_configuration_is_nearer_by_nine_digits` fails at 1e-10 and 1e-8."""
+    polishing: int = 6
+    """Newton steps on the conditions of the nearest point. `test_a_nearest_point_is_polished_in_six_steps`
+    fails at 0 and 60."""
+    stationary: float = 1e-12
+    """The tangential part of the way that is rounding. `test_a_nearest_point_is_stationary_to_twelve_digits`
+    fails at 1e-13 and 1e-11."""
+    starts_of_few: int = 16
+    """Starts aside for the nearest point, where Gauss-Newton ends at a feasible one.
+    `test_starts_aside_are_fewer_of_many_coordinates` fails at 1 and 160."""
+    starts_of_more: int = 3
+    """The same of more coordinates. `test_starts_aside_are_fewer_of_many_coordinates` fails at 0 and 30."""
+    starts_of_many: int = 1
+    """The same of many. `test_starts_aside_are_fewer_of_many_coordinates` fails at 0 and 10."""
+    briefly: int = 4
+    """Steps towards the nearest point that show which start leads to it.
+    `test_a_start_goes_four_steps_towards_the_nearest_point_to_show_where_it_leads` fails at 0 and 40."""
+
+
+PARAMETERS = AssemblyParameters()
 
 
 _is_brief: ContextVar[bool] = ContextVar("brief", default=False)
@@ -136,7 +169,7 @@ def require_consistent(system: System, numeric: NumericSystem, state: State, fou
 def _stuck(moving: MetricRows, full_metric: MetricRows) -> Flags:
     """Rows that hardly act along the coordinates that may move, and do along the others."""
     norms = LocalRows(moving.unit).norms * moving.lengths
-    return (norms < STUCK * full_metric.lengths) & (norms > 0)
+    return (norms < PARAMETERS.stuck * full_metric.lengths) & (norms > 0)
 
 
 def _configuration(search: Search) -> Floats:
@@ -152,7 +185,7 @@ def _configuration(search: Search) -> Floats:
         for q in _minima(search, begin, optima):
             found = _lengths(search, parts, q)
             # What shares no coordinate and no row may be near in one solution, and the rest in another.
-            nearer = found < (1 - NEARER) * lengths
+            nearer = found < (1 - PARAMETERS.nearer) * lengths
             best = np.where(nearer[parts], q, best)
             lengths = np.where(nearer, found, lengths)
     return _polished(search, surface.refined(best, q0))
@@ -160,7 +193,13 @@ def _configuration(search: Search) -> Floats:
 
 def _neighbours(search: Search) -> list[Floats]:
     count = int((~search.fixed).sum())
-    most = STARTS_OF_FEW if count <= FEW else STARTS_OF_MORE if count <= MANY else STARTS_OF_MANY
+    most = (
+        PARAMETERS.starts_of_few
+        if count <= FEW
+        else PARAMETERS.starts_of_more
+        if count <= MANY
+        else PARAMETERS.starts_of_many
+    )
     starts = list(search.neighbours(search.state.q, range(search.system.holonomic_count)))
     return starts[:: max(1, len(starts) // most)][:most] if most < len(starts) else starts
 
@@ -181,7 +220,7 @@ def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Flo
         optima.append(found)
     reached = surface.descend(begin if found is None else found)
     if reached.is_on:
-        yield surface.refined(reached.q, q0, BRIEFLY)
+        yield surface.refined(reached.q, q0, PARAMETERS.briefly)
 
 
 def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
@@ -247,17 +286,17 @@ def _is_clearly_nearest(search: Search, q: Floats) -> bool:
     if moved == 0.0:
         return True
     many = q.size > MANY
-    if moved > (NEAR_OF_MANY if many else NEAR) * search.full_metric.length(
+    if moved > (PARAMETERS.near_of_many if many else PARAMETERS.near) * search.full_metric.length(
         np.where(search.fixed, 0.0, size)
     ):
         return False
-    return many or _curvature(search, q) >= CURVED
+    return many or _curvature(search, q) >= PARAMETERS.curved
 
 
 def _curvature(search: Search, q: Floats) -> float:
     """The smallest eigenvalue, in the metric, of the second derivative of the squared distance along the surface.
 
-    It is 1 on a plane, above 0 at a minimum, and below CURVED beyond half the radius of curvature.
+    It is 1 on a plane, above 0 at a minimum, and below PARAMETERS.curved beyond half the radius of curvature.
     """
     H, B, *_ = _conditions(search, q)
     free = np.flatnonzero(~search.fixed)
@@ -285,11 +324,11 @@ def _polished(search: Search, q: Floats) -> Floats:
     """A nearest point to rounding, from one to some digits: Newton steps as long as they lead there."""
     surface = search.surface()
     before = tangential(surface.rows(q)[1], search.metric, q - search.state.q)
-    if before <= STATIONARY:
+    if before <= PARAMETERS.stationary:
         return q
     from lagcli.compiled import nearest
 
-    for _ in range(POLISHING):
+    for _ in range(PARAMETERS.polishing):
         H, B, gradient, f = _conditions(search, q)
         step = nearest.newton(H, B, gradient, f, ~search.fixed)
         reached = surface.descend(q + step) if step is not None else None
@@ -299,7 +338,7 @@ def _polished(search: Search, q: Floats) -> Floats:
         if not after < before:
             break
         q, before = reached.q, after
-        if before <= STATIONARY:
+        if before <= PARAMETERS.stationary:
             break
     return q
 

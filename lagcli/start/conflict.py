@@ -23,17 +23,40 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-# Of rows of length one: the part of b that is left after the best velocity, above rounding
-# (`test_rows_contradict_each_other_beyond_rounding` fails at 1e-6).
-APART = 1e-7
-# Of many rows what is left is found by sparse factors, with a part of the identity added, in a few passes.
-SHIFT, PASSES, APART_OF_MANY = 1e-8, 4, 1e-5
-# Rows that have this part of the least residual, or that, take part in the conflict at that configuration.
-TAKING_PART = (1e-2, 1e-4, 1e-6)
-# Sets of rows that are tried, times their number of rows; the set that is left then is named.
-BUDGET = 1500
-# Parts of the duration at which rows that depend on one another are compared again.
-LATER = (0.001, 0.01, 0.1)
+
+class ConflictParameters:
+    """The smallest set of rows that contradict each other; parts are of rows of length one.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
+    """
+
+    __slots__ = ()
+
+    apart: float = 1e-7
+    """Of rows of length one: the part of b that is left after the best velocity, above rounding
+    (`test_rows_contradict_each_other_beyond_rounding` fails at 1e-6)."""
+    shift: float = 1e-8
+    """Of many rows what is left is found by sparse factors, with this part of the identity added.
+    `test_what_is_left_of_many_rows_is_found_in_four_passes` fails at 1e-9 and 1e-7."""
+    passes: int = 4
+    """In so many passes. `test_what_is_left_of_many_rows_is_found_in_four_passes` fails at 0 and 40."""
+    apart_of_many: float = 1e-5
+    """The part of b that is left of many rows, above rounding. `test_many_rows_are_apart_by_five_digits`
+    fails at 1e-6 and 0.0001."""
+    taking_part: tuple[float, ...] = (1e-2, 1e-4, 1e-6)
+    """Rows that have this part of the least residual, or that, take part in the conflict at that
+    configuration. `test_rows_take_part_in_a_conflict_with_a_hundredth_of_what_remains` fails at a tenth and
+    at ten times of it."""
+    budget: int = 1500
+    """Sets of rows that are tried, times their number of rows; the set that is left then is named.
+    `test_sets_of_rows_are_tried_until_the_budget_is_spent` fails at 150 and 15000."""
+    later: tuple[float, ...] = (0.001, 0.01, 0.1)
+    """Parts of the duration at which rows that depend on one another are compared again.
+    `test_rows_that_depend_on_each_other_are_compared_again_at_three_times` fails at a tenth and at ten times
+    of it."""
+
+
+PARAMETERS = ConflictParameters()
 
 
 def least(rows: LocalRows, b: Floats) -> list[int]:
@@ -43,14 +66,14 @@ def least(rows: LocalRows, b: Floats) -> list[int]:
     """
     lengths = rows.divisors
     involved = _taking_part(rows, b, lengths)
-    if len(involved) > metric_rows.DENSE:
+    if len(involved) > metric_rows.PARAMETERS.dense:
         return involved
     B, b = np.array(rows.B[involved, :]) / lengths[involved, None], b[involved] / lengths[involved]
     scale = float(np.abs(b).max(initial=0.0)) or 1.0
     among = list(range(len(involved)))
     for i in reversed(range(len(involved))):
         fewer = [k for k in among if k != i]
-        if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > APART * scale:
+        if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > PARAMETERS.apart * scale:
             among = fewer
     return [involved[i] for i in among]
 
@@ -59,15 +82,15 @@ def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
     """The rows in which something is left after the best velocity."""
     scaled = b / lengths
     scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
-    if rows.count <= metric_rows.DENSE:
+    if rows.count <= metric_rows.PARAMETERS.dense:
         rest = _rest(np.array(rows.B) / lengths[:, None], scaled)
-        return [int(i) for i in np.flatnonzero(np.abs(rest) > APART * scale)]
+        return [int(i) for i in np.flatnonzero(np.abs(rest) > PARAMETERS.apart * scale)]
     unit = MetricRows(rows.B, Metric.unit(rows.B.shape[1]))
     rest = scaled
-    for _ in range(PASSES):
+    for _ in range(PARAMETERS.passes):
         # What a velocity takes away shrinks at every pass, the rest of it stays.
-        rest = SHIFT * unit.weights(rest * unit.lengths, SHIFT)
-    return [int(i) for i in np.flatnonzero(np.abs(rest) > APART_OF_MANY * scale)]
+        rest = PARAMETERS.shift * unit.weights(rest * unit.lengths, PARAMETERS.shift)
+    return [int(i) for i in np.flatnonzero(np.abs(rest) > PARAMETERS.apart_of_many * scale)]
 
 
 def _rest(B: Floats, b: Floats) -> Floats:
@@ -111,7 +134,7 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
 
 def smallest(search: Search, failed: ConfigurationResult) -> ConfigurationResult:
     """A set of rows without a configuration, as far as searches tell, of which none can be left out."""
-    found, left = _violated(search, failed), BUDGET
+    found, left = _violated(search, failed), PARAMETERS.budget
     begins = (search.state.q, found.best.q)
     length = max(1, len(found.rows) // 2)
     while True:
@@ -132,7 +155,7 @@ def _violated(search: Search, failed: ConfigurationResult) -> ConfigurationResul
     """The rows that are violated where the sum of squares is least, if they have no configuration either."""
     ended = search.surface(failed.rows).descend(failed.best.q, to_the_end=True)
     begins = (search.state.q, ended.q)
-    for part in TAKING_PART if np.isfinite(ended.worst) else ():
+    for part in PARAMETERS.taking_part if np.isfinite(ended.worst) else ():
         pairs = zip(failed.rows, ended.residuals, strict=True)
         rows = [i for i, residual in pairs if residual > part * ended.worst]
         if len(rows) == len(failed.rows):
@@ -151,7 +174,7 @@ def _chunks(rows: Sequence[int], length: int) -> Iterator[frozenset[int]]:
 
 def _follow_each_other(search: Search, rows: list[int]) -> bool:
     """True if rows are dependent wherever one looks, so that a combination of them says 0 = 1."""
-    if len(rows) < 2 or len(rows) > metric_rows.DENSE:
+    if len(rows) < 2 or len(rows) > metric_rows.PARAMETERS.dense:
         return False
     state = search.state
     for q in search.neighbours(state.q, rows):
@@ -172,7 +195,7 @@ def require_lasting(system: System, numeric: NumericSystem, state: State) -> Non
     """
     if not pattern.depends_on_time(system):
         return  # what holds now holds for ever
-    for part in LATER:
+    for part in PARAMETERS.later:
         later = dataclasses.replace(state, t=state.t + part * (system.model.simulation.duration or 1.0))
         parting = _parting(system, numeric, state, later)
         if parting:
@@ -220,7 +243,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
 
 def _are_dependent(numeric: NumericSystem, state: State, rows: list[int]) -> bool:
     """True if some rows, few enough to be looked at, depend on one another at a state, or one of them vanishes."""
-    if len(rows) > metric_rows.DENSE:
+    if len(rows) > metric_rows.PARAMETERS.dense:
         return False
     B = numeric.rows(state.t, state.q, state.v, state.p)[0][rows, :]
     return rank.estimate(MetricRows(B, initial.metric_at(numeric, state))).low < len(rows)

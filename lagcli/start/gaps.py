@@ -26,14 +26,29 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 Side = Literal["open", "closed", "violated"]
 
-ROUNDS = 30  # changes of the active set
-# Starts aside of a configuration where a gradient has no value, as parts of its size.
-OFFSETS = (0.01, 0.1, 0.3, 1.0)
-# Pulls smaller than this part of the largest push are rounding.
-PULLING = 1e-9
-# Gaps that are this small a part of the size of a configuration are none
-# (`test_a_gap_of_some_digits_is_brought_to_zero` fails at 1e-13).
-GAP_ROUNDOFF = 1e-14
+
+class GapParameters:
+    """The allowed side of one-sided constraints; lengths are parts of the size of the configuration.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
+    """
+
+    __slots__ = ()
+
+    rounds: int = 30
+    """Changes of the active set. `test_the_active_constraints_change_thirty_times` fails at 3 and 300."""
+    offsets: tuple[float, ...] = (0.01, 0.1, 0.3, 1.0)
+    """Starts aside of a configuration where a gradient has no value.
+    `test_starts_for_the_allowed_side_lie_in_four_distances` fails at a tenth and at ten times of it."""
+    pulling: float = 1e-9
+    """Pulls smaller than this part of the largest push are rounding.
+    `test_a_pull_of_nine_digits_less_than_the_pushes_is_rounding` fails at 1e-10 and 1e-8."""
+    roundoff: float = 1e-14
+    """Gaps that are this small a part of the size of a configuration are none
+    (`test_a_gap_of_some_digits_is_brought_to_zero` fails at 1e-13)."""
+
+
+PARAMETERS = GapParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -98,8 +113,8 @@ def penetrations(system: System, found: Gaps) -> list[diagnostics.Diagnostic]:
         by_location.setdefault(system.contacts.rows[j].location, []).append(j)
     report = []
     for location, broken in by_location.items():
-        report += [_penetration(system, found, j) for j in broken[: initial.MOST_LISTED]]
-        rest = broken[initial.MOST_LISTED :]
+        report += [_penetration(system, found, j) for j in broken[: initial.PARAMETERS.most_listed]]
+        rest = broken[initial.PARAMETERS.most_listed :]
         if rest:
             worst = _penetration(system, found, min(rest, key=lambda j: float(found.g[j])))
             message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
@@ -157,7 +172,7 @@ def nearest(search: Search, q: Floats) -> Floats:
     Raises `diagnostics.ModelError` where none is found.
     """
     active: list[int] = []
-    for _ in range(ROUNDS):
+    for _ in range(PARAMETERS.rounds):
         found = at_state(search.system, search.numeric, _at(search, q))
         new = [j for j in found.violated if j not in active]
         worst = [min(new, key=lambda j: float(found.g[j]))] if new else []
@@ -179,7 +194,7 @@ def nearest(search: Search, q: Floats) -> Floats:
 def settled(system: System, numeric: NumericSystem, state: State) -> State:
     """A consistent state with the gaps that decimals have put below zero at zero."""
     found = at_state(system, numeric, state)
-    if found.violated or not (found.g < -GAP_ROUNDOFF * float(np.abs(state.q).max(initial=0.0))).any():
+    if found.violated or not (found.g < -PARAMETERS.roundoff * float(np.abs(state.q).max(initial=0.0))).any():
         return state
     search = Search(system, numeric, state, np.zeros(state.q.size, dtype=bool))
     reached = BoundarySurface(search, np.flatnonzero(found.g <= 0.0).tolist()).descend(state.q)
@@ -211,7 +226,7 @@ def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
     touched = np.zeros(q.size, dtype=bool)
     touched[LocalRows(BoundarySurface(search, active).rows(q)[1]).column] = True
     touched &= ~search.fixed
-    for part in OFFSETS:
+    for part in PARAMETERS.offsets:
         yield q + np.where(touched, part * search.size(q0, touched), 0.0) * random.standard_normal(q.size)
 
 
@@ -227,7 +242,7 @@ def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
     pushes[chosen] = enforced.weights(LocalRows(B[chosen, :]).times(q - search.state.q))
     own = pushes[B.shape[0] - len(active) :]
     worst = int(np.argmin(own))
-    return active[worst] if own[worst] < -PULLING * float(np.abs(pushes).max()) else None
+    return active[worst] if own[worst] < -PARAMETERS.pulling * float(np.abs(pushes).max()) else None
 
 
 def _none_found(search: Search, found: Gaps, active: list[int]) -> diagnostics.ModelError:

@@ -20,19 +20,36 @@ from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
 
-# Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the row: what is left
-# of numbers written to ten digits (`test_a_start_is_on_a_row_to_the_digits_of_decimals` fails at 1e-10 and 1e-8).
-CONSISTENT = 1e-9
-# A coordinate near zero is no smaller than this part of the largest one, from which it was computed
-# (`test_a_coordinate_near_zero_has_the_rounding_of_larger_ones` fails at 1e-4 and 1e-2).
-LEAST = 1e-3
-# Speeds are no smaller than this part of the size that they would cross in the duration
-# (`test_a_system_at_rest_has_the_rounding_of_its_speeds` fails at 1e-7 and 1e-5).
-SLOWEST = 1e-6
-# Steps, each a tenth of the one before, at which the curvature of a row is probed; roundings a residual may hold.
-PROBES, ROUNDINGS = 12, 64
-# Rows that a message names one by one.
-MOST_LISTED = 20
+
+class StartParameters:
+    """Limits of what a start may be off its rows.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
+    """
+
+    __slots__ = ()
+
+    consistent: float = 1e-9
+    """Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the
+    row: what is left of numbers written to ten digits (`test_a_start_is_on_a_row_to_the_digits_of_decimals`
+    fails at 1e-10 and 1e-8)."""
+    least: float = 1e-3
+    """A coordinate near zero is no smaller than this part of the largest one, from which it was computed
+    (`test_a_coordinate_near_zero_has_the_rounding_of_larger_ones` fails at 1e-4 and 1e-2)."""
+    slowest: float = 1e-6
+    """Speeds are no smaller than this part of the size that they would cross in the duration
+    (`test_a_system_at_rest_has_the_rounding_of_its_speeds` fails at 1e-7 and 1e-5)."""
+    probes: int = 12
+    """Steps, each a tenth of the one before, at which the curvature of a row is probed.
+    `test_the_curvature_of_a_row_is_probed_at_twelve_distances` fails at 1 and 120."""
+    roundings: int = 64
+    """Roundings of its coordinates that a residual may hold.
+    `test_residuals_of_some_roundings_need_no_reason` fails at 6 and 640."""
+    most_listed: int = 20
+    """Rows that a message names one by one. `test_twenty_rows_are_named_one_by_one` fails at 2 and 200."""
+
+
+PARAMETERS = StartParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -171,7 +188,11 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
     # by something like its size in the time of the run.
     # As a plain number: in the shortest of times it is more than any, inf.
-    slow = SLOWEST * float(np.abs(state.q).max(initial=0.0)) / (system.model.simulation.duration or 1.0)
+    slow = (
+        PARAMETERS.slowest
+        * float(np.abs(state.q).max(initial=0.0))
+        / (system.model.simulation.duration or 1.0)
+    )
     speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
     position = np.abs(f) / norms[:s]
 
@@ -182,7 +203,12 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     violations[:s] = position
     allowed = limits(rows_at, state, rows, violations)[:s]
     return Residuals(
-        position, np.abs(rows.times(state.v) + b) / norms, allowed, CONSISTENT * speed, rows.norms == 0, norms
+        position,
+        np.abs(rows.times(state.v) + b) / norms,
+        allowed,
+        PARAMETERS.consistent * speed,
+        rows.norms == 0,
+        norms,
     )
 
 
@@ -193,7 +219,7 @@ def limits(
 
     rows_at: the rows at other configurations q (n,); rows: at the state.
     """
-    found = ROUNDINGS * np.finfo(float).eps * _sizes(rows, state.q)
+    found = PARAMETERS.roundings * np.finfo(float).eps * _sizes(rows, state.q)
     if (residuals > found).any():
         found += _explained(rows_at, state, rows)
     return np.asarray(found)
@@ -238,31 +264,31 @@ def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: Local
     largest = float(np.abs(state.q).max(initial=0.0))
     direction = generic_direction.direction(state.q.size, 0)
     radius = np.full(rows.count, np.inf)
-    for k in range(PROBES):
+    for k in range(PARAMETERS.probes):
         step = largest * 10.0**-k
         there = rows_at(state.q + step * direction)
         with np.errstate(all="ignore"):  # a row may have no value there, or not change
             estimate = step * rows.norms / LocalRows.difference(rows, there).norms
         radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
-    return np.asarray(CONSISTENT * np.minimum(sizes, radius))
+    return np.asarray(PARAMETERS.consistent * np.minimum(sizes, radius))
 
 
 def _sizes(rows: LocalRows, values: Floats) -> Floats:
     """The largest |value| a row touches, but no less than a small part of the largest of all: a coordinate near
     zero carries the rounding of what it was computed from."""
     sizes = np.abs(values)
-    return np.asarray(np.maximum(rows.largest(sizes), LEAST * sizes.max(initial=0.0)))
+    return np.asarray(np.maximum(rows.largest(sizes), PARAMETERS.least * sizes.max(initial=0.0)))
 
 
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
-    """One diagnostic for each row that the start violates; of a family `MOST_LISTED`, and one for the rest of it."""
+    """One diagnostic for each row that the start violates; of a family the first few, and one for the rest of it."""
     report: list[diagnostics.Diagnostic] = []
     by_location: dict[diagnostics.Location, list[int]] = {}
     for i in found.violated:
         by_location.setdefault(system.rows.rows[i].location, []).append(i)
     for location, broken in by_location.items():
-        report += (_violation(system, found, i) for i in broken[:MOST_LISTED])
-        rest = broken[MOST_LISTED:]
+        report += (_violation(system, found, i) for i in broken[: PARAMETERS.most_listed])
+        rest = broken[PARAMETERS.most_listed :]
         if rest:
             worst = _violation(system, found, max(rest, key=found.size))
             message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
@@ -319,5 +345,7 @@ def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.
 
 def names_of(system: System, rows: list[int]) -> str:
     """The names of rows, the first of them where they are many."""
-    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows[:MOST_LISTED])
-    return names + (f" and {len(rows) - MOST_LISTED} more" if len(rows) > MOST_LISTED else "")
+    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows[: PARAMETERS.most_listed])
+    return names + (
+        f" and {len(rows) - PARAMETERS.most_listed} more" if len(rows) > PARAMETERS.most_listed else ""
+    )

@@ -24,15 +24,36 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-POINTS = 4  # on the surface, besides the start
-# Steps of one walk.
-WALK_STEPS = 3
-STEP = 0.2  # of the size of the configuration
-# Shorter steps would be within rounding of a singular surface, where the rank cannot be seen.
-MAX_HALVINGS = 11
+
+class SamplePointParameters:
+    """Points of the surface beside a start; lengths are parts of the size of the configuration.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py`.
+    """
+
+    __slots__ = ()
+
+    points: int = 4
+    """Points on the surface, besides the start. `test_four_points_are_reached_by_walks_of_three_steps` fails
+    at 0 and 40."""
+    walk_steps: int = 3
+    """Steps of one walk. `test_four_points_are_reached_by_walks_of_three_steps` fails at 0 and 30."""
+    step: float = 0.2
+    """The length of a step. `test_four_points_are_reached_by_walks_of_three_steps` fails at 0.02 and 2."""
+    halvings: int = 11
+    """Halvings of a step: shorter ones would be within rounding of a singular surface, where the rank cannot
+    be seen. `test_a_step_along_the_surface_is_halved_eleven_times` fails at 1 and 110."""
+    flat: float = 1e-9
+    """A gradient that is this part of what it is as far aside as `offset` vanishes: what is left is rounding.
+    `test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside` fails at 1e-10 and 1e-8."""
+    offset: float = 1e-2
+    """How far aside that is looked at. `test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside` fails
+    at 0.001 and 0.1."""
+
+
+PARAMETERS = SamplePointParameters()
+# Of random steps: the same in every run.
 SEED = 20061
-# A gradient that is this part of what it is as far aside, as a part of the size, vanishes: what is left is rounding.
-FLAT, NEIGHBOUR_OFFSET = 1e-9, 1e-2
 
 
 def begin(system: System, numeric: NumericSystem) -> State:
@@ -60,8 +81,8 @@ def along(
     state: State,
     rows: list[int],
     later: float = 0.0,
-    points: int = POINTS,
-    step: float = STEP,
+    points: int = PARAMETERS.points,
+    step: float = PARAMETERS.step,
 ) -> list[State]:
     """The start, and `points` of the surface that random steps along the kernel of some rows reach, each projected.
 
@@ -72,7 +93,7 @@ def along(
     found = [state]
     for _ in range(points):
         here: State | None = found[-1]
-        for _ in range(WALK_STEPS):
+        for _ in range(PARAMETERS.walk_steps):
             here = None if here is None else _tangent_step(numeric, here, rows, step, random)
         if here is None:
             break
@@ -98,7 +119,7 @@ def _tangent_step(
         return here
     step = length * initial.size(here.q) * direction / largest
     reached = surface(numeric, here)
-    for halvings in range(MAX_HALVINGS):
+    for halvings in range(PARAMETERS.halvings):
         there = reached.nearby(here.q + step / 2**halvings)
         if there is not None and is_finite(numeric, dataclasses.replace(here, q=there)):
             return dataclasses.replace(here, q=there)
@@ -108,7 +129,7 @@ def _tangent_step(
 def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.random.Generator) -> Floats:
     """A random direction in the kernel of the rows."""
     B = numeric.rows(here.t, here.q, here.v, here.p)[0][rows, :]
-    if len(rows) > metric_rows.DENSE:
+    if len(rows) > metric_rows.PARAMETERS.dense:
         u = random.standard_normal(here.q.size)
         return u + MetricRows(B, initial.metric_at(numeric, here)).correction(LocalRows(B).times(u))
     tangent = rank.null_basis(_unit(np.array(B)))
@@ -119,11 +140,11 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     direction = generic_direction.direction(point.q.size, SEED)
-    neighbour = point.q + NEIGHBOUR_OFFSET * initial.size(point.q) * direction
+    neighbour = point.q + PARAMETERS.offset * initial.size(point.q) * direction
     off = LocalRows(numeric.rows(point.t, neighbour, point.v, point.p)[0])
     here = LocalRows(B)
     with np.errstate(invalid="ignore"):  # a row may have no value aside
-        flat = here.norms <= FLAT * off.norms
+        flat = here.norms <= PARAMETERS.flat * off.norms
     keep = ca.DM(np.where(flat, 0.0, 1.0))
     return MetricRows(ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point))
 

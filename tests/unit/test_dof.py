@@ -458,7 +458,7 @@ def test_many_rows_are_counted_from_sparse_factors(twins, monkeypatch):
     )
     model = lagcli.loads(text, {"K": twins})
     dense = lagcli.dof(model)
-    monkeypatch.setattr(metric_rows, "DENSE", 3)
+    monkeypatch.setattr(metric_rows.MetricRowsParameters, "dense", 3)
     sparse = lagcli.dof(model)
     assert sparse.configuration_dof == dense.configuration_dof == 36 - 11
     assert sparse.redundant == dense.redundant == twins

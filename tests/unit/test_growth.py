@@ -97,7 +97,7 @@ def test_a_large_rigid_body_is_independent_without_a_solver_of_its_rows(monkeypa
         raise AssertionError("a sparse solver of a dense matrix")
 
     monkeypatch.setattr(ca, "Linsol", refused)
-    assert metric_rows.DENSE < 3 * 60 - 6
+    assert metric_rows.PARAMETERS.dense < 3 * 60 - 6
     assert dof(BODY, n=60) == 6
 
 
@@ -135,7 +135,7 @@ def test_rows_that_follow_are_proved_up_to_a_number_and_beyond_it_the_count_is_o
 
 
 def test_very_many_rows_over_few_coordinates_have_their_rank_by_a_thin_factorization():
-    count = metric_rows.MOST_DENSE + 1
+    count = metric_rows.PARAMETERS.most_dense + 1
     B = np.outer(np.arange(1.0, count + 1), [1.0, 2.0, 0.0])
     B[7] = [0.0, 0.0, 1.0]
     found = rank.estimate(MetricRows(ca.sparsify(ca.DM(B)), Metric.unit(3)))

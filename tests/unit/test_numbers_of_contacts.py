@@ -70,6 +70,11 @@ def test_a_search_that_never_ends_has_two_thousand_evaluations():
     assert 1990 < found.evaluations <= 2000
 
 
+def test_a_root_is_found_to_rounding_where_slopes_say_nothing():
+    search = zero_search._Search(one(lambda x: 0.3 - x, lambda x: 0.0), np.zeros(1), 1000)
+    assert search.root(0, piece(0.3, 0.0, -0.7, 0.0)).x == pytest.approx(0.3, abs=1e-15)
+
+
 def test_a_flat_root_is_found_to_rounding():
     found = first_crossing(one(lambda x: (0.3 - x) ** 3, lambda x: -3 * (0.3 - x) ** 2), np.zeros(1))
     assert found.x == pytest.approx(0.3, abs=1e-14)

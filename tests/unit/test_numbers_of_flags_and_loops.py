@@ -11,10 +11,17 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.analysis.holonomy import loop_trial, loop_words, witness, witness_search
+from lagcli.analysis.holonomy import (
+    local_system,
+    loop_trial,
+    loop_words,
+    path_orbit,
+    witness,
+    witness_search,
+)
 from lagcli.analysis.holonomy.loop_trial import LoopTrial
 from lagcli.analysis.holonomy.loop_words import Goal
-from lagcli.analysis.numeric_flag import flag_points
+from lagcli.analysis.numeric_flag import evaluation_point, flag_points, term_sizes
 from lagcli.start.initial import State
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -159,7 +166,7 @@ def test_two_flows_follow_each_other():
     points.start = SimpleNamespace(rows=SimpleNamespace(is_large=False))
     points.visited = [points.start]
     points._orbit = SimpleNamespace(from_point=lambda place: place)
-    assert len(points.walk()) == 1 + 2
+    assert len(points.flow()) == 1 + 2
 
 
 @pytest.mark.parametrize(("value", "is_on"), [(3e-10, True), (3e-9, False)])
@@ -190,7 +197,7 @@ class Words(SimpleNamespace):
 
     def offsets(self, goal, X, steps):
         self.asked.append(len(X))
-        found = self.finer if steps == loop_words.SURE else self.ends
+        found = self.finer if steps == loop_words.PARAMETERS.sure else self.ends
         return found[np.arange(len(X)) % len(found)]
 
     def controls(self, X):
@@ -201,6 +208,16 @@ class Words(SimpleNamespace):
 def test_a_loop_reaches_twenty_five_sizes_at_most(reach, is_wild):
     amount, _ = LoopTrial(goal(), Words([[1.0, reach, 0.0]]), np.ones((1, 1))).ends
     assert math.isnan(amount[0]) is is_wild
+
+
+def test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelve():
+    steps = []
+    words = Words([[1.0, 0.0, 0.0]])
+    words.offsets = lambda goal, X, count: steps.append(count) or np.full((1, 3), np.nan)
+    trial = LoopTrial(goal(), words, np.ones((1, 1)))
+    assert trial.ends
+    trial.first(np.ones((1, 1)), True)
+    assert steps == [1, 2, 12]
 
 
 @pytest.mark.parametrize(("moved", "is_clear"), [(0.03, False), (0.05, True)])
@@ -510,3 +527,223 @@ def test_a_loop_of_any_shape_has_four_pieces_or_six(monkeypatch):
     monkeypatch.setattr(witness_search._WitnessSearch, "_any_goals", lambda *_: [goal()])
     list(search(orbit=SimpleNamespace(kernel=None))._free_trials(0))
     assert pieces == [4, 6]
+
+
+# Lengths that are solved for
+
+
+class Solving:
+    """Words of one length whose misses are given, with the gradient J; what is asked for is recorded."""
+
+    def __init__(self, monkeypatch, misses, J=None, closed=1):
+        self.left, self.J, self.closed = iter(misses), np.eye(closed) if J is None else J, closed
+        self.X, self.rough, self.fine = [], [], []
+        self.basis, self.frame, self.rest = np.ones((1, 1, closed)), None, None
+        monkeypatch.setattr(loop_words.controlled_paths, "turned", self._turned)
+        monkeypatch.setattr(loop_words.controlled_paths, "ends", self._ends)
+
+    def controls(self, X):
+        self.X.append(X.copy())
+        return X
+
+    def resting(self, goal, steps):
+        return np.zeros(1 + self.closed)
+
+    def _miss(self, count):
+        found = np.zeros((count, 1 + self.closed))
+        found[:, 1:] = next(self.left)
+        return found
+
+    def _turned(self, frame, start, controls, basis, steps):
+        self.rough.append(steps)
+        J = np.zeros((len(controls), 1 + self.closed, self.closed))
+        J[:, 1:] = self.J
+        return self._miss(len(controls)), J
+
+    def _ends(self, frame, start, controls, steps):
+        self.fine.append(steps)
+        return self._miss(len(controls))
+
+    def solve(self):
+        count = self.closed
+        wanted = goal(closed=tuple(range(1, 1 + count)))
+        return loop_words.solved(self, wanted, np.zeros((1, count)), np.ones((1, count), dtype=bool))
+
+
+def test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones(monkeypatch):
+    words = Solving(monkeypatch, [1e-7, 1e-15])
+    assert len(words.solve()) == 1
+    assert (words.rough, words.fine) == ([2], [12])
+
+
+@pytest.mark.parametrize(("miss", "rough"), [(3e-6, 1), (3e-5, 2)])
+def test_rough_paths_come_near_to_five_digits(miss, rough, monkeypatch):
+    words = Solving(monkeypatch, [miss, 0.0, 0.0])
+    words.solve()
+    assert len(words.rough) == rough
+
+
+@pytest.mark.parametrize(("miss", "fine"), [(3e-14, 1), (3e-13, 2)])
+def test_fine_paths_close_to_thirteen_digits(miss, fine, monkeypatch):
+    words = Solving(monkeypatch, [0.0, miss, 0.0])
+    assert len(words.solve()) == 1
+    assert len(words.fine) == fine
+
+
+def test_rough_paths_come_near_in_sixteen_turns(monkeypatch):
+    words = Solving(monkeypatch, (0.6**k for k in range(400)))
+    words.solve()
+    assert len(words.rough) == 16
+
+
+def test_fine_paths_close_in_ten_turns(monkeypatch):
+    words = Solving(monkeypatch, itertools.chain([0.0], (0.6**k for k in range(400))))
+    words.solve()
+    assert len(words.fine) == 10
+
+
+@pytest.mark.parametrize(("ratio", "turns"), [(0.65, 16), (0.75, 4)])
+def test_a_start_that_does_not_contract_after_three_turns_is_left(ratio, turns, monkeypatch):
+    words = Solving(monkeypatch, (ratio**k for k in range(400)))
+    words.solve()
+    assert len(words.rough) == turns
+
+
+@pytest.mark.parametrize(("slope", "is_moved"), [(3e-7, False), (3e-6, True)])
+def test_a_length_that_moves_six_digits_less_is_not_solved_for(slope, is_moved, monkeypatch):
+    J = np.diag([1.0, slope])
+    words = Solving(monkeypatch, [J @ [1e-3, 1e-3], np.zeros(2), np.zeros(2)], J, closed=2)
+    words.solve()
+    assert bool(words.X[1][0, 1]) is is_moved
+
+
+def test_trial_lengths_are_halves_and_wholes_or_twelve_at_random():
+    _, few = loop_words.loops(None, 2, (0, 1), np.ones(2), 1)
+    assert np.unique(few).tolist() == [-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0]
+    _, many = loop_words.loops(None, 2, (0, 1), np.ones(2), 2)
+    assert len(many) == 12
+
+
+def test_a_path_of_any_shape_is_solved_for_from_four_starts():
+    _, lengths = loop_words.free_paths(SimpleNamespace(directions=np.ones((2, 2))), 1.0, False, 4)
+    assert len(lengths) == 4
+
+
+# The orbit of a start
+
+
+@pytest.mark.parametrize(("angle", "has_lift"), [(3e-6, False), (3e-5, True)])
+def test_a_direction_of_an_orbit_is_seen_to_five_digits(angle, has_lift):
+    orbit = path_orbit.PathOrbit(np.array([[1.0], [angle]]), np.zeros((1, 1)), False, True)
+    assert (orbit.lift(np.array([1])) is not None) is has_lift
+
+
+def test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not(monkeypatch):
+    looks, outs = [], []
+
+    def ends(frame, point, out, steps):
+        outs.append(out)
+        return np.zeros((len(out), 901))
+
+    monkeypatch.setattr(path_orbit, "_kernel", lambda part, point: looks.append(1) or np.zeros((900, 900)))
+    monkeypatch.setattr(path_orbit.controlled_paths, "Projected", lambda *_: None)
+    monkeypatch.setattr(path_orbit.controlled_paths, "ends", ends)
+    assert not path_orbit.is_singular(None, np.zeros(901))
+    assert len(looks) == 1 + 3
+    assert np.linalg.norm(outs[0][0]) / 30 == pytest.approx(0.1, rel=0.1)
+
+
+def carried(monkeypatch, off, count=1, size=50):
+    """Fields carried back along paths of which `count` in 20 are this much off, and what was asked for."""
+    asked = []
+
+    def returned(frame, point, out, control, size, steps):
+        asked.append((out.shape, steps))
+        found = np.ones((20, 1))
+        found[:count] += off * (len(asked) == 1)
+        return found
+
+    monkeypatch.setattr(path_orbit, "_returned", returned)
+    found, is_explored = path_orbit._carried(None, np.zeros(size), np.eye(1, 2), 1.0)
+    return found.shape[1], is_explored, asked
+
+
+def test_an_orbit_is_explored_by_forty_paths_of_three_pieces(monkeypatch):
+    _, _, asked = carried(monkeypatch, 0.0)
+    assert [shape[:2] for shape, _ in asked] == [(40, 3)] * 2
+    assert [steps for _, steps in asked] == [2, 4]
+
+
+@pytest.mark.parametrize(("off", "count"), [(3e-7, 20), (3e-6, 19)])
+def test_a_path_comes_back_to_six_digits(off, count, monkeypatch):
+    assert carried(monkeypatch, off)[0] == count
+
+
+@pytest.mark.parametrize(("lost", "is_explored"), [(3, True), (5, False)])
+def test_an_orbit_is_explored_where_four_in_five_paths_come_back(lost, is_explored, monkeypatch):
+    assert carried(monkeypatch, 1.0, lost)[1] is is_explored
+
+
+def test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides(monkeypatch):
+    begins = []
+
+    def ends(frame, points, out, steps):
+        begins.append(np.array(points))
+        return np.zeros((len(out), 2))
+
+    monkeypatch.setattr(path_orbit.controlled_paths, "ends", ends)
+    monkeypatch.setattr(path_orbit.controlled_paths, "velocity", lambda frame, far, u: np.ones(far.shape))
+    path_orbit._returned(None, np.zeros(2), np.zeros((3, 1, 2)), np.eye(1, 2), 1.0, 2)
+    assert [float(points.max()) for points in begins[1:]] == pytest.approx([1e-4, -1e-4])
+
+
+# The units of a part, and brackets of fields
+
+
+def local_part(slope):
+    """A part of one coordinate, whose row has this slope beside 1, at zero."""
+    part = object.__new__(local_system.LocalPart)
+    part.__dict__["state"] = State(0.0, np.zeros(1), np.zeros(1), np.zeros(0))
+    part.__dict__["coordinates"] = np.zeros(1, dtype=int)
+
+    def forms(Z):
+        return np.array([[[1.0, slope(z[0])]] for z in Z])
+
+    part.__dict__["_forms"] = forms
+    return part
+
+
+@pytest.mark.parametrize(("length", "unit"), [(3e4, 1e4), (3e5, 1.0), (3e-5, 1e-5), (3e-6, 1.0)])
+def test_units_of_a_part_are_within_five_digits_of_one(length, unit):
+    assert local_part(lambda x: x / length).scale[0] == pytest.approx(unit)
+
+
+@pytest.mark.parametrize(("edge", "unit"), [(3e-7, 1e-2), (3e-6, 1.0)])
+def test_the_turn_of_a_row_is_seen_over_a_millionth_too(edge, unit):
+    assert local_part(lambda x: 1e-4 * (x > edge)).scale[0] == pytest.approx(unit)
+
+
+@pytest.mark.parametrize(
+    ("turning", "error", "count"), [(3e-7, 0.0, 0), (3e-6, 0.0, 1), (3e-6, 1e-7, 0), (3e-5, 1e-7, 1)]
+)
+def test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point(turning, error, count):
+    point = object.__new__(evaluation_point.EvaluationPoint)
+    point.error = error
+    point.__dict__["turning"] = np.array([turning])
+    assert point.first == count
+
+
+def test_three_pairs_of_fields_show_the_sizes_of_terms(monkeypatch):
+    asked = []
+    monkeypatch.setattr(evaluation_point.program, "written_out", lambda curl: None)
+    monkeypatch.setattr(evaluation_point.term_sizes, "of", lambda curl, of: asked.append(of) or np.ones(1))
+    point = object.__new__(evaluation_point.EvaluationPoint)
+    point.block, point.sizes, point.x, point.p = block(curl=None), np.ones(1), np.zeros(1), np.zeros(0)
+    assert point.terms.tolist() == [1.0]
+    assert len(asked) == 3
+
+
+@pytest.mark.parametrize(("off", "is_near"), [(3e-14, True), (3e-13, False)])
+def test_a_value_within_thirteen_digits_of_a_switch_may_lie_on_either_side(off, is_near):
+    _, size = term_sizes._along("floor", (1.0 + off, 1.0))
+    assert (size == math.inf) is is_near

@@ -607,21 +607,15 @@ def test_no_estimate_is_below_thirteen_digits():
 def test_the_repeated_run_begins_with_a_shorter_step(monkeypatch):
     begins = []
 
-    def start(enforced, begin, *_):
+    def start(begin, rows):
         begins.append(begin)
         return SimpleNamespace(blocks=lambda: iter(()))
 
     monkeypatch.setattr(reference_run.run_start, "start", start)
-    monkeypatch.setattr(reference_run.time_functions, "functions", lambda model: None)
     monkeypatch.setattr(error_estimate, "columns_of_kinds", lambda system: ([], [], [], []))
-    begin = RunStart(np.zeros(1), np.zeros(1))
-    reference_run.RunWithReference(
-        SimpleNamespace(columns=(), model=None),
-        SimpleNamespace(grid=SimpleNamespace(count=1)),
-        SimpleNamespace(has_time=False),
-        begin,
-        settings(1e-9),
-    )
+    enforced = SimpleNamespace(has_time=False, system=SimpleNamespace(columns=()))
+    begin = RunStart(enforced, np.zeros(1), np.zeros(1), settings(1e-9))
+    reference_run.RunWithReference(SimpleNamespace(grid=SimpleNamespace(count=1)), begin)
     assert begins[0].part == pytest.approx(0.45 * begin.part)
 
 
@@ -659,7 +653,7 @@ def test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it(
     monkeypatch.setattr(run_start, "_look_back", lambda run, tau: looks.append(tau))
     monkeypatch.setattr(run_start.controller, "first_step", lambda *_: 1.0)
     run = a_run(angle)
-    run_start._begin(run, RunStart(np.zeros(1), np.zeros(1)))
+    run_start._begin(run, RunStart(None, np.zeros(1), np.zeros(1), settings(1e-9)))
     assert looks == ([pytest.approx(0.1 * run.control.step)] if is_looked_at else [])
 
 

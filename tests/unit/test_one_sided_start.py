@@ -110,7 +110,7 @@ inequality:
   floor[i]: {for: "i = 1..30", condition: "p[i].z >= 0"}
 """
     found = refused(text)
-    assert len(found) == initial.MOST_LISTED + 1
+    assert len(found) == initial.PARAMETERS.most_listed + 1
     assert "`floor[1]` by 1 m" in found[0].message
     assert "10 more rows" in found[-1].message
     assert "`floor[30]` by 30 m" in found[-1].message

@@ -95,8 +95,8 @@ def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
     """The codimension at a point, or None."""
     _, J = part.at(part.begin, part.state.t)
     sigma = np.linalg.svd(_unit_rows(J), compute_uv=False)
-    large = int((sigma > rank.LARGE).sum())
-    if large != int((sigma > rank.SMALL).sum()):
+    large = int((sigma > rank.PARAMETERS.large).sum())
+    if large != int((sigma > rank.PARAMETERS.small).sum()):
         return None
     return large if large == len(part.rows) or manifold.is_regular(part, large, times) else None
 
@@ -108,7 +108,7 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
     """
     _, J = part.at(z, t)
     _, sigma, right = np.linalg.svd(_unit_rows(J))
-    tangent = right[int((sigma > rank.LARGE).sum()) :].T
+    tangent = right[int((sigma > rank.PARAMETERS.large).sum()) :].T
     direction = tangent @ random.standard_normal(tangent.shape[1])
     largest = float(np.abs(direction).max(initial=0.0))
     step = size * direction / largest if largest > 0 else direction
@@ -134,7 +134,7 @@ def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
             if residual <= PARAMETERS.squared * before or before <= limit:
                 return z if done < PARAMETERS.newton_steps else None
             break
-        z = z - np.linalg.lstsq(J / lengths[:, None], F / lengths, rcond=rank.SMALL)[0]
+        z = z - np.linalg.lstsq(J / lengths[:, None], F / lengths, rcond=rank.PARAMETERS.small)[0]
         before = residual
     if residual <= PARAMETERS.slow + limit:
         raise _SlowConvergence

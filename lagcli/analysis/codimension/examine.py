@@ -173,7 +173,7 @@ def _followed(case: _Case, groups: list[Rows], independent: set[int]) -> tuple[R
     failing: list[Rows] = []
     for several in _batches(groups):
         rows = sorted({i for group in several for i in group})
-        is_small = len(rows) <= metric_rows.DENSE
+        is_small = len(rows) <= metric_rows.PARAMETERS.dense
         if is_small and _is_regular(case.part(rows), len(independent.intersection(rows)), case.times):
             follow += [i for i in rows if i not in independent]
         elif len(several) == 1:
@@ -210,7 +210,7 @@ def _examined(case: _Case, among: Rows, some: Rows, independent: set[int]) -> _S
 
     row_rank = len(independent.intersection(among))
     unknown = _Set("undecided", row_rank, row_rank, some, [], [])
-    if len(among) > metric_rows.DENSE:
+    if len(among) > metric_rows.PARAMETERS.dense:
         return unknown
     part = case.part(among)
     unknown = dataclasses.replace(unknown, coordinates=part.coordinates)

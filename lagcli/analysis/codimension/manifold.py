@@ -83,7 +83,7 @@ class Manifold:
             if np.abs(rest).max(initial=0.0) <= limit:
                 return z
             Q, R = np.linalg.qr((self.chosen @ J).T)
-            if np.abs(np.diag(R)).min(initial=1.0) < rank.SMALL:
+            if np.abs(np.diag(R)).min(initial=1.0) < rank.PARAMETERS.small:
                 return None
             z = z - Q @ np.linalg.solve(R.T, rest)
         return None
@@ -93,7 +93,7 @@ class Manifold:
         Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
         along = direction - Q @ (Q.T @ direction)
         largest = float(np.abs(along).max(initial=0.0))
-        if largest <= rank.LARGE:  # nowhere to go: the manifold is a point
+        if largest <= rank.PARAMETERS.large:  # nowhere to go: the manifold is a point
             return z
         for halving in range(PARAMETERS.halvings):
             size = PARAMETERS.step / 2**halving
@@ -116,7 +116,7 @@ class Manifold:
         Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
         along = direction - Q @ (Q.T @ direction)
         largest = float(np.abs(along).max(initial=0.0))
-        if largest <= rank.LARGE:
+        if largest <= rank.PARAMETERS.large:
             return False
         for size in PARAMETERS.far:
             point = z + size * along / largest
@@ -139,7 +139,7 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
     if not np.isfinite(J).all():
         return None
     left, sigma, _ = np.linalg.svd(J)
-    large, small = int((sigma > rank.LARGE).sum()), int((sigma > rank.SMALL).sum())
+    large, small = int((sigma > rank.PARAMETERS.large).sum()), int((sigma > rank.PARAMETERS.small).sum())
     return Manifold(equations, left[:, :count].T) if large == small == count else None
 
 

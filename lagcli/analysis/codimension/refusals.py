@@ -48,8 +48,8 @@ def _particles(system: System, rows: Rows) -> list[str]:
 
 
 def _listed(names: list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[: initial.MOST_LISTED])
-    return shown + (", ..." if len(names) > initial.MOST_LISTED else "")
+    shown = ", ".join(f"`{name}`" for name in names[: initial.PARAMETERS.most_listed])
+    return shown + (", ..." if len(names) > initial.PARAMETERS.most_listed else "")
 
 
 def undecided(
@@ -87,7 +87,7 @@ def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> 
     for _ in range(POINTS):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
-            state, q=state.q + sample_points.NEIGHBOUR_OFFSET * initial.size(state.q) * direction
+            state, q=state.q + sample_points.PARAMETERS.offset * initial.size(state.q) * direction
         )
         if not sample_points.is_finite(numeric, there):
             continue

@@ -127,7 +127,7 @@ def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
     """The distance of the start from the manifold, in its coordinates; inf where Newton's method finds no way to it."""
     begin = deflated.begin
     F, J = deflated.at(begin, t)
-    step = np.linalg.lstsq(J, F, rcond=rank_limits.SMALL)[0]
+    step = np.linalg.lstsq(J, F, rcond=rank_limits.PARAMETERS.small)[0]
     there = found.reached(begin - step, t)
     if there is None:
         return math.inf

@@ -29,7 +29,25 @@ TOUCHED = 200_000  # entries of B evaluated in one call
 PERIOD = 2 * np.pi
 # Points beside the start; the same in every run.
 SAMPLES, SEED = 5, 1909
-TURNED, STEEPEST = 1e-6, 1e5  # of a difference quotient; units between 1 / STEEPEST and STEEPEST
+
+
+class UnitParameters:
+    """The units of the coordinates of a part.
+
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
+    """
+
+    __slots__ = ()
+
+    turned: float = 1e-6
+    """Of the difference quotient that shows how fast rows turn, in the units of the model.
+    `test_the_turn_of_a_row_is_seen_over_a_millionth_too` fails at 1e-7 and 1e-5."""
+    steepest: float = 1e5
+    """Units lie between 1 over this and this. `test_units_of_a_part_are_within_five_digits_of_one` fails at
+    10000 and 1e6."""
+
+
+PARAMETERS = UnitParameters()
 
 
 class LoopTimeUpError(Exception):
@@ -69,14 +87,14 @@ class LocalPart:
         could not move together.
         """
         q = np.append(self.state.q[self.coordinates], self.state.t)
-        shifts = TURNED * np.eye(self.k + 1)[:-1]
+        shifts = PARAMETERS.turned * np.eye(self.k + 1)[:-1]
         here = self._forms(q[None])[0]
-        turned = (self._forms(q + shifts) - self._forms(q - shifts)) / (2 * TURNED)
+        turned = (self._forms(q + shifts) - self._forms(q - shifts)) / (2 * PARAMETERS.turned)
         with np.errstate(all="ignore"):
             lengths = np.linalg.norm(here, axis=1) / np.linalg.norm(turned, axis=2)
             lengths[~np.isfinite(lengths) | (lengths == 0)] = np.inf
             shortest = lengths.min(axis=1, initial=np.inf)
-        shortest[~((shortest > 1 / STEEPEST) & (shortest < STEEPEST))] = 1.0
+        shortest[~((shortest > 1 / PARAMETERS.steepest) & (shortest < PARAMETERS.steepest))] = 1.0
         return np.append(10.0 ** np.rint(np.log10(shortest)), 1.0)
 
     @cached_property

@@ -62,7 +62,7 @@ class LoopTrial:
     @cached_property
     def ends(self) -> tuple[Floats, Floats]:
         """The way each word moves the coordinate, nan where it meets a pole, and its distance from closing, (N,)."""
-        found = self.words.offsets(self.goal, self.lengths, loop_words.FEW)
+        found = self.words.offsets(self.goal, self.lengths, loop_words.PARAMETERS.few)
         with np.errstate(invalid="ignore"):
             wild = ~(np.abs(found).max(axis=1) < PARAMETERS.far * self.goal.size)
             amount = np.where(wild, np.nan, found[:, self.goal.along])
@@ -109,7 +109,10 @@ class LoopTrial:
             return None
         size = self.goal.size
         X = X[np.argsort(np.abs(X).sum(axis=1), kind="stable")[: PARAMETERS.sampled]]
-        rough, fine = (self.words.offsets(self.goal, X, n) for n in (loop_words.STEPS, loop_words.SURE))
+        rough, fine = (
+            self.words.offsets(self.goal, X, n)
+            for n in (loop_words.PARAMETERS.steps, loop_words.PARAMETERS.sure)
+        )
         amount = fine[:, self.goal.along]
         with np.errstate(invalid="ignore"):
             # Near a pole the steps do not converge.

@@ -19,15 +19,55 @@ Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-# Steps in each segment: to choose a word, to come near with its lengths, to end.
-FEW, STEPS, SURE = 1, 2, 12
-COARSE, CLOSED = 1e-5, 1e-13
-ITERATIONS, POLISH, REGULAR = 16, 10, 1e-6
-# A start that misses by more of what it missed before, after some turns, is left.
-CONTRACTS, FREE_TURNS = 0.7, 3
-STARTS = 4
-AT_RANDOM = 12  # trials where all combinations would be too many
-HALVES = (1.0, 2.0, -1.0, -2.0)
+
+class LoopWordParameters:
+    """Words of moves, and the lengths for which they close; sizes are parts of that of a loop.
+
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
+    """
+
+    __slots__ = ()
+
+    few: int = 1
+    """Steps in each segment to choose a word.
+    `test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelve` fails at 0 and 10."""
+    steps: int = 2
+    """Steps in each segment to come near with its lengths.
+    `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones` fails at 0 and 20."""
+    sure: int = 12
+    """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`
+    fails at 1 and 120."""
+    coarse: float = 1e-5
+    """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits` fails at 1e-6
+    and 0.0001."""
+    closed: float = 1e-13
+    """Fine paths that miss by so little close: rounding. `test_fine_paths_close_to_thirteen_digits` fails at
+    1e-14 and 1e-12."""
+    iterations: int = 16
+    """Turns with rough paths. `test_rough_paths_come_near_in_sixteen_turns` fails at 1 and 160."""
+    polish: int = 10
+    """Turns with fine ones. `test_fine_paths_close_in_ten_turns` fails at 1 and 100."""
+    regular: float = 1e-6
+    """Lengths that move the ends by this part of what the others do are not solved for.
+    `test_a_length_that_moves_six_digits_less_is_not_solved_for` fails at 1e-7 and 1e-5."""
+    contracts: float = 0.7
+    """A start that misses by more of what it missed before is left.
+    `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0.07 and 7."""
+    free_turns: int = 3
+    """After so many turns. `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0 and
+    30."""
+    starts: int = 4
+    """Starts for a path of any shape. `test_a_path_of_any_shape_is_solved_for_from_four_starts` fails at 0
+    and 40."""
+    at_random: int = 12
+    """Trials where all combinations would be too many.
+    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random` fails at 1 and 120."""
+    halves: tuple[float, ...] = (1.0, 2.0, -1.0, -2.0)
+    """Lengths of trials, in units of the coordinates.
+    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random` fails at a tenth and at ten times of it."""
+
+
+PARAMETERS = LoopWordParameters()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,10 +131,10 @@ def loops(
             basis[position, which, offset : offset + count - 1] = -1.0
     scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
     if extra > 1:  # all combinations of round lengths would be too many
-        grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 2))
+        grid = np.random.default_rng(letters).standard_normal((PARAMETERS.at_random, letters - 2))
     else:
-        values = [(0.0, *HALVES), *[(*HALVES, 4.0, -4.0)] * (count_a - 2)]
-        others = [(1.0,), *[(0.0, *HALVES)] * (count_b - 2)]
+        values = [(0.0, *PARAMETERS.halves), *[(*PARAMETERS.halves, 4.0, -4.0)] * (count_a - 2)]
+        others = [(1.0,), *[(0.0, *PARAMETERS.halves)] * (count_b - 2)]
         grid = np.array(list(itertools.product(*values, *others)))
     return LoopWords(frame, basis, np.zeros((letters, m))), grid * scale
 
@@ -110,9 +150,9 @@ def words_in_time(
     fixed = np.zeros((letters, m))
     fixed[:, -1] = units[-1]
     if extra > 1:
-        grid = np.random.default_rng(letters).standard_normal((AT_RANDOM, letters - 1))
+        grid = np.random.default_rng(letters).standard_normal((PARAMETERS.at_random, letters - 1))
     else:
-        values = [HALVES, *[(0.0, *HALVES)] * (letters - 2)]
+        values = [PARAMETERS.halves, *[(0.0, *PARAMETERS.halves)] * (letters - 2)]
         grid = np.array(list(itertools.product(*values)))
     return LoopWords(frame, basis, fixed, fixed), grid * units[axis]
 
@@ -128,7 +168,7 @@ def free_paths(
     basis[:, :m] = np.eye(count).reshape(segments, m, count)
     fixed = np.zeros((segments, m + 1))
     fixed[:, -1] = size if timed else 0.0
-    lengths = size * random.standard_normal((STARTS, count)) / np.sqrt(m)
+    lengths = size * random.standard_normal((PARAMETERS.starts, count)) / np.sqrt(m)
     return LoopWords(frame, basis, fixed, fixed if timed else None), lengths
 
 
@@ -141,18 +181,20 @@ def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int |
     near: list[tuple[Floats, Floats]] = []
     last = np.full(len(X), np.inf)
     wanted = _wanted(goal)
-    for turn in range(ITERATIONS):
-        ends, J = controlled_paths.turned(words.frame, goal.start, words.controls(X), words.basis, STEPS)
-        miss, J = _asked(goal, ends - words.resting(goal, STEPS)) - wanted, _asked(goal, J)
+    for turn in range(PARAMETERS.iterations):
+        ends, J = controlled_paths.turned(
+            words.frame, goal.start, words.controls(X), words.basis, PARAMETERS.steps
+        )
+        miss, J = _asked(goal, ends - words.resting(goal, PARAMETERS.steps)) - wanted, _asked(goal, J)
         worst = np.abs(miss).max(axis=1, initial=0.0)
         with np.errstate(invalid="ignore"):
             on = np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
-            on &= (worst < CONTRACTS * last) | (turn < FREE_TURNS)
-            there = on & (worst <= COARSE * goal.size)
+            on &= (worst < PARAMETERS.contracts * last) | (turn < PARAMETERS.free_turns)
+            there = on & (worst <= PARAMETERS.coarse * goal.size)
         X, J, miss, varied, last, there = (x[on] for x in (X, J, miss, varied, worst, there))
         if not on.any():
             break
-        inverse = np.linalg.pinv(J * varied[:, None, :], rcond=REGULAR)
+        inverse = np.linalg.pinv(J * varied[:, None, :], rcond=PARAMETERS.regular)
         near += [(x, turned) for x, turned in zip(X[there], inverse[there], strict=True)]
         if there.all() or (enough is not None and len(near) >= enough):
             break
@@ -170,15 +212,15 @@ def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -
         return np.zeros((0, words.basis.shape[2]))
     X, inverse = (np.array(each) for each in zip(*near, strict=True))
     last = np.full(len(X), np.inf)
-    rest, wanted = words.resting(goal, SURE), _wanted(goal)
-    for _ in range(POLISH):
-        ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), SURE)
+    rest, wanted = words.resting(goal, PARAMETERS.sure), _wanted(goal)
+    for _ in range(PARAMETERS.polish):
+        ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), PARAMETERS.sure)
         miss = _asked(goal, ends - rest) - wanted
         worst = np.abs(miss).max(axis=1, initial=0.0)
-        there = worst <= CLOSED * goal.size
+        there = worst <= PARAMETERS.closed * goal.size
         done += list(X[there])
         with np.errstate(invalid="ignore"):
-            on = ~there & (worst < CONTRACTS * last)
+            on = ~there & (worst < PARAMETERS.contracts * last)
         if not on.any():
             break
         X, inverse, last = X[on], inverse[on], worst[on]

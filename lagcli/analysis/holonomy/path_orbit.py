@@ -18,11 +18,45 @@ from lagcli.analysis.holonomy.local_system import LocalPart
 
 Floats = npt.NDArray[np.float64]
 
-BESIDE, BESIDE_BY = 3, 0.1  # points looked at, and how far they are
-MOST = 0.8  # of the paths
-# The same in every run; paths, their pieces, and steps of a piece, which are doubled to see the error.
-SEED, PATHS, SEGMENTS, STEPS = 1973, 40, 3, 2
-OFFSET, SURE, SEEN = 1e-4, 1e-6, 1e-5  # of a difference quotient; its error is NUDGE**2 and smaller than SEEN
+
+class PathOrbitParameters:
+    """Random paths that explore an orbit; lengths are parts of the size of a loop.
+
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
+    """
+
+    __slots__ = ()
+
+    beside: int = 3
+    """Points looked at beside one that may be singular.
+    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not` fails at 0 and 30."""
+    beside_by: float = 0.1
+    """How far they are from it. `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not` fails
+    at 0.01 and 1."""
+    most: float = 0.8
+    """An orbit is explored where this part of the paths comes back.
+    `test_an_orbit_is_explored_where_four_in_five_paths_come_back` fails at 0.08 and 8."""
+    paths: int = 40
+    """The most paths. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 4 and 400."""
+    segments: int = 3
+    """Pieces of a path. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 0 and 30."""
+    steps: int = 2
+    """Steps of a piece, which are doubled to see the error.
+    `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 0 and 20."""
+    offset: float = 1e-4
+    """Of a difference quotient. `test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides` fails at
+    1e-5 and 0.001."""
+    sure: float = 1e-6
+    """The allowed part of its change with finer steps. `test_a_path_comes_back_to_six_digits` fails at 1e-7
+    and 1e-5."""
+    seen: float = 1e-5
+    """Directions of this part are none: above the error of the quotient, the square of its step.
+    `test_a_direction_of_an_orbit_is_seen_to_five_digits` fails at 1e-6 and 0.0001."""
+
+
+PARAMETERS = PathOrbitParameters()
+# Of random paths: the same in every run.
+SEED = 1973
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,10 +76,10 @@ class PathOrbit:
         """The tangent vectors (k + 1, a) with unit components along coordinates `closed` (a,), if they have one."""
         picked = self.tangent[closed]
         sigma = np.linalg.svd(picked, compute_uv=False)
-        if sigma.size == 0 or sigma[-1] < SEEN:
+        if sigma.size == 0 or sigma[-1] < PARAMETERS.seen:
             return None
         found = self.tangent @ np.linalg.inv(picked)
-        return np.asarray(np.where(np.abs(found) < SEEN, 0.0, found))
+        return np.asarray(np.where(np.abs(found) < PARAMETERS.seen, 0.0, found))
 
 
 def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrbit | None:
@@ -65,7 +99,7 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
     lengths = np.linalg.norm(vectors, axis=0)
     vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
     left, sigma, _ = np.linalg.svd(vectors / np.linalg.norm(vectors, axis=0), full_matrices=False)
-    rank = int((sigma > SEEN * sigma.max(initial=0.0)).sum())
+    rank = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
     return PathOrbit(left[:, :rank], kernel, timed, is_explored)
 
 
@@ -78,9 +112,9 @@ def is_singular(part: LocalPart, point: Floats) -> bool:
     if kernel is None:
         return True
     random = np.random.default_rng(SEED)
-    out = np.zeros((BESIDE, 1, kernel.shape[1] + 1))
-    out[:, 0, :-1] = BESIDE_BY * random.standard_normal((BESIDE, kernel.shape[1]))
-    points = controlled_paths.ends(controlled_paths.Projected(part, kernel), point, out, STEPS)
+    out = np.zeros((PARAMETERS.beside, 1, kernel.shape[1] + 1))
+    out[:, 0, :-1] = PARAMETERS.beside_by * random.standard_normal((PARAMETERS.beside, kernel.shape[1]))
+    points = controlled_paths.ends(controlled_paths.Projected(part, kernel), point, out, PARAMETERS.steps)
     kernels = (_kernel(part, end) for end in points if np.isfinite(end).all())
     return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
 
@@ -108,14 +142,17 @@ def _carried(
     """
     random = np.random.default_rng(SEED)
     m = len(control)
-    count = min(PATHS, 2 * point.size + 4)
-    out = size * random.uniform(-1, 1, (count, SEGMENTS, m)) @ control
+    count = min(PARAMETERS.paths, 2 * point.size + 4)
+    out = size * random.uniform(-1, 1, (count, PARAMETERS.segments, m)) @ control
     out[0] = 0.0
-    rough, fine = (_returned(frame, point, out, control, size, steps) for steps in (STEPS, 2 * STEPS))
+    rough, fine = (
+        _returned(frame, point, out, control, size, steps)
+        for steps in (PARAMETERS.steps, 2 * PARAMETERS.steps)
+    )
     with np.errstate(invalid="ignore"):
         # Beside a pole the difference of paths is that of their errors.
-        sure = np.abs(fine - rough).max(axis=1) <= SURE * np.abs(fine).max(axis=1)
-    return np.asarray(fine[sure].T), bool(sure.mean() > MOST)
+        sure = np.abs(fine - rough).max(axis=1) <= PARAMETERS.sure * np.abs(fine).max(axis=1)
+    return np.asarray(fine[sure].T), bool(sure.mean() > PARAMETERS.most)
 
 
 def _returned(
@@ -123,7 +160,7 @@ def _returned(
 ) -> Floats:
     """The fields carried back along each path `out` (N, S, m + 1), (N m, k + 1), some not finite."""
     far = controlled_paths.ends(frame, point, out, steps)
-    back, offset = -out[:, ::-1], OFFSET * size
+    back, offset = -out[:, ::-1], PARAMETERS.offset * size
     ends = []
     for sign in (1.0, -1.0):
         with np.errstate(all="ignore"):

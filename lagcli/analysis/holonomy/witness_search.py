@@ -274,10 +274,12 @@ class _WitnessSearch:
             return []
         omega = self._omega(self.base)
         rate = omega @ found.tangent
-        if np.abs(rate).max(initial=0.0) < path_orbit.SEEN:
+        if np.abs(rate).max(initial=0.0) < path_orbit.PARAMETERS.seen:
             return []
         return [
-            int(i) for i in np.argsort(-np.abs(omega[:-1]), kind="stable") if abs(omega[i]) > path_orbit.SEEN
+            int(i)
+            for i in np.argsort(-np.abs(omega[:-1]), kind="stable")
+            if abs(omega[i]) > path_orbit.PARAMETERS.seen
         ][: PARAMETERS.movable]
 
     def _omega(self, z: Floats) -> Floats:
@@ -287,7 +289,7 @@ class _WitnessSearch:
 
     def _is_crossed(self, lift: Floats) -> bool:
         """True if the last of some tangent vectors (k + 1, a) crosses the row."""
-        return bool(abs(self._omega(self.base) @ lift[:, -1]) > 10 * path_orbit.SEEN)
+        return bool(abs(self._omega(self.base) @ lift[:, -1]) > 10 * path_orbit.PARAMETERS.seen)
 
     def _goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
         """The coordinates to close besides the free ones; those with the fewest that follow first."""

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.numeric_flag import multiprecision, precise_brackets, undecided
-from lagcli.analysis.numeric_flag.evaluation_point import OFF, EvaluationPoint
+from lagcli.analysis.numeric_flag import evaluation_point, multiprecision, precise_brackets, undecided
+from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
 from lagcli.analysis.numeric_flag.span import DigitSample, Limits, Span
 from lagcli.compiled import lie_brackets
@@ -58,7 +58,7 @@ class BracketValues:
             if self.exact is None
             else Limits(precise_brackets.ZERO, precise_brackets.SURE)
         )
-        self._limits = _beyond(limits or usual, OFF * point.error)
+        self._limits = _beyond(limits or usual, evaluation_point.PARAMETERS.off * point.error)
 
     def at(self, point: EvaluationPoint, limits: Limits) -> BracketValues:
         """The brackets at another point."""

@@ -25,12 +25,29 @@ Floats = npt.NDArray[np.float64]
 # A row counts as zero below this part of the terms it is made of and of what it changes by over the size of the
 # coordinates: that much rounding leaves of a row that vanishes, on the surface or around the start.
 ROW_ROUNDOFF, OFFSET = 64 * float(np.finfo(float).eps), 1e-7
-# Relative to their size brackets are certainly not zero from here on.
-CERTAIN = 1e-6
-# A value that vanishes on the orbit is less than this many times its size and how far the point is off.
-OFF = 100.0
-# So many pairs of fields show the sizes of terms.
-LOOKED_AT = 3
+
+
+class BracketParameters:
+    """Brackets at a point, relative to the size of what they are made of.
+
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
+    """
+
+    __slots__ = ()
+
+    certain: float = 1e-6
+    """They are certainly not zero from here on.
+    `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point` fails at 1e-7 and 1e-5."""
+    off: float = 100.0
+    """A value that vanishes on the orbit is less than this many times its size and how far the point is off.
+    `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point` fails at 10 and 1000."""
+    looked_at: int = 3
+    """So many pairs of fields show the sizes of terms. `test_three_pairs_of_fields_show_the_sizes_of_terms`
+    fails at 0 and 30."""
+
+
+PARAMETERS = BracketParameters()
+# Of random fields: the same in every run.
 SEED = 20062
 
 
@@ -102,7 +119,7 @@ class EvaluationPoint:
     @property
     def first(self) -> int:
         """The rank of these brackets, the certain part of it."""
-        return int((self.turning > max(CERTAIN, OFF * self.error)).sum())
+        return int((self.turning > max(PARAMETERS.certain, PARAMETERS.off * self.error)).sum())
 
     @cached_property
     def turning(self) -> Floats:
@@ -125,7 +142,7 @@ class EvaluationPoint:
     def terms(self) -> Floats:
         """The sizes (m,) of what d omega_i of fields of this size is made of, for the differential rows."""
         curl, random = program.written_out(self.block.curl), np.random.default_rng(SEED)
-        fields = random.standard_normal((LOOKED_AT, 2, self.block.size)) * self.sizes
+        fields = random.standard_normal((PARAMETERS.looked_at, 2, self.block.size)) * self.sizes
         sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
         return np.asarray(np.max(sizes, axis=0))
 

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from lagcli.contact import few_contacts, impact_law
-from lagcli.contact.impact_law import SAFE
 from lagcli.contact.least_distance import EPS
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
 
@@ -198,7 +197,7 @@ def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -
         return None
     free = here.open_acceleration
     c = here.changes(free) - here.gamma
-    rounding = SAFE * EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
+    rounding = impact_law.PARAMETERS.safe * EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
     z = few.solve(c[numbers], rounding[numbers])
     return None if z is None else _carrying(here, numbers, (few.moved(free, z), z), sunk)
 

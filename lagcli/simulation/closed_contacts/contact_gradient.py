@@ -14,7 +14,8 @@ from lagcli.start.initial import State
 
 
 class GradientParameters:
-    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
+    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the
+    motion.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """

@@ -22,14 +22,34 @@ Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.intp]
 
-# A force is none where it is this part of what would press the contact, or hold it back; and where speeds that are
-# this part of those of the motion would make it on its way.
-WEIGHTLESS, CREEPING = 1e-10, 1e-11
-# Contacts that are so many times farther away than closed ones, and speeds that many times larger than none, are told
-# by the numbers before an impact: those after it are not so different.
-CLOSELY, CLEARLY = 4.0, 1e3
-# Accelerations, and speeds, that are this part of what the forces make are none.
-STILL = 1e-10
+
+class InstantParameters:
+    """Forces, speeds and distances that count as none at an instant; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py`.
+    """
+
+    __slots__ = ()
+
+    weightless: float = 1e-10
+    """A force is none where it is this part of what would press the contact, or hold it back.
+    `test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none` fails at 1e-11 and 1e-9."""
+    creeping: float = 1e-11
+    """And where speeds that are this part of those of the motion would make it on its way.
+    `test_a_contact_creeps_below_eleven_digits_of_the_speeds` fails at 1e-12 and 1e-10."""
+    closely: float = 4.0
+    """Contacts that are so many times farther away than closed ones are told by the numbers before an impact:
+    those after it are not so different. `test_contacts_that_are_nearly_closed_part_clearly` fails at 0.4 and
+    40."""
+    clearly: float = 1e3
+    """And so are speeds that many times larger than none. `test_contacts_that_are_nearly_closed_part_clearly`
+    fails at 100 and 10000."""
+    still: float = 1e-10
+    """Accelerations, and speeds, that are this part of what the forces make are none.
+    `test_accelerations_and_speeds_of_ten_digits_less_than_the_forces_are_none` fails at 1e-11 and 1e-9."""
+
+
+PARAMETERS = InstantParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +165,9 @@ class ContactInstant:
         """True if at another velocity (n,) all contacts that are nearly closed part or approach, far faster than what
         counts as none."""
         speeds = np.abs(self.speeds + self.changes(v - self.state.v))
-        return bool((speeds > CLEARLY * self.slow)[self.g <= CLOSELY * self.touching_gap].all())
+        return bool(
+            (speeds > PARAMETERS.clearly * self.slow)[self.g <= PARAMETERS.closely * self.touching_gap].all()
+        )
 
     def at(self, state: State) -> ContactInstant:
         """The contacts at another state."""
@@ -163,8 +185,8 @@ class ContactInstant:
         speed = float(np.abs(self.state.v / units).max(initial=0.0))
         rate = float(np.abs(x / units).max(initial=0.0))
         # Below this the rounding of forces that balance moves it.
-        rate = rate if rate > STILL * acceleration else 0.0
-        speed = speed if speed > STILL * math.sqrt(acceleration * self.size) else 0.0
+        rate = rate if rate > PARAMETERS.still * acceleration else 0.0
+        speed = speed if speed > PARAMETERS.still * math.sqrt(acceleration * self.size) else 0.0
         way = part * (self.size or 1.0)
         if not (speed or rate):
             return 0.0, 0.0
@@ -179,7 +201,7 @@ class ContactInstant:
     @property
     def speed_roundoff(self) -> Floats:
         """Speeds (K,) that are rounding of those of the motion."""
-        return CREEPING * self.gap_changes(self._speed)
+        return PARAMETERS.creeping * self.gap_changes(self._speed)
 
     @property
     def units(self) -> Floats:
@@ -258,7 +280,7 @@ class ContactInstant:
     def few(self, contacts: Numbers) -> FewContacts | None:
         """Contacts that are few and stand well apart from each other and from equality rows, of which none is
         redundant; None where they do not."""
-        if not (0 < contacts.size <= few_contacts.MOST and self.has_independent_rows):
+        if not (0 < contacts.size <= few_contacts.PARAMETERS.most and self.has_independent_rows):
             return None
         key = tuple(contacts.tolist())
         if key not in self._few:
@@ -315,9 +337,9 @@ class ContactInstant:
         few = self.few(contacts)
         squares = self.squares(contacts) if few is None else few.free
         rate = float(np.abs(x / self.units).max(initial=0.0))
-        creep = (CREEPING * self._speed) ** 2 / (self.size or 1.0)
+        creep = (PARAMETERS.creeping * self._speed) ** 2 / (self.size or 1.0)
         in_units = self.gap_changes(1.0)[contacts]
-        pull = np.maximum(WEIGHTLESS * (self.pull[contacts] + in_units * rate), in_units * creep)
+        pull = np.maximum(PARAMETERS.weightless * (self.pull[contacts] + in_units * rate), in_units * creep)
         return np.asarray(pull / squares)
 
     @cached_property

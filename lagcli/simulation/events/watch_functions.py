@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 
 from lagcli.compiled import NumericSystem
-from lagcli.contact import zero_search
-from lagcli.contact.zero_bounds import WARY
+from lagcli.contact import zero_bounds, zero_search
 from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.method import Method
@@ -145,7 +144,9 @@ class WatchFunctions:
             for i in range(len(NODES) - 1)
         ]
         bends = [_bend(i, values, slopes) for i in range(len(NODES) - 1)]
-        bound = ca.fmax(2 * misfit, WARY * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2]))
+        bound = ca.fmax(
+            2 * misfit, zero_bounds.PARAMETERS.wary * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2])
+        )
         clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - bound
         arguments = [t, h, y, k, new, k_new, p]
         gaps = self._numeric.gaps(t + h, new, p)

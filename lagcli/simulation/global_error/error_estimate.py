@@ -30,16 +30,37 @@ Floats = npt.NDArray[np.float64]
 # Of the kinds, positions and velocities: multipliers and forces jump where the model says so.
 STATES = [0, 1]
 
-# The distance of the runs grows by FACTOR within PART of the run, from NOISE of the scale or more to LEAST or more, and
-# to so many TOLERANCES. In chaos that takes eleven times the time in which errors grow e-fold.
-FACTOR, NOISE, LEAST, PART, TOLERANCES = 1e5, 1e-13, 1e-7, 0.01, 1e3
 
+class PartingParameters:
+    """The rows between which the repeated run goes apart from the first; distances are parts of the scale. In
+    chaos that takes eleven times the time in which errors grow e-fold.
+
+    The tests are of `tests/unit/test_numbers_of_starts.py`.
+    """
+
+    __slots__ = ()
+
+    factor: float = 1e5
+    """The distance of the runs grows by this factor. `test_runs_go_apart_where_their_distance_grows_too_fast`
+    fails at 10000 and 1e6."""
+    least: float = 1e-7
+    """To this or more: the factor of any rounding is less.
+    `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 1e-8 and 1e-6."""
+    part: float = 0.01
+    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows` fails at 0.001 and
+    0.1."""
+    tolerances: float = 1e3
+    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 100 and
+    10000."""
+
+
+PARTING = PartingParameters()
 COLUMNS = tuple(f"err.{kind}" for kind in KINDS)
 
 
 def window(count: int) -> int:
     """The rows within which runs go apart, of a table with so many."""
-    return max(1, math.ceil(PART * count))
+    return max(1, math.ceil(PARTING.part * count))
 
 
 class Parting:
@@ -59,7 +80,9 @@ class Parting:
     @property
     def found(self) -> tuple[float, float] | None:
         """The times of the rows between which it grew."""
-        least = np.maximum(LEAST * self._sizes, TOLERANCES * (self._atol + self._rtol * self._sizes))
+        least = np.maximum(
+            PARTING.least * self._sizes, PARTING.tolerances * (self._atol + self._rtol * self._sizes)
+        )
         return self._interval if (self._grown > least).any() else None
 
     def take(self, t: Floats, gaps: Floats, sizes: Floats) -> None:
@@ -69,7 +92,7 @@ class Parting:
         times, gaps = np.concatenate([self._t, t]), np.vstack([self._gaps, gaps[:, STATES]])
         now, before = gaps[self._window :], gaps[: -self._window]
         size = sizes[len(sizes) - len(now) :, STATES]
-        jumps = (now > LEAST * size) & (now > FACTOR * np.maximum(before, NOISE * size))
+        jumps = (now > PARTING.least * size) & (now > PARTING.factor * before)
         for i in np.flatnonzero(jumps.any(axis=1)).tolist():
             begin, end = float(times[i]), float(times[i + self._window])
             # Rows of one rise are one interval; what grows again by so much leaves the interval before far behind.

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
+from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
-from lagcli.linear.rank import WEIGHT
 from lagcli.simulation.run_state.incident import RankDrop
 from lagcli.start.initial import State, metric_at
 
@@ -58,7 +58,7 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Ra
     if gap > size * max(GAP_ROUNDOFF, (ERRORS * rtol) ** 2):
         return None
     weights = np.abs(lost).max(axis=1)
-    taking_part = np.flatnonzero(weights > max(WEIGHT, LOST) * weights.max())
+    taking_part = np.flatnonzero(weights > max(rank.PARAMETERS.weight, LOST) * weights.max())
     return RankDrop(there.t, int(lost.shape[1]), tuple(independent[i] for i in taking_part))
 
 

@@ -195,4 +195,4 @@ def _jump(enforced: EnforcedInvariants, here: initial.State) -> str:
 
 def _named(system: System, rows: tuple[int, ...]) -> str:
     names = [row.name for row in system.multiplier_rows]
-    return ", ".join(f"`{names[i]}`" for i in rows[: initial.MOST_LISTED])
+    return ", ".join(f"`{names[i]}`" for i in rows[: initial.PARAMETERS.most_listed])

@@ -17,8 +17,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class DiagnosisParameters:
-    """Thresholds of the diagnosis of why a run could not go on; distances along the motion are parts of the size of the
-    configuration.
+    """Thresholds of the diagnosis of why a run could not go on; distances along the motion are parts of the
+    size of the configuration.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """

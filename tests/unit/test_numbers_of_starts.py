@@ -1,0 +1,345 @@
+"""The numbers of a start, of contacts at an instant and of runs that go apart: on either side another answer."""
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from lagcli.compiled import nearest
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import LocalRows
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
+from lagcli.simulation.global_error import error_estimate
+from lagcli.simulation.global_error.error_estimate import Parting
+from lagcli.start import assembly, conflict, gaps, initial, sample_points
+from lagcli.start.initial import State
+
+NOTHING = np.zeros(0)
+EPS = float(np.finfo(float).eps)
+
+
+def state(q=(0.0,), v=None):
+    q = np.array(q, dtype=float)
+    return State(0.0, q, np.zeros(q.size) if v is None else np.array(v, dtype=float), NOTHING)
+
+
+def search_of(n=1, **more):
+    """A search for a configuration of n coordinates of size one, none of which is fixed."""
+    given = {"state": state(np.zeros(n)), "fixed": np.zeros(n, dtype=bool), "touched": lambda rows: None}
+    given |= {"system": SimpleNamespace(holonomic_count=1), "size": lambda q, touched: 1.0}
+    given |= {"full_metric": SimpleNamespace(length=lambda q: float(np.linalg.norm(q)))}
+    return SimpleNamespace(**{**given, **more})
+
+
+# The nearest configuration
+
+
+@pytest.mark.parametrize(
+    ("n", "part", "curvature", "is_nearest"),
+    [
+        (1, 3e-4, 0.7, True),
+        (1, 3e-3, 0.7, False),
+        (1, 3e-4, 0.3, False),
+        (401, 3e-7, 0.3, True),
+        (401, 3e-6, 0.7, False),
+    ],
+)
+def test_a_start_that_is_near_and_little_curved_has_one_nearest_point(
+    n, part, curvature, is_nearest, monkeypatch
+):
+    monkeypatch.setattr(assembly, "_curvature", lambda *_: curvature)
+    assert assembly._is_clearly_nearest(search_of(n), np.full(n, part)) is is_nearest
+
+
+@pytest.mark.parametrize(("count", "most"), [(60, 16), (61, 3), (400, 3), (401, 1)])
+def test_starts_aside_are_fewer_of_many_coordinates(count, most):
+    search = search_of(count, neighbours=lambda q, rows: [q] * 40)
+    assert len(assembly._neighbours(search)) == most
+
+
+@pytest.mark.parametrize(("part", "is_nearer"), [(3e-10, False), (3e-9, True)])
+def test_a_configuration_is_nearer_by_nine_digits(part, is_nearer, monkeypatch):
+    surface = SimpleNamespace(refined=lambda q, q0: q)
+    search = search_of(surface=lambda: surface, components=lambda: (None, np.zeros(1, dtype=int)))
+    monkeypatch.setattr(assembly, "_feasible", lambda search: np.zeros(1))
+    monkeypatch.setattr(assembly, "_is_clearly_nearest", lambda *_: False)
+    monkeypatch.setattr(assembly, "_neighbours", lambda search: [])
+    monkeypatch.setattr(assembly, "_minima", lambda *_: [np.ones(1)])
+    monkeypatch.setattr(assembly, "_lengths", lambda search, parts, q: np.array([1.0 - part * q[0]]))
+    monkeypatch.setattr(assembly, "_polished", lambda search, q: q)
+    assert bool(assembly._configuration(search)[0]) is is_nearer
+
+
+@pytest.fixture
+def polished(monkeypatch):
+    """The Newton steps of a nearest point whose way along the surface becomes smaller like this."""
+
+    def made(ways):
+        steps, left = [], iter(ways)
+        monkeypatch.setattr(assembly, "tangential", lambda *_: next(left))
+        monkeypatch.setattr(assembly, "_conditions", lambda *_: (None,) * 4)
+        monkeypatch.setattr(nearest, "newton", lambda *_: steps.append(1) or np.zeros(1))
+        reached = SimpleNamespace(q=np.zeros(1), is_on=True)
+        surface = SimpleNamespace(rows=lambda q: (None, None), descend=lambda q: reached)
+        assembly._polished(search_of(surface=lambda: surface, metric=None), np.zeros(1))
+        return len(steps)
+
+    return made
+
+
+def test_a_nearest_point_is_polished_in_six_steps(polished):
+    assert polished(0.5**k for k in range(200)) == 6
+
+
+@pytest.mark.parametrize(("way", "steps"), [(3e-13, 0), (3e-12, 1)])
+def test_a_nearest_point_is_stationary_to_twelve_digits(way, steps, polished):
+    assert polished([way, 0.0]) == steps
+
+
+def test_a_start_goes_four_steps_towards_the_nearest_point_to_show_where_it_leads():
+    asked = []
+    surface = SimpleNamespace(
+        descend=lambda q: SimpleNamespace(q=q, is_on=True), refined=lambda q, q0, steps: asked.append(steps)
+    )
+    search = search_of(surface=lambda: surface, optimum=lambda *_: None)
+    list(assembly._minima(search, np.zeros(1), []))
+    assert asked == [4]
+
+
+# What a start may be off
+
+
+@pytest.mark.parametrize(("roundings", "is_explained"), [(30, False), (300, True)])
+def test_residuals_of_some_roundings_need_no_reason(roundings, is_explained, monkeypatch):
+    asked = []
+    monkeypatch.setattr(initial, "_explained", lambda *_: asked.append(1) or 0.0)
+    initial.limits(None, state([1.0]), LocalRows(ca.DM([[1.0]])), np.array([roundings * EPS]))
+    assert bool(asked) is is_explained
+
+
+def test_the_curvature_of_a_row_is_probed_at_twelve_distances():
+    rows, asked = LocalRows(ca.DM([[1.0]])), []
+    initial._explained(lambda q: asked.append(float(abs(q[0] - 1.0))) or rows, state([1.0]), rows)
+    assert len(asked) == 12
+    assert asked[0] / asked[1] == pytest.approx(10.0)
+
+
+def test_twenty_rows_are_named_one_by_one():
+    system = SimpleNamespace(multiplier_rows=[SimpleNamespace(name=f"r{k}") for k in range(30)])
+    assert initial.names_of(system, list(range(20))).count("`r") == 20
+    assert initial.names_of(system, list(range(23))).endswith("`r19` and 3 more")
+
+
+# The allowed side of one-sided constraints
+
+
+def test_the_active_constraints_change_thirty_times(monkeypatch):
+    rounds = []
+
+    def found(*_):
+        rounds.append(1)
+        return SimpleNamespace(violated=[len(rounds)], g=np.zeros(1000))
+
+    monkeypatch.setattr(gaps, "at_state", found)
+    monkeypatch.setattr(gaps, "_reached", lambda search, chosen, q: q)
+    monkeypatch.setattr(gaps, "_none_found", lambda *_: LookupError())
+    search = search_of(numeric=None)
+    with pytest.raises(LookupError):
+        gaps.nearest(search, np.zeros(1))
+    assert len(rounds) == 30 + 1  # the last for the message
+
+
+@pytest.mark.parametrize(("pull", "is_released"), [(3e-10, False), (3e-9, True)])
+def test_a_pull_of_nine_digits_less_than_the_pushes_is_rounding(pull, is_released, monkeypatch):
+    surface = SimpleNamespace(rows=lambda q: (None, ca.DM.eye(2)))
+    monkeypatch.setattr(gaps, "BoundarySurface", lambda *_: surface)
+    found = gaps._to_release(search_of(2, metric=Metric.unit(2)), [3, 4], np.array([1.0, -pull]))
+    assert found == (4 if is_released else None)
+
+
+def test_starts_for_the_allowed_side_lie_in_four_distances(monkeypatch):
+    surface = SimpleNamespace(rows=lambda q: (None, ca.DM(np.ones((1, 900)))))
+    monkeypatch.setattr(gaps, "BoundarySurface", lambda *_: surface)
+    begins = list(gaps._begins(search_of(900), [0], np.zeros(900)))
+    away = np.linalg.norm(begins, axis=1) / 30
+    assert away == pytest.approx([0.0, 0.0, 0.01, 0.1, 0.3, 1.0], rel=0.1)
+
+
+# Rows that contradict each other
+
+
+@pytest.mark.parametrize(("apart", "rows"), [(1e-5, []), (5e-5, [0, 150])])
+def test_many_rows_are_apart_by_five_digits(apart, rows):
+    B = ca.DM(151, 151)
+    for k in range(151):
+        B[k, k % 150] = 1.0
+    b = np.ones(151)
+    b[150] += apart
+    assert conflict._taking_part(LocalRows(B), b, np.ones(151)) == rows
+
+
+def test_what_is_left_of_many_rows_is_found_in_four_passes(monkeypatch):
+    shifts = []
+
+    def weights(rows, residual, damping=0.0):
+        shifts.append(damping)
+        return residual
+
+    monkeypatch.setattr(conflict.MetricRows, "weights", weights)
+    conflict._taking_part(LocalRows(ca.DM.eye(151)), np.ones(151), np.ones(151))
+    assert shifts == [1e-8] * 4
+
+
+def test_sets_of_rows_are_tried_until_the_budget_is_spent(monkeypatch):
+    found = SimpleNamespace(rows=tuple(range(100)), best=SimpleNamespace(q=np.zeros(1)))
+    monkeypatch.setattr(conflict, "_violated", lambda *_: found)
+    tried = []
+    search = search_of(reach=lambda rows, begins: tried.append(len(rows)) or SimpleNamespace(is_on=True))
+    assert conflict.smallest(search, None) is found
+    assert len(tried) == 1500 // 100
+
+
+def test_rows_take_part_in_a_conflict_with_a_hundredth_of_what_remains():
+    ended = SimpleNamespace(q=np.zeros(1), worst=1.0, residuals=np.array([1.0, 2e-2, 5e-3]))
+    asked = []
+    search = search_of(
+        surface=lambda rows: SimpleNamespace(descend=lambda q, to_the_end: ended),
+        reach=lambda rows, begins: asked.append(rows) or SimpleNamespace(is_on=False),
+    )
+    failed = SimpleNamespace(rows=(0, 1, 2), best=SimpleNamespace(q=np.zeros(1)))
+    conflict._violated(search, failed)
+    assert asked == [[0, 1]]
+
+
+def test_rows_that_depend_on_each_other_are_compared_again_at_three_times(monkeypatch):
+    times = []
+    monkeypatch.setattr(conflict.pattern, "depends_on_time", lambda system: True)
+    monkeypatch.setattr(
+        conflict, "_parting", lambda system, numeric, here, later: times.append(later.t - here.t)
+    )
+    model = SimpleNamespace(simulation=SimpleNamespace(duration=10.0))
+    conflict.require_lasting(SimpleNamespace(model=model), None, state())
+    assert times == pytest.approx([0.01, 0.1, 1.0])
+
+
+# Points of the surface beside a start
+
+
+def test_four_points_are_reached_by_walks_of_three_steps(monkeypatch):
+    steps = []
+    monkeypatch.setattr(
+        sample_points,
+        "_tangent_step",
+        lambda numeric, here, rows, step, random: steps.append(step) or here,
+    )
+    assert len(sample_points.along(None, state(), [])) == 1 + 4
+    assert steps == [0.2] * 12
+
+
+def test_a_step_along_the_surface_is_halved_eleven_times(monkeypatch):
+    tried = []
+    surface = SimpleNamespace(nearby=lambda q: tried.append(float(q[0])))
+    monkeypatch.setattr(sample_points, "surface", lambda *_: surface)
+    monkeypatch.setattr(sample_points, "_tangent", lambda *_: np.ones(1))
+    assert sample_points._tangent_step(None, state(), [], 0.2, None) is None
+    assert tried == [0.2 / 2**k for k in range(11)]
+
+
+@pytest.mark.parametrize(
+    ("here", "edge", "is_flat"),
+    [(3e-10, 0.0, True), (3e-9, 0.0, False), (3e-10, 3e-3, True), (3e-10, 3e-2, False)],
+)
+def test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside(here, edge, is_flat, monkeypatch):
+    direction = sample_points.generic_direction.direction(1, sample_points.SEED)
+    monkeypatch.setattr(sample_points.initial, "metric_at", lambda *_: Metric.unit(1))
+
+    def rows(t, q, v, p):
+        off = abs(float((q[0] - 1.0) / direction[0]))
+        return ca.DM([[1.0 if off > edge else here]]), None
+
+    found = sample_points.rows(SimpleNamespace(rows=rows), state([1.0]))
+    assert bool(np.array(found.unit).any()) is not is_flat
+
+
+# Contacts at an instant
+
+
+def instant(**more):
+    """One contact at an instant: of a motion of size one, with units and accelerations of one."""
+    found = ContactInstant.__new__(ContactInstant)
+    numeric = SimpleNamespace(selection=SimpleNamespace(dependencies=()))
+    values = SimpleNamespace(
+        count=1, row=np.zeros(1, dtype=int), column=np.zeros(1, dtype=int), numeric=numeric
+    )
+    given = {"state": state(), "size": 1.0, "_speed": 1.0, "_units": (np.ones(1), 1.0), "_values": values}
+    given |= {"_entries": np.ones(1), "g": np.zeros(1), "touching_gap": np.ones(1), "slow": np.ones(1)}
+    given |= {"speeds": np.zeros(1), "pull": np.zeros(1), "_few": {}}
+    found.__dict__.update({**given, **more})
+    return found
+
+
+@pytest.mark.parametrize(
+    ("speed", "gap", "parts"), [(300.0, 0.0, False), (3000.0, 0.0, True), (0.0, 3.0, False), (0.0, 5.0, True)]
+)
+def test_contacts_that_are_nearly_closed_part_clearly(speed, gap, parts):
+    found = instant(speeds=np.array([speed]), g=np.array([gap]))
+    assert found.parts(np.zeros(1)) is parts
+
+
+@pytest.mark.parametrize(("size", "moves"), [(3e-11, False), (3e-10, True)])
+def test_accelerations_and_speeds_of_ten_digits_less_than_the_forces_are_none(size, moves):
+    assert (instant().reach(np.array([size]), 0.1) != (0.0, 0.0)) is moves
+    moving = instant(state=state(v=[size]))
+    assert (moving.reach(np.zeros(1), 0.1) != (0.0, 0.0)) is moves
+
+
+def test_a_contact_creeps_below_eleven_digits_of_the_speeds():
+    assert instant(_speed=2.0).speed_roundoff == pytest.approx([2e-11], rel=1e-6, abs=0.0)
+
+
+def test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none(monkeypatch):
+    monkeypatch.setattr(ContactInstant, "squares", lambda here, contacts: np.ones(1))
+    monkeypatch.setattr(ContactInstant, "few", lambda here, contacts: None)
+    contact = np.array([0])
+    pressed = instant(pull=np.array([3.0])).least_forces(contact, np.zeros(1))
+    assert pressed == pytest.approx([3e-10], rel=1e-6, abs=0.0)
+    creeping = instant(_speed=2.0).least_forces(contact, np.zeros(1))
+    assert creeping == pytest.approx([4e-22], rel=1e-6, abs=0.0)
+
+
+@pytest.mark.parametrize(("count", "are_few"), [(4, True), (5, False)])
+def test_four_contacts_are_few(count, are_few):
+    contacts = np.arange(count)
+    found = instant(_few={tuple(range(count)): "few"}).few(contacts)
+    assert (found == "few") is are_few
+
+
+# Runs that go apart
+
+
+def apart(before, now, rtol=0.0):
+    """Where the distance of two runs grows from one row to the next."""
+    parting = Parting(1, rtol)
+    gaps_of_kinds = np.array([[before] * 4, [now] * 4])
+    parting.take(np.array([1.0, 2.0]), gaps_of_kinds, np.ones((2, 4)))
+    return parting.found
+
+
+def test_runs_go_apart_within_a_hundredth_of_the_rows():
+    assert error_estimate.window(1000) == 10
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "rtol", "is_found"),
+    [
+        (1e-10, 3e-6, 0.0, False),
+        (1e-10, 3e-5, 0.0, True),
+        (0.0, 3e-8, 0.0, False),
+        (0.0, 3e-7, 0.0, True),
+        (0.0, 3e-7, 1e-9, False),
+        (0.0, 3e-6, 1e-9, True),
+    ],
+)
+def test_runs_go_apart_where_their_distance_grows_too_fast(before, now, rtol, is_found):
+    assert (apart(before, now, rtol) == (1.0, 2.0)) is is_found
