@@ -70,7 +70,6 @@ class MonitorParameters:
 
 
 PARAMETERS = MonitorParameters()
-WIDE = math.sin(PARAMETERS.narrow) ** 2
 # Indices in the status of `project`.
 SMALLEST_ANGLE, SMALLEST_DIAGONAL = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
@@ -157,10 +156,11 @@ class SingularityMonitor:
         if not before or t <= before[0]:
             return NEVER
         found = NEVER
+        wide = math.sin(PARAMETERS.narrow) ** 2
         # Most steps of most runs ask for no more than this.
-        if smallest_angle < before[SMALLEST_ANGLE] and smallest_angle < WIDE:
+        if smallest_angle < before[SMALLEST_ANGLE] and smallest_angle < wide:
             found = _instant(before, t, smallest_angle, SMALLEST_ANGLE, 1.0)
-        if smallest_diagonal < before[SMALLEST_DIAGONAL] and smallest_diagonal < WIDE * largest:
+        if smallest_diagonal < before[SMALLEST_DIAGONAL] and smallest_diagonal < wide * largest:
             found = min(found, _instant(before, t, smallest_diagonal, SMALLEST_DIAGONAL, largest))
         if found is not NEVER:
             self.state = (*self.state, *map(float, found))
