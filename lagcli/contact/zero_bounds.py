@@ -34,15 +34,15 @@ class ZeroBoundParameters:
     __slots__ = ()
 
     safety: float = 4.0
-    """The misfit of a piece that was cut is the misfit about its parts, this many times as large as a kink
-    would leave. `test_the_doubt_of_a_piece_is_four_times_what_it_shows` fails at 0.4 and 40."""
+    """The misfit of a piece that was cut is the misfit of its parts, this many times as large as a kink
+    would leave. `test_the_misfit_of_a_piece_is_four_times_what_it_shows` fails at 0.4 and 40."""
     trusted: float = 0.1
     """The cubic is trusted to say how often a function leaves its side, and where the next value is worth
     most, if the misfit about it is this part of its range. `test_a_cubic_is_trusted_to_a_tenth_of_its_range`
     fails at 0.01 and 1."""
     wary: float = 0.5
     """After the first cut, the misfit is this part of what the cubics bend at the least.
-    `test_the_doubt_of_a_piece_is_half_of_its_bend_or_more` fails at 0.05 and 5."""
+    `test_the_misfit_of_a_piece_is_half_of_its_bend_or_more` fails at 0.05 and 5."""
     root_steps: int = 60
     """A root of a cubic is looked for in so many steps.
     `test_a_threefold_root_of_a_cubic_is_found_in_sixty_steps` fails at 6."""
