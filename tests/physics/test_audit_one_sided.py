@@ -289,3 +289,21 @@ simulation: {duration: 0.3, samples: 31}
     assert found.passed, fails(found)
     assert found.check("balance").judged >= 31
     assert dict(found.figures)["energy_lost_in_impacts"] > 0.75
+
+
+@pytest.mark.parametrize("contact", ["", "inequality: {floor: a.z >= -0.2*t}\n"])
+def test_a_run_that_an_event_ends_at_a_row_but_for_rounding_is_a_motion(contact: str) -> None:
+    """The grid has a row at 8 * (1.2/24), which is 0.39999999999999997, a rounding before that of the event."""
+    model = lagcli.loads(f"""
+lagcli: 1
+particles: {{a: {{mass: 0.89, position: [0, -0.33, 0], velocity: [0.72, -0.69, -0.11]}}}}
+forces: {{weight: {{to: a, force: "[-1, 0, -9.81*m]"}}}}
+holonomic: {{sphere: "norm(a - [0, 0, 2]) = sqrt(4.1089)"}}
+{contact}events: {{late: {{when: t - 0.4, action: stop}}}}
+simulation: {{duration: 1.2, samples: 25, assemble: true}}
+""")
+    run = lagcli.simulate(model)
+    assert 0 < run.t[-1] - run.t[-2] < 1e-15
+    found = lagcli.audit(model, run, events=run.events)
+    assert found.passed, fails(found)
+    assert found.check("steps").judged > 0

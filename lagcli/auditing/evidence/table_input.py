@@ -12,6 +12,8 @@ from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.model import model as nouns
 
 SHOWN = 8  # missing columns that a message names
+# Roundings of a time between rows that are at one time: one of the grid, which is a sum, and one of an event there.
+ROUNDINGS = 4
 ENERGY = "energy"  # the column that every table has
 CHANGING = frozenset(("impact", "contact", "release", "accumulation"))  # kinds that are of an inequality
 BEFORE, AFTER, IMPULSE = "before.", "after.", "impulse."
@@ -162,6 +164,10 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
     if not np.isfinite(t).all() or not grows.all():
         k = int(np.argmax(np.concatenate([[not np.isfinite(t[0])], ~(grows & np.isfinite(t[1:]))])))
         raise TableError(f"the times of the table do not increase: row {k + 1} is at t = {t[k]:.9g}")
+    if repeats:
+        t = t.copy()
+        for k in np.flatnonzero(np.diff(t) <= ROUNDINGS * np.spacing(np.abs(t[1:])))[::-1]:
+            t[k] = t[k + 1]
     own = names(laws)
     parts = {
         field.name: [known[name] for name in getattr(own, field.name)] for field in dataclasses.fields(own)
