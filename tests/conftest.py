@@ -10,6 +10,8 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
+from lagcli.__main__ import MOST_OBJECTS
+
 # Read when numpy is loaded. On small matrices threads of the linear algebra wait for each other more than they work,
 # beside other tests most of all; and how a sum is shared among them, and so rounded, depends on the cores there are.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -42,9 +44,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What has been loaded stays to the end: the garbage collector need not go through it again and again."""
+    """What has been loaded stays to the end: the garbage collector need not go through it again and again, and looks
+    at the rest as seldom as in the program."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(MOST_OBJECTS)
 
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))

@@ -170,7 +170,13 @@ def _gauss(count: int) -> tuple[Floats, Floats]:
 @lru_cache(4096)
 def _weights(count: int, x: float) -> Floats:
     """Integrals from 0 to x of the Lagrange polynomials of the nodes, (s,)."""
-    return np.asarray(legendre.legval(2 * x - 1, legendre.legint(_terms(count).T, lbnd=-1)) / 2)
+    return np.asarray(legendre.legval(2 * x - 1, _integrals(count)) / 2)
+
+
+@lru_cache
+def _integrals(count: int) -> Floats:
+    """Integrals from -1 of the Lagrange polynomials of the nodes, in those of Legendre, (s + 1, s)."""
+    return np.asarray(legendre.legint(_terms(count).T, lbnd=-1))
 
 
 @lru_cache
