@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -24,7 +25,9 @@ class BoundStep:
     """
 
     def __init__(self, enforced: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:
-        self.enforced, self.p = enforced, enforced.parameters
+        self.p = enforced.parameters
+        # A run counts its turns in numbers of its own, which are a part of those that the functions take.
+        self.enforced = dataclasses.replace(enforced, p=self.p[: enforced.p.size])
         self.numeric, scheme = enforced.functions.numeric, enforced.functions.scheme(method)
         t, h, scratch = (np.zeros(1) for _ in range(3))
         self.y, self.k = y, np.zeros(y.size)

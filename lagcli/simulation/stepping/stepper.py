@@ -96,12 +96,10 @@ class Stepper:
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
-        # A run counts its turns in numbers of its own.
-        enforced = dataclasses.replace(enforced, p=enforced.p.copy())
         self._turns = Turns(enforced.system)
-        self._turns.resume(enforced.p, state.turns)
         self.t, self.row_time = state.t, math.inf
         self._bind(enforced, state.y, state.k)
+        self._turns.resume(self.bound.enforced.p, state.turns)
         self.control = StepController(self.method.order, state.step, state.pace_from)
         self.found = FoundStep(state.t)
         extremes = state.extremes if math.isfinite(state.row) else None
@@ -347,7 +345,6 @@ class Stepper:
         p, n = bound.enforced.p, bound.y.size // 2
         notes = self.statistics.notes
         self.statistics.notes = self._turns.settle(self.origin + self.t, bound.y[:n], p, notes)
-        bound.p[: p.size] = p
 
     def _no_step(self, error: float, residual: float) -> StepFailure:
         from lagcli.simulation.stepping import stop_diagnosis
