@@ -26,6 +26,7 @@ from lagcli.simulation.scheme import step_tolerance
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit
     from lagcli.auditing.evidence.table_input import EventTable
+    from lagcli.output.tables.read_table import ReadTable
 
 Floats = npt.NDArray[np.float64]
 
@@ -73,10 +74,14 @@ def audit(
     if isinstance(run, Trajectory):
         columns, rows = run.columns, run.rows
     elif run is not None:
-        at_rest = _at_rest(model, run)
-        if at_rest is not None:
-            return at_rest
-        columns, rows, unread = _read(model, run)
+        from lagcli.auditing import rest_audit
+        from lagcli.output.tables import read_table
+
+        table_file = read_table.opened(run)
+        if rest_audit.is_table(table_file.columns):
+            picked = _picked(table_file, rest_audit.wanted(model, table_file.columns))
+            return rest_audit.audit(model, *picked)
+        columns, rows, unread = _picked(table_file, all_checks.wanted(model, table_file.columns))
     else:
         table, notes = _dense(model)
         columns, rows = table.columns, table.rows
@@ -96,33 +101,16 @@ def audit(
     return _with_digits(found, model, columns, rows) if digits else found
 
 
-def _read(model: Model, path: Path) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
+def _picked(
+    table_file: ReadTable, columns: tuple[str, ...]
+) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
     """The columns of a file that are audited, their rows, and the columns that are not read.
 
-    Raises `OSError`, `read_table.UnreadableTable`, `table_input.TableError` where columns are missing.
+    Raises `OSError`, `read_table.UnreadableTable`.
     """
-    from lagcli.auditing import all_checks
-    from lagcli.output.tables import read_table
-
-    table_file = read_table.opened(path)
-    columns = all_checks.wanted(model, table_file.columns)
     known = set(columns)
     unread = tuple(name for name in table_file.columns if name not in known)
     return columns, table_file.take(columns), unread
-
-
-def _at_rest(model: Model, path: Path) -> Audit | None:
-    """The audit of a table of points of rest; None for the table of a run. Raises as `_read`."""
-    from lagcli.auditing import rest_audit
-    from lagcli.output.tables import read_table
-
-    table_file = read_table.opened(path)
-    if not rest_audit.is_table(table_file.columns):
-        return None
-    columns = rest_audit.wanted(model, table_file.columns)
-    known = set(columns)
-    unread = tuple(name for name in table_file.columns if name not in known)
-    return rest_audit.audit(model, columns, table_file.take(columns), unread)
 
 
 def _event_table(events: IncidentTable | None) -> EventTable | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import time
+from typing import TYPE_CHECKING
 
 from lagcli.analysis import check_report, codimension, free_particles, uniqueness
 from lagcli.analysis.check_report import Report
@@ -16,6 +18,9 @@ from lagcli.equations import jump_warnings
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.start import assembly_moves, gaps, initial, lipschitz
+
+if TYPE_CHECKING:
+    from lagcli.analysis.holonomy.witness import Witness
 
 
 def check(model: Model | Path, *, assemble: bool = False, limit: float | None = None) -> Report:
@@ -80,6 +85,17 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
             *(dataclasses.replace(d, severity="warning") for d in faults),
         ),
     )
+
+
+def witness(model: Model, row: str, *, assemble: bool, limit: float) -> Witness | None:
+    """A loop that shows a nonholonomic row to be so, or None where none is found in `limit` seconds."""
+    # Most checks need no witness.
+    from lagcli.analysis.holonomy import witness_search
+
+    if assemble or model.simulation.assemble:
+        model, _ = assemble_start.assembled(model)
+    ready = cache.compiled(model)
+    return witness_search.find(ready.system, ready.numeric, row, time.monotonic() + limit)
 
 
 def _inertia(ready: CompiledModel) -> tuple[diagnostics.Diagnostic, ...]:

@@ -57,35 +57,6 @@ RunsDurationOption = Annotated[float | None, typer.Option(help="length of the ru
 RunsRtolOption = Annotated[float | None, typer.Option(help="relative tolerance of the runs")]
 RunsAtolOption = Annotated[float | None, typer.Option(help="absolute tolerance of the runs")]
 RunsMaxStepOption = Annotated[float | None, typer.Option("--max-step", help="no step of the runs is longer")]
-# Those of `simulate` alone, at some length.
-OutputOption = Annotated[
-    str | None,
-    typer.Option("-o", "--output", metavar="FILE", help=f"{formats.LISTED}; - for stdout"),
-]
-ColumnsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="PATTERNS",
-        help="columns to write, such as 't,lambda.*,R.a.*'",
-        autocompletion=completing.columns,
-    ),
-]
-EventsOption = Annotated[
-    str | None,
-    typer.Option(metavar="FILE", help="table of impacts, contacts, releases and events; - for stdout"),
-]
-EventRowsOption = Annotated[
-    bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
-]
-CheckpointOption = Annotated[
-    str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
-]
-ResumeOption = Annotated[
-    str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
-]
-DigitsOption = Annotated[
-    bool, typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run")
-]
 PointsOption = Annotated[
     str | None,
     typer.Option("-o", "--output", metavar="FILE", help=f"the points: {formats.LISTED}; -"),

@@ -10,6 +10,7 @@ import typer
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
+from lagcli.output.files import formats
 
 if TYPE_CHECKING:
     from lagcli.output.run_account import Stats
@@ -17,10 +18,40 @@ if TYPE_CHECKING:
     from lagcli.output.runs.written_run import RunEnding, WrittenRun
 
 
+OutputOption = Annotated[
+    str | None,
+    typer.Option("-o", "--output", metavar="FILE", help=f"{formats.LISTED}; - for stdout"),
+]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PATTERNS",
+        help="columns to write, such as 't,lambda.*,R.a.*'",
+        autocompletion=completing.columns,
+    ),
+]
+EventsOption = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="table of impacts, contacts, releases and events; - for stdout"),
+]
+EventRowsOption = Annotated[
+    bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
+]
+CheckpointOption = Annotated[
+    str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
+]
+ResumeOption = Annotated[
+    str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
+]
+DigitsOption = Annotated[
+    bool, typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run")
+]
+
+
 @exits.command
 def simulate(
     model: options.ModelArgument,
-    output: options.OutputOption = None,
+    output: OutputOption = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
     ] = None,
@@ -41,14 +72,14 @@ def simulate(
         ),
     ] = None,
     assemble: options.AssembleOption = False,
-    columns: options.ColumnsOption = None,
-    events: options.EventsOption = None,
-    event_rows: options.EventRowsOption = False,
+    columns: ColumnsOption = None,
+    events: EventsOption = None,
+    event_rows: EventRowsOption = False,
     stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
-    checkpoint: options.CheckpointOption = None,
-    resume: options.ResumeOption = None,
+    checkpoint: CheckpointOption = None,
+    resume: ResumeOption = None,
     begin: options.FromOption = None,
-    digits: options.DigitsOption = False,
+    digits: DigitsOption = False,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
     as_json: Annotated[

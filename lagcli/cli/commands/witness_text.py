@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import pathlib
-import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -77,15 +76,9 @@ def shown(model: Model, report: Report, row: str, assemble: bool, limit: float, 
         together = " together with other rows" if verdict.kind == "jointly-integrable" else ""
         reason = f"`{row}` is integrable{together}{integral}, so that no loop shows the contrary"
         return Answer(None, reason, exits.INVALID)
-    # Most checks need no witness, and its search no room of theirs.
-    from lagcli.analysis.holonomy import witness_search
-    from lagcli.api import assemble_start
-    from lagcli.api.models import cache
+    from lagcli.api import check as checking
 
-    if assemble or model.simulation.assemble:
-        model, _ = assemble_start.assembled(model)
-    ready = cache.compiled(model)
-    found = witness_search.find(ready.system, ready.numeric, row, time.monotonic() + limit)
+    found = checking.witness(model, row, assemble=assemble, limit=limit)
     if found is None:
         reason = f"undecided: no loop that shows `{row}` to be nonholonomic was found in {limit:g} s"
         return Answer(None, reason, exits.UNDECIDED)
