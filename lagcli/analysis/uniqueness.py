@@ -105,7 +105,7 @@ def _unsure(best: rank.Rank, rows: MetricRows, surface: Codimension, holonomic: 
 def _elsewhere(
     found: Sequence[tuple[rank.Rank, MetricRows]], independent: tuple[int, ...]
 ) -> list[Selection]:
-    """Circuits over the same independent rows at other points, where these are independent too."""
+    """Dependencies over the same independent rows at other points, where these are independent too."""
     return [
         independent_rows.over(rows, independent).selection
         for one, rows in found

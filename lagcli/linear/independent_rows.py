@@ -1,8 +1,8 @@
 """The dependences among constraint rows: an independent set, and for each other row the rows it follows from.
 
 A row and the independent rows it is a combination of are a dependency: leave out any one of them and the rest are
-independent. Circuits are null vectors of B^T, each with as few rows as can be, so that they can be reported by name.
-Dense rows are chosen by Gram-Schmidt (twice, for rounding).
+independent. Dependencies are null vectors of B^T, each with as few rows as can be, so that they can be reported by
+name. Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 """
 
 from __future__ import annotations

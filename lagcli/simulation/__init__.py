@@ -8,7 +8,7 @@ reports are the way out. Each room below imports only from those before it:
 
 - `scheme`: one step of a method, its length, its projection and the integrals it holds
 - `run_state`: what a run is between two steps, what it tells, and checkpoints of it
-- `singularity`: singular configurations, foreseen and passed
+- `singularity`: singular configurations, predicted and passed
 - `closed_contacts`: one-sided constraints at one instant
 - `stepping`: one step after the other, and why there is no next one
 - `events`: instants within a step that it does not lead over

@@ -1,8 +1,8 @@
 """The one-sided constraints at a start: open, closed, or violated, which is refused with the depth or corrected.
 
 The nearest configuration on the allowed side of all of them, f = 0 and g >= 0, is found by an active set: constraints
-on whose forbidden side a configuration is are enforced at g = 0 like equations, and let go again where they would hold
-it back: at the nearest point M (q - q0) = B^T mu + G^T nu with nu >= 0.
+on whose forbidden side a configuration is are enforced at g = 0 like equations, and released again where they would
+hold it back: at the nearest point M (q - q0) = B^T mu + G^T nu with nu >= 0.
 """
 
 from __future__ import annotations

@@ -274,7 +274,7 @@ class ContactChanges:
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.enforced.keeping(selection))
         self._project(v)
-        contact_crossings.foresee(run)
+        contact_crossings.predict(run)
 
     def _project(self, v: Floats) -> None:
         bound = self._run.bound

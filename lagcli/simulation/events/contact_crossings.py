@@ -28,7 +28,7 @@ def is_near(run: Stepper) -> bool:
     return run.watch.rank_margin[0] < NEAR
 
 
-def foresee(run: Stepper) -> None:
+def predict(run: Stepper) -> None:
     """Look at singular configurations ahead: what was seen before an incident belongs to another motion, and the first
     step from here may lead across one."""
     bound = run.bound

@@ -1,4 +1,4 @@
-"""The passing of a singular configuration as an `Event`: a step across the one that is foreseen, or away from it."""
+"""The passing of a singular configuration as an `Event`: a step across the one that is predicted, or away from it."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class SingularEvent(Event):
     def _pass_without_integrals(self) -> bool:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
 
-        Those that hold beyond it are kept, else they are let go.
+        Those that hold beyond it are retained, else they are released.
         """
         from lagcli.simulation.scheme import collocation
         from lagcli.simulation.singularity import singularity_step

@@ -121,7 +121,8 @@ def _begin(run: Stepper, start: RunStart) -> bool:
 
 
 def _look_back(run: Stepper, tau: float) -> None:
-    """Watch a time before the start, where Euler's step backward leads, so that the start itself foresees."""
+    """Watch a time before the start, where Euler's step backward leads, so that a singularity is predicted from the
+    start on."""
     at = run.t - tau
     status = run.bound.projected_at(at, run.bound.y - tau * run.bound.k)[2]
     residual, smallest_angle, least = status[:3].tolist()

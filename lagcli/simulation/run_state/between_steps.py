@@ -46,7 +46,7 @@ class RunState(Counts):
     t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
     look at the pace; row: time of the last row handed out, which may lie on either side of t; extremes: those of all
     rows handed out; selection: the rows it is stepped with; invariant_values: how each integral is enforced; watch:
-    what the next singular configuration is foreseen from; turns: where angles with a cut were, counted through all
+    what the next singular configuration is predicted from; turns: where angles with a cut were, counted through all
     turns; contacts: see `ContactState`. Of the counts, reported is of the incidents handed out, which may lie beyond t.
     Times are counted from `origin`, but for those of crossings and incidents.
     """

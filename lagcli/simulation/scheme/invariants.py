@@ -295,7 +295,7 @@ def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str
 def let_go(
     enforced: EnforcedInvariants, state: State, ahead: State, tried: Tried
 ) -> tuple[EnforcedInvariants, tuple[str, ...], Tried]:
-    """Let go of the levels that do not lead from a state to one ahead, with other charts where they do.
+    """Release the levels that do not lead from a state to one ahead, with other charts where they do.
 
     `ahead` is where the system without integrals would go, in a step in which the levels enforced failed. `tried`:
     charts that failed in this step before, given back with those that do now.

@@ -1,4 +1,4 @@
-"""Foresees when rows become dependent: the angle between them goes to zero in a line from afar.
+"""Predicts when rows become dependent: the angle between them goes to zero in a line from afar.
 
 A look ahead, which costs a part of the search for the instant, tells rows that only come close: the square of the angle
 is a parabola in time near its minimum, zero there where rows become dependent.
@@ -56,7 +56,7 @@ class MonitorParameters:
     """Points at which a minimum of the angle is looked for after the first three.
     `test_a_minimum_is_looked_for_at_four_points_after_the_first` fails at 0 and 40."""
     farthest: float = 2.0
-    """How far it may lie, as a part of the time to the instant foreseen.
+    """How far it may lie, as a part of the time to the instant predicted.
     `test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant` fails at 0.2 and 20."""
     shallow: float = 0.01
     """A minimum of less than this part of the square as it is may be zero: a step so long is not exact.
@@ -92,7 +92,7 @@ class Prediction(NamedTuple):
 
     @property
     def is_any(self) -> bool:
-        """True if an instant is foreseen at all."""
+        """True if an instant is predicted at all."""
         return self.instant < math.inf
 
     @property
@@ -118,15 +118,15 @@ NEVER = Prediction(math.inf, 0)
 
 
 class SingularityMonitor:
-    """Foresees when rows become dependent: where the smallest angle, or the least row, goes to zero in a line."""
+    """Predicts when rows become dependent: where the smallest angle, or the least row, goes to zero in a line."""
 
     def __init__(self, state: tuple[float, ...] = ()) -> None:
-        # Of the last step: t, smallest angle and least, and the largest of the latter so far; then what was foreseen:
+        # Of the last step: t, smallest angle and least, and the largest of the latter so far; then what was predicted:
         # instant, component, most, angle, step.
         self.state = state
 
     def again(self) -> Prediction:
-        """The singularity foreseen last."""
+        """The singularity predicted last."""
         instant, component, *rest = self.state[4:] or NEVER
         return Prediction(instant, int(component), *rest)
 

@@ -2,7 +2,7 @@
 
 At a crossing of the branches of a constraint surface (a parallelogram linkage with its rods in line) the rank of B
 drops, and S = B M^-1 B^T is singular there and ill-conditioned around. The motion on its own branch stays smooth. So
-the instant is foreseen (`singularity_monitor`), and one step of collocation leads across it with the instant in its
+the instant is predicted (`singularity_monitor`), and one step of collocation leads across it with the instant in its
 middle, where no node lies. What is lost there is looked at (`singular_point`), and where other rows would lose nothing
 these are taken. What failed in `tests/physics/test_crossing.py` when a number was moved stands with it.
 """
@@ -147,7 +147,7 @@ class Crossing:
 def across(
     numeric: NumericSystem, project: BoundFunction, here: Point, predicted: Prediction
 ) -> Crossing | Selection | None:
-    """The step across what is foreseen, or other independent rows to go on with, or None: an ordinary step goes on.
+    """The step across what is predicted, or other independent rows to go on with, or None: an ordinary step goes on.
 
     project: `NumericSystem.project` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
     dependent and others do not.

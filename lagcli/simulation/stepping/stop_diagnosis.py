@@ -53,7 +53,7 @@ NO_BRANCH = (
 
 class Rejection(NamedTuple):
     """The last step that was tried: its error, the residual of the constraints at its end, as a part of its size, and
-    the states at both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is foreseen within
+    the states at both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is predicted within
     `SOON` of the run; last: the time of the last incident, or of the start."""
 
     error: float
