@@ -220,7 +220,7 @@ def test_an_inconsistent_start_is_the_error_of_simulate(tmp_path):
 def test_an_undecided_count_is_reported_and_no_failure():
     made = page_of(lagcli.load(MODELS / "rolling-disk.yaml"), duration=0.1, samples=11, limit=0)
     assert made.passed
-    assert any("undecided" in doubt.lower() for doubt in made.contents.doubts)
+    assert any("undecided" in one.lower() for one in made.contents.open_questions)
 
 
 def test_incidents_digits_and_changes_are_on_the_page():
