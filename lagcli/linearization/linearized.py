@@ -32,6 +32,8 @@ Floats = npt.NDArray[np.float64]
 POINTS, SPREAD, ENERGY_ROUNDOFF = 4, 0.1, 1e-11
 # Of linear equations, by sparse factors.
 SOLVER = "qr"
+# A number below this or above its inverse has no square that is a normal double.
+SMALLEST = 1e-150
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -218,7 +220,10 @@ def _leaf(slopes: ca.DM) -> ca.DM:
     """The first gradient that is finite and does not vanish, (1, n); no row where there is none."""
     every = np.array(slopes)
     for row in every:
-        if np.isfinite(row).all() and np.abs(row).max(initial=0.0) > 0:
+        largest = float(np.abs(row).max(initial=0.0))
+        if np.isfinite(row).all() and largest > 0:
+            if not SMALLEST < largest < 1 / SMALLEST:  # whose squares are no doubles
+                row = row / largest
             return ca.DM(row[None] / np.linalg.norm(row))
     return ca.DM(0, every.shape[1])
 

@@ -289,3 +289,19 @@ simulation: {{duration: {duration}}}
     assert found.at["a.x"] == pytest.approx(0, abs=1e-9)
     assert max(found.frequencies) == pytest.approx(2**0.5)
     lagcli.derive(lagcli.loads(text))
+
+
+@pytest.mark.parametrize("z", [0, 300, 400, 700])
+def test_modes_do_not_hang_on_the_size_of_an_integral(z: int) -> None:
+    """y exp(-z) is an integral, whose gradient has no square in doubles from z = 373 on."""
+    found = lagcli.modes(
+        lagcli.loads(f"""
+lagcli: 1
+particles: {{a: {{mass: 1, position: [0, 1, {z}]}}}}
+forces:
+  spring: {{potential: "(a.z - {z})**2/2 + a.x**2 - a.y + (a.y - 1)**2/2"}}
+  pull: {{to: a, force: [0, 0, -1]}}
+differential: {{log: "d(a.y)/a.y = d(a.z)"}}
+""")
+    )
+    assert found.frequencies == pytest.approx([0.5**0.5, 2**0.5], abs=1e-9)

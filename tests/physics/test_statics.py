@@ -192,3 +192,24 @@ def test_nothing_rests_in_free_fall():
 def test_the_answer_is_the_same_twice():
     text = POINT + "holonomic:\n  rod: norm(a) = sqrt(3)\n" + WEIGHT
     assert rest(text).as_json() == rest(text).as_json()
+
+
+def test_the_work_of_stiff_forces_is_told_or_not_without_a_word_of_a_library() -> None:
+    found = lagcli.equilibrium(
+        lagcli.loads("""
+lagcli: 1
+particles:
+  s: {mass: 3, position: [0, 0, 0.5]}
+  a: {mass: 5, position: [0.9, 0, 0.5]}
+forces:
+  weight: {to: all, force: "[0, 0, -9.81*m]"}
+  on_s: {to: s, force: "-8e5*(distance(s, a/2) - 0.45)*(s - a/2)/distance(s, a/2)"}
+  on_a: {to: a, force: "4e5*(distance(s, a/2) - 0.45)*(s - a/2)/distance(s, a/2)"}
+holonomic:
+  axis1: s.x = 0
+  axis2: s.y = 0
+  rod: "distance(a, [0, 0, 1]) = sqrt(1.06)"
+  plane: a.y = 0
+""")
+    )
+    assert len(found.points) > 1
