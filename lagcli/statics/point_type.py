@@ -22,18 +22,40 @@ from lagcli.statics.static_problem import StaticProblem
 Floats = npt.NDArray[np.float64]
 Kind = Literal["minimum", "maximum", "saddle", "isolated", "degenerate"]
 
-# Parts of the largest curvature, of rows of length one, and of forces, that are zero. DEPENDENT at 1e-8:
-# `test_directions_that_rows_leave_are_reported_to_nine_digits` of `tests/unit/test_numbers_of_statics.py` fails.
-FLAT, DEPENDENT, NO_FORCE = 1e-7, 1e-9, 1e-9
-# Rows of length one are dependent for lambda, which is a quotient by it, at a larger singular value: at 1e-6 and 1e-8
-# `test_rows_that_are_almost_parallel_have_rank_one` fails.
-SAME_ROW = 1e-7
-ASYMMETRIC = 1e-8
-# All sets of so many contacts that carry nothing are gone through.
-MOST_WEAK = 8
-# Of rows and directions of length one: what is behind a contact. At 1e-8
-# `test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding` of that file fails.
-BEHIND = 1e-9
+
+class PointTypeParameters:
+    """Limits of what is zero where the kind of a point is told; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and
+    `tests/unit/test_numbers_of_statics.py`.
+    """
+
+    __slots__ = ()
+
+    flat: float = 1e-7
+    """Curvatures of this part of the largest are zero. `test_a_curvature_of_seven_digits_less_is_flat` fails
+    at 1e-8 and 1e-6."""
+    dependent: float = 1e-9
+    """Singular values of rows of length one that are zero where directions are told.
+    `test_directions_that_rows_leave_are_reported_to_nine_digits` fails at 1e-8."""
+    no_force: float = 1e-9
+    """A contact that carries this part of the forces carries none.
+    `test_a_contact_carries_nothing_below_nine_digits_of_the_forces` fails at 1e-10 and 1e-8."""
+    same_row: float = 1e-7
+    """Rows of length one are dependent for lambda, which is a quotient by it, at a larger singular value.
+    `test_rows_that_are_almost_parallel_have_rank_one` fails at 1e-8 and 1e-6."""
+    asymmetric: float = 1e-8
+    """Forces have no potential where the Hessian is asymmetric by this part.
+    `test_forces_have_no_potential_where_their_gradient_is_asymmetric` fails at 1e-9 and 1e-7."""
+    most_weak: int = 8
+    """All sets of so many contacts that carry nothing are gone through.
+    `test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through` fails at 0 and 80."""
+    behind: float = 1e-9
+    """Of rows and directions of length one: what is behind a contact.
+    `test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding` fails at 1e-8."""
+
+
+PARAMETERS = PointTypeParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -67,11 +89,11 @@ def classify(
     Z = kernel(np.vstack([B, G[is_carrying]]))
     H = -Z.T @ values.K @ Z
     H, units = _scaled(H)
-    if H.size and np.abs(H - H.T).max() > ASYMMETRIC * np.abs(H).max():
+    if H.size and np.abs(H - H.T).max() > PARAMETERS.asymmetric * np.abs(H).max():
         return PointType(None, None, unique, rank, freedom)
     curvatures = np.linalg.eigvalsh((H + H.T) / 2) if H.size else np.zeros(0)
-    flat = FLAT * np.abs(curvatures).max(initial=0.0)
-    if np.abs(curvatures).max(initial=0.0) <= DEPENDENT * _stiffness(values.K, scales):
+    flat = PARAMETERS.flat * np.abs(curvatures).max(initial=0.0)
+    if np.abs(curvatures).max(initial=0.0) <= PARAMETERS.dependent * _stiffness(values.K, scales):
         flat = np.inf
     up, down = int((curvatures > flat).sum()), int((curvatures < -flat).sum())
     pushes, pulls = bool((push[is_carrying] > 0).any()), bool((push[is_carrying] < 0).any())
@@ -89,7 +111,7 @@ def _kind_on_cone(
     """The kind and the index where only directions u with weak u >= 0 are allowed; counts: the positive and negative
     curvatures of H, which decide where contacts are too many to be gone through."""
     up, down = counts
-    if len(weak) > MOST_WEAK:
+    if len(weak) > PARAMETERS.most_weak:
         is_definite = len(H) in counts
         return _kind(up, down, len(H), *walls) if is_definite else "degenerate", down
     found = extremes(H, weak)
@@ -113,7 +135,7 @@ def _pushes(
     """The forces of the closed contacts, and which of them are more than rounding."""
     F = problem.at(problem.t, point.q, point.lam).F
     push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
-    limit = NO_FORCE * max(scales.force, float(np.abs(F).max(initial=0.0)))
+    limit = PARAMETERS.no_force * max(scales.force, float(np.abs(F).max(initial=0.0)))
     return push, np.abs(push) > limit
 
 
@@ -131,7 +153,7 @@ def kernel(rows: Floats) -> Floats:
     if not len(rows):
         return np.eye(rows.shape[1])
     _, sigma, Vt = np.linalg.svd(rows)
-    return np.asarray(Vt[int((sigma > DEPENDENT * max(1.0, sigma[0])).sum()) :].T)
+    return np.asarray(Vt[int((sigma > PARAMETERS.dependent * max(1.0, sigma[0])).sum()) :].T)
 
 
 def unit_rank(rows: Floats) -> int:
@@ -143,7 +165,7 @@ def _rank(rows: Floats) -> int:
     if not rows.size:
         return 0
     sigma = np.linalg.svd(rows, compute_uv=False)
-    return int((sigma > SAME_ROW * max(1.0, float(sigma[0]))).sum())
+    return int((sigma > PARAMETERS.same_row * max(1.0, float(sigma[0]))).sum())
 
 
 def unit(rows: Floats) -> Floats:
@@ -173,11 +195,11 @@ def _stiffness(K: Floats, scales: Scales) -> float:
 def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
     """The least and the greatest u^T H u of all u of length one with G u >= 0, None where only u = 0 is left.
 
-    H (d, d) symmetric, G (k, d) with k <= MOST_WEAK. Both are reached at an eigenvector of H restricted to a face
+    H (d, d) symmetric, G (k, d) with k <= PARAMETERS.most_weak. Both are reached at an eigenvector of H restricted to a face
     of the cone, on which some rows are zero, and of several the smaller faces have their own.
     """
     lengths = np.linalg.norm(G, axis=1)
-    rows = G[lengths > BEHIND] / lengths[lengths > BEHIND, None]
+    rows = G[lengths > PARAMETERS.behind] / lengths[lengths > PARAMETERS.behind, None]
     found: list[float] = []
     for size in range(len(rows) + 1):
         for on in itertools.combinations(range(len(rows)), size):
@@ -186,7 +208,7 @@ def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
                 continue
             values, vectors = np.linalg.eigh(face.T @ H @ face)
             above = rows @ (face @ vectors)
-            inside = (above >= -BEHIND).all(axis=0) | (above <= BEHIND).all(axis=0)
+            inside = (above >= -PARAMETERS.behind).all(axis=0) | (above <= PARAMETERS.behind).all(axis=0)
             found += values[inside].tolist()
     return (min(found), max(found)) if found else None
 
@@ -195,4 +217,4 @@ def _face(rows: Floats, n: int) -> Floats:
     if not len(rows):
         return np.eye(n)
     _, sigma, Vt = np.linalg.svd(rows)
-    return np.asarray(Vt[int((sigma > BEHIND).sum()) :].T)
+    return np.asarray(Vt[int((sigma > PARAMETERS.behind).sum()) :].T)

@@ -21,6 +21,7 @@ from lagcli.statics import (
     newton,
     one_unknown,
     point_search,
+    point_type,
     polynomial_equations,
     refine,
     rest_equations,
@@ -697,3 +698,39 @@ def test_eigenvalues_that_are_real_to_four_digits_are_refined(imaginary, refined
     with pytest.raises(algebraic_zeros.NotCounted):
         algebraic_zeros.zeros(x.ring, [x * (x**2 + QQ(int(imaginary * 1e6) ** 2, 10**12))], [0])
     assert len(asked) == 4 * refined  # of four combinations of the unknowns
+
+
+# The kind of a point
+
+
+def kind_of(K, lam=(), closed=()):
+    """The type of a point with this gradient of the forces."""
+    n, K = len(K), np.array(K, dtype=float)
+    values = SimpleNamespace(B=np.zeros((0, n)), G=np.zeros((0, n)), K=K, F=np.zeros(n), g=np.zeros(0))
+    point = EquilibriumPoint(np.zeros(n), np.array(lam), closed, 0.0)
+    return point_type.classify(fake_problem(n, at=lambda *_: values), point, scales(), True).kind
+
+
+@pytest.mark.parametrize(("curvature", "kind"), [(3e-14, "degenerate"), (3e-13, "minimum")])
+def test_a_curvature_of_seven_digits_less_is_flat(curvature, kind):
+    # Of what a coordinate is measured by, its root of a millionth of the largest at the least.
+    assert kind_of(-np.diag([1.0, curvature])) == kind
+
+
+@pytest.mark.parametrize(("off", "kind"), [(3e-9, "minimum"), (3e-8, None)])
+def test_forces_have_no_potential_where_their_gradient_is_asymmetric(off, kind):
+    assert kind_of([[-1.0, off / 2], [-off / 2, -1.0]]) == kind
+
+
+@pytest.mark.parametrize(("push", "carries"), [(3e-10, False), (3e-9, True)])
+def test_a_contact_carries_nothing_below_nine_digits_of_the_forces(push, carries):
+    problem = fake_problem(K=1, at=lambda *_: SimpleNamespace(F=np.zeros(1)))
+    point = EquilibriumPoint(np.zeros(1), np.array([push]), (0,), 0.0)
+    assert point_type.carrying(problem, point, scales(contacts=1)) == ((0,) if carries else ())
+
+
+@pytest.mark.parametrize(("count", "kind"), [(8, "minimum"), (9, "degenerate")])
+def test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through(count, kind):
+    # Between the first two only the direction of x is left, along which the curvature is positive.
+    walls = np.array([[0.0, 1.0], [0.0, -1.0]] + [[1.0, 0.0]] * (count - 2))
+    assert point_type._kind_on_cone(np.diag([1.0, -1.0]), walls, 0.0, (1, 1), (False, False))[0] == kind
