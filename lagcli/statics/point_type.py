@@ -195,7 +195,7 @@ def _stiffness(K: Floats, scales: Scales) -> float:
 def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
     """The least and the greatest u^T H u of all u of length one with G u >= 0, None where only u = 0 is left.
 
-    H (d, d) symmetric, G (k, d) with k <= PARAMETERS.most_weak. Both are reached at an eigenvector of H restricted to a face
+    H (d, d) symmetric, G (k, d) with few rows. Both are reached at an eigenvector of H restricted to a face
     of the cone, on which some rows are zero, and of several the smaller faces have their own.
     """
     lengths = np.linalg.norm(G, axis=1)
