@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.model import model
@@ -263,3 +264,23 @@ def test_multipliers_and_forces_of_inequalities_are_checked(output: str, code: s
 def test_a_number_of_degrees_in_a_condition_is_noted() -> None:
     found = read("inequality:\n  slope: a.z >= a.x*tan(30)\n")
     assert [note.code for note in found.warnings] == ["angle-in-degrees"]
+
+
+def test_contacts_have_their_names_and_coefficients_in_the_order_of_the_multipliers() -> None:
+    found = lagcli.loads("""\
+lagcli: 1
+parameters: {N: 3, none: 0}
+particles:
+  p[i]: {for: "i = 1..N", mass: 1, position: "[i, 0, i]"}
+inequality:
+  floor[i]: {for: "i = 1..N", condition: "p[i].z >= 0", restitution: i/4}
+  no[i]: {for: "i = 1..none", condition: "p[i].x >= 0", restitution: 0.9}
+  wall: {condition: "p[1].x <= 5"}
+holonomic: {plane: "p[1].y = 0"}
+differential: {slide: "d(p[2].y) = 0"}
+""")
+    rows = [row.name for row in system.build(found).multiplier_rows]
+    assert rows == ["plane", "slide", *found.contact_names]
+    assert found.contact_names == ("floor[1]", "floor[2]", "floor[3]", "wall")
+    assert found.restitution.tolist() == [0.25, 0.5, 0.75, 0.0]
+    assert [law.members.base for law in found.laws] == ["plane", "slide", "floor", "no", "wall"]
