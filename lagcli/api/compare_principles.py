@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagcli.formulations.principles import Principles
 
 Floats = npt.NDArray[np.float64]
-Gathered = Callable[[str, SimulationRun], "Formulation"]
+TableMaker = Callable[[str, SimulationRun], "Formulation"]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -70,9 +70,9 @@ def _unknown(model: Model, name: str, rows: Sequence[str]) -> str:
 
 @progress.phase("following the other principle")
 def beside(
-    run: SimulationRun, first: Formulation, given: Mapping[str, float | str], in_memory: Gathered
+    run: SimulationRun, first: Formulation, given: Mapping[str, float | str], table_of: TableMaker
 ) -> OtherPrinciple:
-    """The vakonomic motion from the start of a run whose table is `first`; `in_memory` makes a table of a run.
+    """The vakonomic motion from the start of a run whose table is `first`; `table_of` makes a table of a run.
 
     Raises `ModelError` for forces without a potential, one-sided rows, rows that are too many, and `OverrideError`.
     """
@@ -99,7 +99,7 @@ def beside(
         ready = CompiledModel(vakonomic_system.build(built, extended, start))
     except vakonomic_system.TooLargeError:
         raise _too_large(model, differential[0].location) from None
-    vakonomic = in_memory("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
+    vakonomic = table_of("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
     columns, indices = vakonomic_system.table(vakonomic.columns, model, differential)
     vakonomic = dataclasses.replace(
         vakonomic,

@@ -50,18 +50,18 @@ class OutputValues:
         self._of_constraint: dict[str, list[int]] = {}
         for i, row in enumerate(solved.rows.rows):
             self._of_constraint.setdefault(row.constraint, []).append(i)
-        self._roll = MemberIndex()
+        self._member_index = MemberIndex()
         self._outputs = Columns(0)
 
     def number(self, outputs: Sequence[nouns.Output]) -> None:
         """Number the outputs, which are kept one after another."""
-        self._roll = MemberIndex([output.members for output in outputs])
-        self._outputs = Columns(len(self._roll))
+        self._member_index = MemberIndex([output.members for output in outputs])
+        self._outputs = Columns(len(self._member_index))
 
     def store(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:
         """An output that later outputs may use."""
         values = tuple(family_columns.column(part, count) for part in parts)
-        self._outputs.fill(np.arange(count) + self._roll.first(entry), values)
+        self._outputs.fill(np.arange(count) + self._member_index.first(entry), values)
 
     def __call__(self, node: tree.Node, variables: Mapping[str, Integers]) -> Value:
         if isinstance(node, tree.Name) and node.name in self._energies:
@@ -74,7 +74,7 @@ class OutputValues:
             numbers = names.numbers(node, self._environment.particles, variables)
             found = self._solved.accelerations.vectors(numbers)
             return found["xyz".index(node.member[1])] if len(node.member) == 2 else found
-        parts = self._outputs.take(names.numbers(node, self._roll, variables))
+        parts = self._outputs.take(names.numbers(node, self._member_index, variables))
         return (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
 
     def _called(self, node: tree.Call, variables: Mapping[str, Integers]) -> Value:

@@ -93,8 +93,8 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
         if is_complete or k == n - rank - 1:
             break
         k = min(2 * k, n - rank - 1)
-    count_kept = min(wanted, found if is_complete else squares.size)
-    squares, x = squares[:count_kept], x[:, :count_kept]
+    count_chosen = min(wanted, found if is_complete else squares.size)
+    squares, x = squares[:count_chosen], x[:, :count_chosen]
     squares = np.where(np.abs(squares) <= ZERO * size, 0.0, squares)
     roots = np.sqrt(-squares + 0j)
     return Lowest(

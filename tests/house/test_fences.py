@@ -96,6 +96,34 @@ def test_docstrings_that_open_with_a_question_become_fewer() -> None:
     assert sum(map(bool, map(QUESTIONS.match, texts))) <= MOST_QUESTIONS
 
 
+# Words for which the field, or the glossary, has a term: index, point, location; enforced, fixed, independent; project;
+# message; and coinages that nobody else has.
+REPLACED = frozenset(
+    "places held landing landed passage shaken spared untold jolt quest circuits mend cure unheld foreseen laid lay"
+    " roll rolls sheet lone spelled spoken tower nearness clearance wishes tellings court".split()
+)
+
+
+def test_words_that_have_a_term_stay_away() -> None:
+    names = {each for name in FILES for each in identifiers(name)}
+    assert len(names) > 5000
+    found = {each for each in names if REPLACED & set(re.findall(r"[a-z]+", each.replace("_", " ").lower()))}
+    assert found == set()
+
+
+def identifiers(name: str) -> Iterator[str]:
+    """The names of functions, classes, arguments, variables and attributes in a file."""
+    for node in nodes(name):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+
+
 def test_any_becomes_rarer() -> None:
     names = (node for name in FILES for node in nodes(name) if isinstance(node, ast.Name))
     assert sum(name.id == "Any" for name in names) <= MOST_ANY

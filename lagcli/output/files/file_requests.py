@@ -148,10 +148,10 @@ def require_writable(
     require_separate(everything, together)
     for file in everything:
         if file.is_written and file.number is None:
-            _require_place(file.name)
+            _require_writable(file.name)
 
 
-def _require_place(name: str) -> None:
+def _require_writable(name: str) -> None:
     with write_guard.writing(name):
         target = atomic_file.destination(pathlib.Path(name))
         # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.

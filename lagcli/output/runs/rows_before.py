@@ -58,7 +58,7 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
     return RowsBefore(path, rows, point.run_state.origin + point.run_state.row, plan.noun)
 
 
-def require_kept(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
+def require_saved_rows(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
     """Refuse to replace the table of the run before by the rows after it alone. Raises `BadRequest`."""
     point, record = ready.resumed, _record(ready, plan)
     if point is None or record is None or plan.file is None or resume is None:

@@ -84,7 +84,7 @@ class WrittenRun:
                 raise BadRequest(f"--resume {resume}: {error}") from None
         for plan in plans:
             if found[plan.option] is None:
-                rows_before.require_kept(run, resume, plan)
+                rows_before.require_saved_rows(run, resume, plan)
         return found.get("--output"), found.get("--events")
 
     def _beginning(self) -> Iterator[str]:

@@ -113,12 +113,12 @@ def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
     if not q.size or np.any(v):
         return RestingForces(0.0, 0.0)
     reach = BESIDE * (np.abs(q) + np.abs(q).max() + (not np.any(q)))
-    aside = q + reach * generic_direction.signs(q.size)
+    elsewhere = q + reach * generic_direction.signs(q.size)
     moved = q.copy()
     sizes = BoundFunction(numeric.sizes, [np.array([t]), moved, v.copy(), p.copy()])
     sizes.trigger()
     length, here = sizes.results[0][[q.size, -1]].tolist()
-    moved[:] = aside
+    moved[:] = elsewhere
     sizes.trigger()
     beside = float(sizes.results[0][-1])
     units = float(numeric.force_roundings(t, q, v, p)[-1]) if numeric.has_time else 0.0
