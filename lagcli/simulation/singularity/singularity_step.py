@@ -53,7 +53,8 @@ class SingularStepParameters:
     this exact. `test_steps_agree_to_rounding_which_dependent_rows_amplify` fails at 2e-18 and 2e-16."""
     worst: float = 1e-9
     """However close the rows are to dependent ones, a step must be right to this part of the sizes.
-    At 1e-13 `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance` fails."""
+    `test_steps_agree_to_rounding_which_dependent_rows_amplify` fails at 1e-10 and 1e-8, and at 1e-13
+    `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance`."""
     centered: float = 0.04
     """The instant is found again until it is off by this part of the time up to it.
     `test_an_instant_is_found_again_until_it_is_centered` fails at 0.004 and 0.4."""
@@ -77,7 +78,8 @@ class SingularStepParameters:
     Without it `test_a_contact_whose_multiplier_has_a_pole_opens_there` fails."""
     bent: float = 0.1
     """The smallest angle is a line through zero there, but for this part.
-    At 0.001 `test_a_crossing_soon_after_the_start` fails."""
+    `test_the_smallest_angle_is_a_line_through_zero` fails at 0.01 and 1, and at 0.001
+    `test_a_crossing_soon_after_the_start`."""
     zero_steps: int = 6
     """Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or
     more. `test_the_zero_of_a_cubic_is_found_to_rounding` fails at 0."""
@@ -89,7 +91,8 @@ class SingularStepParameters:
     `test_a_step_from_a_singular_start_is_halved_thirty_times` fails at 3 and 300."""
     same_velocity: float = 1e-5
     """The velocities of such a step at its begin are those of the start to this part.
-    At 1e-14 `test_a_start_at_a_crossing_goes_on_along_the_branch_of_its_velocities` fails."""
+    `test_a_step_from_a_singular_start_has_its_velocities` fails at 1e-6 and 1e-4, and at 1e-14
+    `test_a_start_at_a_crossing_goes_on_along_the_branch_of_its_velocities`."""
 
 
 PARAMETERS = SingularStepParameters()
