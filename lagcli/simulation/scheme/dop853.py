@@ -8,6 +8,7 @@ projected state is the first stage of the next step.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache, reduce
 
 import casadi as ca
 
@@ -38,7 +39,8 @@ class DormandPrince853:
         t, h, y, k, _, p = step
         stages, near = [k], {}
         for s in range(1, dop853_tableau.STAGES):
-            inputs = t + dop853_tableau.C[s] * h, y + h * _mix(dop853_tableau.A[s], stages), p
+            at = _plus(t, _times(dop853_tableau.C[s], h))
+            inputs = at, _plus(y, _times(h, _mix(dop853_tableau.A[s], stages))), p
             if s in WATCHED and numeric.stage is not None:
                 rate, near[s] = numeric.stage(*inputs)
             else:
@@ -51,7 +53,7 @@ class DormandPrince853:
         )
         e5 = _mix(dop853_tableau.E5, stages)
         end = step_end.ended(numeric, step, y + h * change, (e5, e3), _combined)
-        hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
+        hidden = _hidden(DIP)(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
         return ca.Function("step", list(step), end.outputs(hidden, stages[1:]))
 
     def dense(self, numeric: NumericSystem) -> ca.Function:
@@ -76,11 +78,24 @@ class DormandPrince853:
         return result + y
 
 
+def _times(a: ca.MX | float, b: ca.MX) -> ca.MX:
+    """a b. By `MX.binary`: the operators of CasADi look for arrays of NumPy first, which takes ten times as long, and a
+    step has hundreds of products and sums."""
+    return ca.MX.binary(ca.OP_MUL, a, b)
+
+
+def _plus(a: ca.MX, b: ca.MX) -> ca.MX:
+    """a + b, likewise."""
+    return ca.MX.binary(ca.OP_ADD, a, b)
+
+
 def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
-    return ca.MX(sum(w * k for w, k in zip(weights, stages, strict=True) if w))
+    """sum_j w_j k_j."""
+    return reduce(_plus, (_times(w, k) for w, k in zip(weights, stages, strict=True) if w))
 
 
-def _hidden() -> ca.Function:
+@lru_cache
+def _hidden(dip: float) -> ca.Function:
     """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> how far they are from having
     gone through zero within the step and come back; below zero where they may have.
 
@@ -98,11 +113,11 @@ def _hidden() -> ca.Function:
     gaps = [line(0, 1, 0.0)]
     for i in range(last + 1):
         if 0 < i < last:
-            gaps.append(roots[:, i] - DIP * ca.fmin(roots[:, i - 1], roots[:, i + 1]))
+            gaps.append(roots[:, i] - dip * ca.fmin(roots[:, i - 1], roots[:, i + 1]))
         if i > 1:
-            gaps.append(line(i - 2, i - 1, at[i]) + DIP * roots[:, i])
+            gaps.append(line(i - 2, i - 1, at[i]) + dip * roots[:, i])
         if i < last - 1:
-            gaps.append(line(i + 1, i + 2, at[i]) + DIP * roots[:, i])
+            gaps.append(line(i + 1, i + 2, at[i]) + dip * roots[:, i])
     return ca.Function("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
 
 
