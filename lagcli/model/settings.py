@@ -38,7 +38,7 @@ _ELSEWHERE = {
     ),
     **dict.fromkeys(
         ("verlet", "leapfrog", "stormer", "rattle", "shake", "symplectic", "variational", "symplectic_euler"),
-        "none of these is symplectic: states are projected onto the constraints, and the account states the"
+        "none of these is symplectic: states satisfy the constraints by projection, and the account states the"
         " energy balance",
     ),
 }
