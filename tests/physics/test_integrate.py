@@ -99,7 +99,7 @@ def test_order_of_the_step_is_eight():
 def test_interpolation_meets_both_ends_of_a_step():
     rng = np.random.default_rng(5)
     y, rows = rng.normal(size=4), rng.normal(size=(4, dop853.DENSE_ROWS))
-    ends = [dop853.interpolated(y, rows, x) for x in (0.0, 1.0)]
+    ends = [dop853.DormandPrince853().interpolated(y, rows, x) for x in (0.0, 1.0)]
     assert np.allclose(ends[0], y)
     assert np.allclose(ends[1], y + rows[:, 0])
 
