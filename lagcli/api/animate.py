@@ -18,6 +18,7 @@ from lagcli.output.animation.builder import Motion
 from lagcli.output.animation.point_tracks import PointTracks
 from lagcli.output.animation.scene import Scene, TimeCurve
 from lagcli.output.figures import labels
+from lagcli.output.trajectory import SimulationStopped
 
 Floats = npt.NDArray[np.float64]
 Table = Mapping[str, Floats]
@@ -43,11 +44,14 @@ def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
 def as_far(model: Model, settings: Mapping[str, object], row: str | None) -> tuple[Scene, str]:
     """The scene of a run as far as it goes, and why it stopped before its end, or nothing.
 
-    settings, row: as of `run_settings.of_options`, which raises `BadRequest`; otherwise as `of_model`.
+    settings, row: as of `run_settings.of_options`, which raises `BadRequest`; otherwise as `of_model`, with
+    `SimulationStopped` for a run without a row alone.
     """
     model = run_settings.of_options(model, settings, row)
     require_few(model)
     run, reason = simulate.as_far(model)
+    if not len(run.rows):
+        raise SimulationStopped(reason, run.stats.stopped.t if run.stats.stopped else 0.0, run)
     return of_run(model, dict(run)), reason
 
 

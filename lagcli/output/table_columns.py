@@ -121,7 +121,7 @@ class Floors:
         lasting = max(0.0, self._times[1] - self._times[0])
         found[self._lam] = np.where(np.isfinite(self._lengths), FORCE_ROUNDOFF * G / self._lengths, 0.0)
         found[self._R] = FORCE_ROUNDOFF * G * self._inertia
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             speed = FORCE_ROUNDOFF * (self._motion + G * lasting) / self._inertia
         found[self._v] = np.where(self._inertia > 0, speed, 0.0)
         for k, extent in self._dependent:

@@ -230,3 +230,25 @@ def test_models_of_other_kinds_have_a_page(name: str) -> None:
         "animate", MODELS / f"{name}.yaml", "--samples", 3, "--duration", 0.01, "-q"
     )
     assert code == 0, err
+
+
+STUCK = """
+lagcli: 1
+particles: {a: {mass: 2, position: [-0.67, -0.13, 0], velocity: [0, -0.78, 0.81]}}
+forces: {weight: {to: all, force: "[0, 0, -9.81*m]"}}
+holonomic: {ring: "a.x**2 + a.z**2 = 0.4489"}
+differential: {row: "d(a.x) = 0"}
+simulation: {duration: 1, samples: 5}
+"""
+
+
+@pytest.mark.parametrize("command", ["animate", "report", "plot"])
+def test_a_run_that_stops_before_its_first_row_is_said_to(command: str, tmp_path: pathlib.Path) -> None:
+    model = tmp_path / "stuck.yaml"
+    model.write_text(STUCK, encoding="utf-8")
+    target = tmp_path / ("figure.svg" if command == "plot" else "page.html")
+    out, err, code = in_process.run(command, model, "-o", target)
+    assert (out, code) == ("", 3)
+    assert "stopped at t = 0 (after row 0 of 5)" in " ".join(err.split())
+    assert "bug" not in err
+    assert target.exists() == (command == "plot")  # which draws what there is

@@ -127,12 +127,16 @@ class AnimateOptions:
 def carry_out(options: AnimateOptions, given: dict[str, object]) -> None:
     """Make the scene and write it. Raises `exits.Exit` with 3 where the run stopped before its end."""
     from lagcli.output.animation.point_tracks import NothingToShow
+    from lagcli.output.trajectory import SimulationStopped
 
     write = writer(options.file)
     try:
         scene, reason = _of_table(options) if options.is_table else _of_model(options, given)
     except NothingToShow as error:
         raise exits.UsageError(str(error)) from None
+    except SimulationStopped as stopped:
+        exits.print_err(f"lagcli: {stopped.reason}; there is no row to show")
+        raise exits.Exit(exits.STOPPED) from None
     target = pathlib.Path(options.file) if options.file is not None else None
     if reason and target is not None:
         target = atomic_file.partial_of(target)

@@ -25,7 +25,8 @@ from lagcli.model import settings
 from lagcli.output.files import file_requests, write_guard
 
 if TYPE_CHECKING:
-    pass
+    from lagcli.model.model import Model
+    from lagcli.output.report.report_page import ReportPage
 
 
 @exits.command
@@ -66,7 +67,6 @@ def report(
 
     The page is written where the run stops (exit 3) and where the audit fails (exit 1) too, and says so at its top.
     """
-    from lagcli.api import report as reporting
     from lagcli.output.report import pdf_programs
 
     model_reading.require_models([model])
@@ -76,10 +76,7 @@ def report(
         "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
         "assemble": True if assemble else None, "title": title, "digits": digits, "limit": limit,
     }  # fmt: skip
-    try:
-        page = reporting.report(read, **given)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
+    page = _page(read, given)
     if output == "-":
         print(page.html(), end="")
     else:
@@ -97,6 +94,20 @@ def report(
         raise exits.Exit(exits.INVALID)
     if page.stopped is not None:
         raise exits.Exit(exits.STOPPED)
+
+
+def _page(model: Model, given: RunSettings) -> ReportPage:
+    """The page. Raises `exits.UsageError`, and `exits.Exit` with 3 where the run stopped before its first row."""
+    from lagcli.api import report as reporting
+    from lagcli.output.trajectory import SimulationStopped
+
+    try:
+        return reporting.report(model, **given)
+    except ValueError as error:
+        raise exits.UsageError(str(error)) from None
+    except SimulationStopped as stopped:
+        exits.print_err(f"lagcli: {stopped.reason}; there is no row to report")
+        raise exits.Exit(exits.STOPPED) from None
 
 
 def _require(model: str, output: str, pdf: str | None) -> None:
