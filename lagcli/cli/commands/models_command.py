@@ -11,7 +11,6 @@ import typer
 from lagcli.cli.commands import completing, new_files, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
-from lagcli.input import format_schema
 from lagcli.input.starting import gallery_models
 from lagcli.input.starting.gallery_models import GalleryModel
 from lagcli.output.files import json_text
@@ -88,6 +87,8 @@ def printed(model: GalleryModel, as_json: bool) -> None:
 
 def copied(model: GalleryModel, output: str, with_schema: bool, force: bool, quiet: bool) -> None:
     """Copy a model, with its line for editors and the schema beside it."""
+    from lagcli.input import format_schema  # here, as help and lists need none of it
+
     if output == new_files.STDOUT:
         printed(model, as_json=False)
         return

@@ -5,8 +5,6 @@ from __future__ import annotations
 import pathlib
 import re
 
-from lagcli.input import format_schema
-
 FOLDER = pathlib.Path(__file__).parent / "templates"
 # Name -> what it is a start for, in the order in which they are offered.
 TEMPLATES = {
@@ -30,6 +28,8 @@ def text(template: str, title: str, *, for_editors: bool = True) -> str:
     """
     if template not in TEMPLATES:
         raise KeyError(template)
+    from lagcli.input import format_schema  # here, as the names of the templates need none of it
+
     found = (FOLDER / f"{template}.yaml").read_text(encoding="utf-8")
     head = f"{format_schema.EDITOR_LINE}\n" if for_editors else ""
     return head + found.replace(_TITLE, f"title: {quoted(title)}\n", 1)
