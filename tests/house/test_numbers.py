@@ -10,9 +10,41 @@ import re
 
 import pytest
 
-from tests.helpers.parameter_objects import defined_in, fields, files_named, named_in, parameter_objects
+from tests.helpers.parameter_objects import (
+    PACKAGE,
+    defined_in,
+    fields,
+    files_named,
+    loose_numbers,
+    named_in,
+    parameter_objects,
+)
 
 OBJECTS = list(parameter_objects())
+
+# Numbers of modules that stand in no object, by packages: they may only become fewer. Many are widths and lengths.
+LOOSE = {
+    "analysis": 47,
+    "api": 43,
+    "auditing": 57,
+    "cli": 34,
+    "compiled": 29,
+    "contact": 6,
+    "derivation": 30,
+    "equations": 17,
+    "errors": 7,
+    "expression": 7,
+    "formulations": 26,
+    "input": 6,
+    "linear": 1,
+    "linearization": 39,
+    "model": 5,
+    "output": 154,
+    "pfaffian": 64,
+    "simulation": 125,
+    "start": 18,
+    "statics": 9,
+}
 
 
 def test_there_are_parameter_objects() -> None:
@@ -31,3 +63,31 @@ def test_a_number_has_a_reason_and_names_the_test_that_fails_when_it_moves(
         assert named, f"{name} of {node.name} names no test that fails when it moves"
         assert named <= known, f"{sorted(named - known)} is in no file that {node.name} names"
         assert re.sub(r"`[\w/.:]*test_\w+`", "", docstring).strip(), f"{name} has no reason"
+
+
+@pytest.mark.parametrize(("package", "most"), LOOSE.items())
+def test_no_number_is_added_outside_of_an_object(package: str, most: int) -> None:
+    names = {
+        path.name: list(loose_numbers(ast.parse(path.read_text(encoding="utf-8"))))
+        for path in (PACKAGE / package).rglob("*.py")
+    }
+    assert sum(map(len, names.values())) <= most, f"put the number into the `PARAMETERS` of its file: {names}"
+
+
+def test_each_package_has_its_count_of_loose_numbers() -> None:
+    assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} == set(LOOSE)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("LIMIT = 1e-3", ["LIMIT"]),
+        ("NEAR, FAR = 0.1, 2**-4\nSTEPS: tuple[int, int] = (1, 2)", ["NEAR", "FAR", "STEPS"]),
+        ("LAST = -1\nx = y[LAST]", []),
+        ("LIMIT = 0.1\nx = y[y > LIMIT]", ["LIMIT"]),
+        ("LAST = -1\nx = y[LAST] + LAST", ["LAST"]),
+        ("A = ((1, 2), (3, 4))\nC = (1, 2, 3, 4, 5, 6, 7)\nSEED = 3\nNAMES = ('a', 'b')\nIS = True", []),
+    ],
+)
+def test_indices_and_tableaux_are_no_loose_numbers(text: str, names: list[str]) -> None:
+    assert list(loose_numbers(ast.parse(text))) == names
