@@ -42,7 +42,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 EXAMPLES = int(os.environ.get("LAGCLI_FUZZ_EXAMPLES", "1000"))
 SEED = int(os.environ.get("LAGCLI_FUZZ_SEED", "0"))
 PART = 1000
-SECONDS = 60  # of processor time: most examples take a hundredth, some look for a start in vain for 17
+SECONDS = 60  # of processor time: most examples take a hundredth, some look for a start in vain for 6
 RUN_SECONDS = 1
 PATIENCE = 300  # seconds of the clock
 
