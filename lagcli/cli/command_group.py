@@ -57,6 +57,8 @@ _MEANT_OPTIONS = {
     **dict.fromkeys(("-help", "-?", "/?", "/h"), "--help"),
     **dict.fromkeys(("--overwrite", "-f", "-y"), "--force"),
     **dict.fromkeys(("--init", "--initial", "--restart"), "--from"),
+    **dict.fromkeys(("--table", "--csv", "--rows-of", "--data"), "--run"),
+    **dict.fromkeys(("--vary", "--range", "--grid", "--scan", "--values"), "--over"),
 }
 # The error of a wrong command line, of the library that typer uses or of the one it holds, by its version.
 _UsageError: Any = typer.BadParameter.__base__
@@ -81,8 +83,17 @@ class Command(TyperCommand):
     """One command."""
 
     def parse_args(self, ctx: Click, args: list[str]) -> list[str]:
-        """Options and arguments, an unknown option with a hint."""
-        return _parsed(super().parse_args, ctx, args)
+        """Options and arguments; an unknown option, or an argument too many, with a hint."""
+        ctx.allow_extra_args = True  # they are refused here, with what was meant
+        left = _parsed(super().parse_args, ctx, args)
+        if ctx.args and not ctx.resilient_parsing:  # the latter while a shell completes
+            first = ctx.args[0]
+            shown = diagnostics.printable(first).replace("\n", " ")[:200]
+            takes_tables = any("--run" in option.opts for option in self.get_params(ctx))
+            is_table = takes_tables and not first.lower().endswith((".yaml", ".yml"))
+            hint = f"; did you mean `--run {shown}`?" if is_table else ""
+            ctx.fail(f"`{shown}` is one argument too many{hint}")
+        return left
 
 
 class CommandGroup(TyperGroup):
