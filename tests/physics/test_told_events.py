@@ -1,9 +1,12 @@
 """Declared events and crossings at awkward places: the end of a run, impacts, switches and singular configurations."""
 
+import math
+
 import numpy as np
 import pytest
 
 import lagcli
+from lagcli.simulation.run import loop
 from tests.helpers.parallelogram import LINKAGE
 
 pytestmark = pytest.mark.numeric
@@ -58,6 +61,57 @@ def test_an_impact_and_a_stop_at_the_very_end_of_a_run_are_reported():
     assert found["a.vz"][-1] == pytest.approx(0.5, abs=1e-12)
     stop = THROW.replace("when: t - 1}", "when: t - 1, action: stop}")
     assert lagcli.simulate(lagcli.loads(stop), duration=1.0, samples=3).stats.ended_by == "late"
+
+
+@pytest.mark.parametrize(("pause", "values"), [(0.0, 2**16), (math.inf, 2**16), (0.0, 1), (math.inf, 1)])
+@pytest.mark.parametrize(
+    ("start", "when", "times"),
+    [
+        # The row of the grid at 0.5 is a rounding before the event, and in the same step.
+        (0, "a.x - 0.5000000000000002", [0.4, 0.5]),
+        (0, "t - 0.5000000000000002", [0.4, 0.5]),
+        # There the rounding is below that of the times as the table shows them.
+        (1000, "a.x - 0.5000000000000002", [1000.4, 1000.5]),
+        # A row far enough away stays, however near.
+        (0, "a.x - 0.500001", [0.5, 0.500001]),
+        (0, "a.x - 0.55", [0.5, 0.55]),
+        # The row that an event a rounding behind it finds at the begin of its step stays alone.
+        (0, "a.x - 1e-16", [0.0]),
+    ],
+)
+def test_a_run_that_an_event_ends_has_one_row_there_however_its_rows_leave(
+    monkeypatch: pytest.MonkeyPatch, start: float, when: str, times: list[float], pause: float, values: int
+):
+    """Rows leave at once, when the block is full, or at the end; the table is the same."""
+    monkeypatch.setattr(loop, "PAUSE", pause)
+    monkeypatch.setattr(loop, "BLOCK_VALUES", values)
+    text = f"""lagcli: 1
+particles: {{a: {{mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}}}}
+events: {{halt: {{when: "{when}", action: stop}}}}
+simulation: {{start: {start}, duration: 2, output_step: 0.1}}
+"""
+    found = lagcli.simulate(lagcli.loads(text))
+    assert found.stats.ended_by == "halt"
+    assert found["t"][-len(times) :] == pytest.approx(times, rel=1e-15, abs=1e-15)
+    assert len(found["t"]) == math.ceil(round(10 * (times[-1] - start), 6)) + 1
+    if len(times) > 1:
+        assert found["t"][-1] == found.events["t"][-1]
+
+
+def test_the_row_of_an_event_that_ends_a_run_is_the_state_after_an_impact_there(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """The floor is met a rounding after the row of the grid at 0.5, where the event is too."""
+    monkeypatch.setattr(loop, "PAUSE", 0.0)
+    text = """lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, 0.5000000000000002], velocity: [0, 0, -1]}}
+inequality: {floor: {condition: a.z >= 0, restitution: 0.5}}
+events: {halt: {when: "t - 0.5000000000000002", action: stop}}
+simulation: {duration: 2, output_step: 0.1}
+"""
+    found = lagcli.simulate(lagcli.loads(text))
+    assert len(found["t"]) == 6
+    assert found["a.vz"][-1] == 0.5
 
 
 def test_recorded_events_have_the_accuracy_of_the_state():

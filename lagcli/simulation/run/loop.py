@@ -142,7 +142,7 @@ class Run:
             stepper.accept()
             for event in self._events:
                 event.act()
-            if time.perf_counter() > until:
+            if time.perf_counter() > until and not self._is_due:
                 return False
 
     def _start(self) -> None:
@@ -158,9 +158,11 @@ class Run:
     def _put_state(self) -> bool:
         """Write the row at an incident that the run is behind, if there is one; False where the block is full."""
         writer = self._writer
-        is_put = writer.put_last() if self.statistics.ended_by else writer.put_state()
-        self._is_due = not is_put
-        return is_put
+        if self.statistics.ended_by:
+            writer.put_last()
+            return True
+        self._is_due = not writer.put_state()
+        return not self._is_due
 
     def _find_step(self) -> None:
         self.stepper.found.within = []

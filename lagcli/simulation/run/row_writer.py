@@ -28,12 +28,15 @@ class TableRows(NamedTuple):
 
 
 class RowWriter:
-    """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next."""
+    """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next;
+    last: the time of the last row."""
 
     def __init__(self, stepper: Stepper, made: TableRows, next_row: int) -> None:
         self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
         self.grid, self.next_row = stepper.grid, next_row
-        self._lines, self._filled = np.empty((0, 0)), 0
+        self._lines, self._filled, self._capacity = np.empty((0, 0)), 0, 0
+        # Where the last step begins that was looked at for rows.
+        self.last = self._begun = -math.inf
         stepper.row_time = self.grid.time(next_row)
 
     @property
@@ -53,8 +56,11 @@ class RowWriter:
         return self.grid.first(math.nextafter(self._stepper.t, math.inf)) if is_within else self.next_row
 
     def open(self, capacity: int) -> None:
-        """Begin a block; blocks are handed out without a copy, so that each needs memory of its own."""
-        self._lines, self._filled = np.empty((capacity, self.width)), 0
+        """Begin a block; blocks are handed out without a copy, so that each needs memory of its own.
+
+        One line more than its capacity is for the event that ends a run, whose row so leaves with those of its step.
+        """
+        self._lines, self._filled, self._capacity = np.empty((capacity + 1, self.width)), 0, capacity
 
     def close(self) -> Floats:
         """The lines of the block."""
@@ -72,19 +78,25 @@ class RowWriter:
         """Write the row at the state where the run stands, if there is one; False where the block is full before."""
         if self._stepper.row_time != self._stepper.t:
             return True
-        if self._filled == len(self._lines):
+        if self._filled == self._capacity:
             return False
         self.put_begin()
         return True
 
-    def put_last(self) -> bool:
-        """Write a row of the state where the run has ended before its end; False where the block is full before."""
-        if self._filled == len(self._lines):
-            return False
-        if not (self._filled and self._lines[self._filled - 1, 0] == self._stepper.origin + self._stepper.t):
-            self._stepper.row_time = self._stepper.t
-            self.put_begin()
-        return True
+    def put_last(self) -> None:
+        """Write the row of the event that has ended the run, where it stands, in place of one of the grid at the same
+        instant.
+
+        Only a row within the step that the event ends gives way: no block was handed out since. One that stands where
+        that step begins may have left, and stays alone.
+        """
+        run = self._stepper
+        if self.grid.is_rounding(run.t - self.last, run.origin + run.t):
+            if self.last <= self._begun:
+                return
+            self._filled, self.next_row = self._filled - 1, self.next_row - 1
+        run.row_time = run.t
+        self.put_begin()
 
     def put_rows(self) -> bool:
         """Write the rows of the grid within the step that was found; False where the block is full before.
@@ -93,7 +105,7 @@ class RowWriter:
         """
         run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
         t, reached, taken = run.t, found.reached, found.taken
-        capacity = len(self._lines)
+        self._begun, capacity = t, self._capacity
         is_ordinary = not found.is_still and found.singular_step is None
         if is_ordinary and found.work is None and run.row_time < reached:
             self._put_inside()
@@ -126,7 +138,7 @@ class RowWriter:
         run, rows, lines, time = self._stepper, self._stepper.rows, self._lines, self.grid.time
         t, reached, taken, origin = run.t, run.found.reached, run.found.taken, run.origin
         trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
-        row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, len(lines)
+        row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, self._capacity
         run.make_dense()
         while row_time < reached and filled < capacity:
             at[0], x[0] = origin + row_time, (row_time - t) / taken
@@ -135,6 +147,7 @@ class RowWriter:
                 break
             lines[filled] = line
             filled += 1
+            self.last = row_time
             row_time = time(self.next_row + filled - begun)
         self._filled, self.next_row, run.row_time = filled, self.next_row + filled - begun, row_time
 
@@ -174,7 +187,7 @@ class RowWriter:
         if found.work is not None:
             line[WORK] = found.work.at(run.row_time)
         self._lines[self._filled] = line
-        self._filled += 1
+        self._filled, self.last = self._filled + 1, run.row_time
         self.next_row += 1
         if self._ends_only:
             self.next_row = max(self.next_row, self.grid.count - 1)
