@@ -238,6 +238,15 @@ def test_a_finer_grid_cannot_look_behind_the_checkpoint(monkeypatch: pytest.Monk
     assert ready(PENDULUM, point, duration=10, samples=3).skipped_rows == 0
 
 
+def test_a_run_that_an_event_has_ended_goes_on_with_the_next_row_of_the_grid(tmp_path: Path) -> None:
+    text = FALL + 'events: {halt: {when: "t - 0.55", action: stop}}\n'
+    model, file = lagcli.loads(text), tmp_path / "run.json"
+    ended = lagcli.simulate(model, duration=0.9, output_step=0.1, checkpoint=file)
+    assert ended["t"][-1] == pytest.approx(0.55, abs=1e-12)
+    more = lagcli.simulate(model, duration=0.9, output_step=0.1, resume=file)
+    assert more["t"] == pytest.approx([0.6, 0.7, 0.8, 0.9], abs=1e-12)
+
+
 def test_a_stopped_run_stops_at_the_same_state_again(tmp_path: Path) -> None:
     model, file = lagcli.loads(FALL), tmp_path / "run.json"
     with pytest.raises(lagcli.SimulationStopped) as first:

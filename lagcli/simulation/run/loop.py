@@ -107,7 +107,7 @@ class Run:
             if len(block):
                 statistics.take_figures(block[:, -line_functions.BEYOND : -1])
                 statistics.take_depth(self._gaps.deepest(block))
-                self._row = self.grid.time(writer.next_row - 1)
+                self._row = writer.last
             rows = block[:, : -line_functions.BEYOND]
             rows += 0.0  # no table shows -0.0
             statistics.solve_seconds += time.perf_counter() - began
