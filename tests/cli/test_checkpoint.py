@@ -247,6 +247,15 @@ def test_a_run_that_an_event_has_ended_goes_on_with_the_next_row_of_the_grid(tmp
     assert more["t"] == pytest.approx([0.6, 0.7, 0.8, 0.9], abs=1e-12)
 
 
+def test_an_event_a_rounding_after_the_last_row_of_the_run_before_has_no_second_row(tmp_path: Path) -> None:
+    text = FALL + 'events: {halt: {when: "t - 0.50000000001", action: stop}}\n'
+    model, file = lagcli.loads(text), tmp_path / "run.json"
+    assert lagcli.simulate(model, duration=0.5, output_step=0.1, checkpoint=file)["t"][-1] == 0.5
+    more = lagcli.simulate(model, duration=0.9, output_step=0.1, resume=file)
+    assert more.stats.ended_by == "halt"
+    assert len(more["t"]) == 0
+
+
 def test_a_stopped_run_stops_at_the_same_state_again(tmp_path: Path) -> None:
     model, file = lagcli.loads(FALL), tmp_path / "run.json"
     with pytest.raises(lagcli.SimulationStopped) as first:

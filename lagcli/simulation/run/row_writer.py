@@ -31,12 +31,12 @@ class RowWriter:
     """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next;
     last: the time of the last row."""
 
-    def __init__(self, stepper: Stepper, made: TableRows, next_row: int) -> None:
+    def __init__(self, stepper: Stepper, made: TableRows, next_row: int, last: float = -math.inf) -> None:
         self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
         self.grid, self.next_row = stepper.grid, next_row
         self._lines, self._filled, self._capacity = np.empty((0, 0)), 0, 0
         # Where the last step begins that was looked at for rows.
-        self.last = self._begun = -math.inf
+        self.last, self._begun = last, -math.inf
         stepper.row_time = self.grid.time(next_row)
 
     @property
@@ -88,11 +88,11 @@ class RowWriter:
         instant.
 
         Only a row within the step that the event ends gives way: no block was handed out since. One that stands where
-        that step begins may have left, and stays alone.
+        that step begins may have left, and one of the run before a resumed one has: it stays alone.
         """
         run = self._stepper
         if self.grid.is_rounding(run.t - self.last, run.origin + run.t):
-            if self.last <= self._begun:
+            if self.last <= self._begun or not self._filled:
                 return
             self._filled, self.next_row = self._filled - 1, self.next_row - 1
         run.row_time = run.t

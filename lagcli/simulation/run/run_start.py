@@ -82,7 +82,8 @@ def resume(
     after = grid.after(run_state.row)
     first = max(after, grid.first(run_state.t))
     stepper = Stepper(enforced, run_state, settings, grid, timed if enforced.has_time else None)
-    return Run(stepper, RowWriter(stepper, TableRows(columns), first), None, run_state.row, first - after)
+    writer = RowWriter(stepper, TableRows(columns), first, run_state.row)
+    return Run(stepper, writer, None, run_state.row, first - after)
 
 
 def _grid(settings: Simulation, origin: float) -> grids.Grid:
