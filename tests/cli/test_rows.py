@@ -170,6 +170,39 @@ def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, m
     assert json.loads(Path("s.json").read_text())["rows"] == 201
 
 
+@pytest.mark.parametrize("options", [[], ["--checkpoint", "ck"]], ids=["ends", "goes on"])
+def test_a_table_that_is_completed_leaves_nothing_of_the_part_before(command, here, options, monkeypatch):
+    """The rows and the events of a run that was interrupted, which are in the tables."""
+    files = ["-q", "-o", "run.csv", "--events", "e.csv"]
+    interrupted_once(command, monkeypatch, *files)
+    before = ["ck", "e.csv.partial", "e.csv.rows", "m.yaml", "run.csv.partial", "run.csv.rows", "stops.yaml"]
+    assert names(here) == before
+    # A table of the rows after the checkpoint alone leaves those before it.
+    assert cli("-q", "-o", "rest.csv", "--resume", "ck").returncode == 0
+    assert names(here) == sorted([*before, "rest.csv"])
+    done = cli(*files, "--resume", "ck", *options)
+    assert done.returncode == 0, done.stderr
+    assert names(here) == ["ck", "e.csv", "m.yaml", "rest.csv", "run.csv", "stops.yaml"]
+    assert np.array_equal(read("run.csv")[1], lagcli.simulate(lagcli.load("m.yaml")).rows)
+
+
+def interrupted_once(command, monkeypatch, *options):
+    """A run that keeps a checkpoint and is interrupted after some rows."""
+    take, taken = run_tables.RunTables.take, []
+
+    def counted(self, *arguments):
+        take(self, *arguments)
+        taken.append(1)
+        if len(taken) == 7:
+            interrupts._handle(signal.SIGINT, None)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(loop, "PAUSE", 0.0)
+        patch.setattr(loop, "BLOCK_VALUES", 200)
+        patch.setattr(run_tables.RunTables, "take", counted)
+        assert command("simulate", "m.yaml", *options, "--checkpoint", "ck")[2] == 130
+
+
 def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     order = []
     sync, write = os.fsync, atomic_file.PendingFile.commit

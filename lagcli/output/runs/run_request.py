@@ -107,8 +107,8 @@ class RunRequest:
                 continue
             table = pathlib.Path(os.path.realpath(name))
             derived = [atomic_file.partial_of(table)]
-            if self.checkpoint is not None:
-                # Only here are rows kept.
+            if self.checkpoint is not None or self.resume is not None:
+                # Only here are rows kept, or those that were kept removed.
                 from lagcli.output.tables import row_file
 
                 derived.append(row_file.path_of(table))

@@ -104,6 +104,7 @@ class SafeTable:
     def __init__(self, sink: sinks.Sink, plan: TablePlan) -> None:
         self._sink, self._plan = sink, plan
         self._rows: RowFile | None = None
+        self._before: RowsBefore | None = None
 
     @property
     def file(self) -> str | None:
@@ -131,6 +132,7 @@ class SafeTable:
         """Begin with the rows of the run before, each block of which is also `seen`."""
         from lagcli.output.tables import row_file
 
+        self._before = first
         for block in row_file.read(first.path, self._plan.names, first.rows):
             with interrupts.window():
                 seen(block)
@@ -147,15 +149,20 @@ class SafeTable:
     def complete(self) -> None:
         """All rows are there."""
         with write_guard.writing(self._plan.file or "standard output"), self._patient():
-            self._sink.commit(durably=self._rows is not None)
+            self._sink.commit(durably=self._rows is not None or self._before is not None)
 
     def leave_rows(self, is_complete: bool) -> None:
-        """The last checkpoint is written: rows beside a complete table are needed no more."""
+        """The last checkpoint is written: rows beside a complete table are needed no more, nor is what a run before
+        left of it."""
         if self._rows is not None:
             if is_complete:
                 self._rows.remove()
             else:
                 self._rows.close()
+        if is_complete and self._before is not None:
+            for left in (self._before.path, atomic_file.partial_of(self._plan.path)):
+                with write_guard.writing(os.fspath(left)):
+                    left.unlink(missing_ok=True)
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is; where it is, as a part of a sentence, or nothing."""
