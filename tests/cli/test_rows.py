@@ -186,14 +186,37 @@ def test_a_table_that_is_completed_leaves_nothing_of_the_part_before(command, he
     assert np.array_equal(read("run.csv")[1], lagcli.simulate(lagcli.load("m.yaml")).rows)
 
 
-def interrupted_once(command, monkeypatch, *options):
+def test_a_run_that_ends_before_the_rows_of_its_table_is_refused(command, here, monkeypatch):
+    """Interrupted between two rows: the table would go beyond what is asked for, or end without the row at its end."""
+    grid = ["-q", "-o", "run.csv", "--events", "e.csv", "--output-step", "0.5"]
+    interrupted_once(command, monkeypatch, *grid, after=60)
+    state = checkpoint.read("ck").run_state
+    assert state.row < state.t < 2
+    left = names(here)
+    contents = [Path(name).read_bytes() for name in left]
+    short, between = state.row / 2, (state.row + state.t) / 2
+    for duration, sentence in (
+        (short, f"wrote rows up to t = {state.row:.9g} into it, and this one ends at {short:.9g}"),
+        (between, f"went on to t = {state.t:.9g} without a row at {between:.9g}, where this one ends"),
+    ):
+        done = cli(*grid, "--duration", repr(duration), "--resume", "ck")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.startswith(f"lagcli: --output run.csv: the run before {sentence}: give ")
+        assert names(here) == left
+        assert [Path(name).read_bytes() for name in left] == contents
+    done = cli(*grid, "--duration", repr(state.row), "--resume", "ck")
+    assert done.returncode == 0, done.stderr
+    assert read("run.csv")[1][-1, 0] == state.row
+
+
+def interrupted_once(command, monkeypatch, *options, after=7):
     """A run that keeps a checkpoint and is interrupted after some rows."""
     take, taken = run_tables.RunTables.take, []
 
     def counted(self, *arguments):
         take(self, *arguments)
         taken.append(1)
-        if len(taken) == 7:
+        if len(taken) == after:
             interrupts._handle(signal.SIGINT, None)
 
     with monkeypatch.context() as patch:

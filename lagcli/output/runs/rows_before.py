@@ -46,6 +46,18 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
         raise BadRequest(
             f"{option_text}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
         )
+    state, end = point.run_state, ready.grid.end
+    t_end, reached = state.origin + state.row, state.origin + state.t
+    if t_end > end and not ready.grid.is_rounding(t_end - end, end):
+        raise BadRequest(
+            f"{option_text}: the run before wrote {plan.noun} up to t = {t_end:.9g} into it, and this one ends at"
+            f" {end:.9g}: give its duration, or a longer one, or {instead.removeprefix('give ')}"
+        )
+    if ready.skipped_rows:
+        raise BadRequest(
+            f"{option_text}: the run before went on to t = {reached:.9g} without a row at {end:.9g}, where this one"
+            f" ends: give a longer duration, or {instead.removeprefix('give ')}"
+        )
     rows = row_file.SafeRows(record.count, record.checksum)
     try:
         with contextlib.closing(row_file.read(path, plan.names, rows)) as blocks:
@@ -55,7 +67,7 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
         raise BadRequest(f"{option_text}: {error}; {instead}") from None
     except OSError as error:
         raise BadRequest(f"{option_text}: cannot read {path}: {error.strerror}") from None
-    return RowsBefore(path, rows, point.run_state.origin + point.run_state.row, plan.noun)
+    return RowsBefore(path, rows, t_end, plan.noun)
 
 
 def require_saved_rows(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
