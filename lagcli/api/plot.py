@@ -72,10 +72,11 @@ class AskedChart:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class DrawnRuns:
-    """A chart, and why the runs in it stopped before their ends."""
+    """A chart, and why the runs in it stopped before their ends; is_empty: none of them has a row."""
 
     chart: ChartData
     stopped: list[str]
+    is_empty: bool
 
 
 def steps(sources: Iterable[BinaryIO | str | Model], asked: AskedChart) -> Iterator[str | DrawnRuns]:
@@ -105,7 +106,7 @@ def steps(sources: Iterable[BinaryIO | str | Model], asked: AskedChart) -> Itera
             found = _asked_chart(tables, asked)
         except (*read_table.UNREADABLE, compose.UndrawableColumns) as error:
             raise BadRequest(str(error)) from None
-    yield DrawnRuns(found, stopped)
+    yield DrawnRuns(found, stopped, bool(stopped) and all(table.length == 0 for table in tables))
 
 
 def _in_file(path: str) -> ChartTable:

@@ -251,4 +251,32 @@ def test_a_run_that_stops_before_its_first_row_is_said_to(command: str, tmp_path
     assert (out, code) == ("", 3)
     assert "stopped at t = 0 (after row 0 of 5)" in " ".join(err.split())
     assert "bug" not in err
-    assert target.exists() == (command == "plot")  # which draws what there is
+    assert "there is no row to" in err
+    assert not target.exists()
+
+
+def test_a_run_before_its_first_row_leaves_the_figure_as_it_was(tmp_path: pathlib.Path) -> None:
+    """Of `plot`, on the terminal too, and of `simulate --plot`."""
+    model, target = tmp_path / "stuck.yaml", tmp_path / "figure.svg"
+    model.write_text(STUCK, encoding="utf-8")
+    target.write_text("as it was", encoding="utf-8")
+    for arguments in (
+        ("plot", model, "-o", target),
+        ("plot", model, "--show"),
+        ("simulate", model, "--plot", target),
+    ):
+        out, err, code = in_process.run(*arguments)
+        assert (out, code) == ("", 3)
+        assert "stopped at t = 0 (after row 0 of 5)" in " ".join(err.split())
+        assert err.count("there is no row to draw") == 1
+        assert target.read_text(encoding="utf-8") == "as it was"
+
+
+def test_a_run_without_a_row_is_left_beside_one_that_has_rows(tmp_path: pathlib.Path) -> None:
+    stuck, moves, target = tmp_path / "stuck.yaml", tmp_path / "moves.yaml", tmp_path / "figure.svg"
+    stuck.write_text(STUCK, encoding="utf-8")
+    moves.write_text(STUCK.replace('differential: {row: "d(a.x) = 0"}\n', ""), encoding="utf-8")
+    _, err, code = in_process.run("plot", stuck, moves, "--y", "a.x", "-o", target)
+    assert code == 3, err
+    assert "stopped at t = 0 (after row 0 of 5)" in " ".join(err.split())
+    assert "<svg" in target.read_text(encoding="utf-8")

@@ -100,7 +100,7 @@ def plot(
     """Draw columns of tables and models: over t or another column, as paths, several runs overlaid.
 
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
-    drawn.
+    drawn; without one no figure is made.
     """
     from lagcli.api import plot as plotting
     from lagcli.cli.terminal import watching
@@ -169,9 +169,12 @@ def carry_out(options: PlotOptions) -> None:
     """Read, simulate, draw; nothing is kept, so that it may be called again when a file has changed.
 
     Raises `exits.UsageError`, `write_guard.WriteError`, `diagnostics.ModelError`, and `exits.Exit` with 3 where a run
-    stopped before its end, after its rows have been drawn.
+    stopped before its end, after its rows have been drawn, if there are any.
     """
     drawn = _drawn(options)
+    if drawn.is_empty:
+        exits.print_err_all(f"lagcli: {reason}; there is no row to draw" for reason in drawn.stopped)
+        raise exits.Exit(exits.STOPPED)
     if options.output is not None:
         with write_guard.drawing(options.output):
             from lagcli.output.charts import chart_figure

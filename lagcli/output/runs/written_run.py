@@ -208,7 +208,10 @@ class WrittenRun:
         from lagcli.output.runs import run_figure
 
         run, request = self._run, self._request
-        if request.plot is None or not len(decimated.rows()):
+        if request.plot is None:
+            return
+        if not len(decimated.rows()):
+            yield f"lagcli: there is no row to draw: {request.plot} is not written"
             return
         picked, note = run_figure.columns(run.columns, self._names if request.columns is not None else None)
         if note and not request.quiet:
