@@ -41,7 +41,7 @@ LOOSE = {
     "model": 5,
     "output": 154,
     "pfaffian": 64,
-    "simulation": 125,
+    "simulation": 97,
     "start": 18,
     "statics": 9,
 }

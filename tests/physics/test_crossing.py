@@ -470,7 +470,7 @@ def test_rank_is_lost_only_where_branches_meet(gap):
 def test_a_zero_within_a_step_is_seen_wherever_it_lies(turn):
     """A root like |sin|, of an angle that turns by so much in a step; beside it a row that stays."""
     at = np.array([*(dop853_tableau.C[s] for s in dop853.WATCHED), 1.0])
-    hidden = dop853._hidden(dop853.DIP)
+    hidden = dop853._hidden(dop853.PARAMETERS.dip)
     for place in np.linspace(0.03, 0.97, 95):
         squares = np.sin(turn * (at - place)) ** 2
         assert float(hidden(np.stack([squares, np.full(8, 3.0)]))) < 0, place

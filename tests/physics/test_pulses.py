@@ -560,7 +560,7 @@ def test_switches_are_found_to_the_last_bit() -> None:
 
 def test_constants_of_the_timetable() -> None:
     """A step passes functions that change by 2 * (BETWEEN + CHANGE) of their range at most, less than a pulse has."""
-    assert 2 * (timetable.BETWEEN + timetable.CHANGE) < 2
+    assert 2 * (timetable.PARAMETERS.between + timetable.PARAMETERS.change) < 2
     table = Timetable(spoken("exp(-((t - 5)/0.001)**2)"), 0.0, 1.0)
     t, ends = 0.0, []
     while t < 10:
@@ -576,7 +576,7 @@ def test_constants_of_the_timetable() -> None:
 def test_the_search_is_bounded(force: str) -> None:
     table = Timetable(spoken(force), 0.0, 0.1)
     assert 0 < table.shortened(0.0, 10.0) <= 10
-    assert len(table._switches) + len(table._stationary_times) < 20 * timetable.MOST_CELLS
+    assert len(table._switches) + len(table._stationary_times) < 20 * timetable.PARAMETERS.most_cells
 
 
 def test_a_chain_of_definitions_needs_no_deep_stack() -> None:

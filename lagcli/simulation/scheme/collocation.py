@@ -19,13 +19,39 @@ from lagcli.compiled.bound_function import BoundFunction
 
 Floats = npt.NDArray[np.float64]
 
-# An iteration that contracts by a half reaches rounding in 50.
-MOST_ITERATIONS = 80
-# The iteration has converged where states change by rounding, or this part of the tolerance; where it contracts no
-# more it may be this far off.
-COLLOCATION_ROUNDOFF, PART, STALLED = 2e-16, 1e-3, 1e-11
-# Iterates that are mixed, and singular values of their differences that are rounding.
-DEPTH, SINGULAR = 10, 1e-10
+
+class CollocationParameters:
+    """The iteration for a step of Gauss, and when it has converged; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_schemes.py`.
+    """
+
+    __slots__ = ()
+
+    most_iterations: int = 80
+    """One that contracts by a half reaches rounding in 50.
+    `test_an_iteration_is_given_up_after_eighty` fails at 8 and 800."""
+    roundoff: float = 2e-16
+    """It has converged where states change by this part of their sizes.
+    `test_an_iteration_ends_at_rounding` fails at 2e-17 and 2e-15."""
+    part: float = 1e-3
+    """Or by this part of the tolerance of a step.
+    `test_an_iteration_ends_at_a_thousandth_of_the_tolerance` fails at 1e-4 and 1e-2."""
+    stalled: float = 1e-11
+    """Where it contracts no more, states may change by this part.
+    `test_an_iteration_that_contracts_no_more_ends_at_eleven_digits` fails at 1e-12 and 1e-10."""
+    depth: int = 10
+    """Differences of iterates that are mixed; each costs a row of a small least squares problem.
+    `test_ten_differences_of_iterates_are_mixed` fails at 1 and 100."""
+    singular: float = 1e-10
+    """Singular values of these differences, as parts of the largest, that are rounding.
+    `test_differences_that_are_parallel_to_ten_digits_are_not_told_apart` fails at 1e-11 and 1e-9."""
+    most_residual: float = 1e-9
+    """A state that is off the constraints by more than this part of its size after the projection is on none.
+    `test_a_state_that_is_off_by_nine_digits_is_not_projected` fails at 1e-10 and 1e-8."""
+
+
+PARAMETERS = CollocationParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -61,12 +87,12 @@ def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: fl
     t, y = guess.t, guess.y
     nodes, A = _gauss(count)
     slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
-    converged = max(COLLOCATION_ROUNDOFF, PART * rtol)
+    converged = max(PARAMETERS.roundoff, PARAMETERS.part * rtol)
     sizes = _sizes(project, t, y)
     before = np.inf
     states = y + h * (A @ slopes)
     mixing = _Mixing(sizes)
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(PARAMETERS.most_iterations):
         for i, x in enumerate(nodes):
             rate = projected(project, t + x * h, states[i])
             if rate is None:
@@ -74,7 +100,7 @@ def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: fl
             slopes[i] = rate
         new = y + h * (A @ slopes)
         change = float((np.abs(new - states) / sizes).max())
-        if change <= converged or (change > 0.5 * before and before <= STALLED):
+        if change <= converged or (change > 0.5 * before and before <= PARAMETERS.stalled):
             return Step(t, h, y, slopes)
         before = min(change, before)
         states = mixing.next(states, new)
@@ -97,8 +123,8 @@ class _Mixing:
     def next(self, x: Floats, g: Floats) -> Floats:
         """The next x after one with g(x)."""
         self._values, self._changes = (
-            [*self._values[-DEPTH:], (g / self._sizes).ravel()],
-            [*self._changes[-DEPTH:], ((g - x) / self._sizes).ravel()],
+            [*self._values[-PARAMETERS.depth :], (g / self._sizes).ravel()],
+            [*self._changes[-PARAMETERS.depth :], ((g - x) / self._sizes).ravel()],
         )
         if len(self._values) == 1:
             return g
@@ -107,7 +133,7 @@ class _Mixing:
         with np.errstate(over="ignore"):  # states that fly off are no solution, and are found out as such
             lengths = np.linalg.norm(differences, axis=0)
         lengths[lengths == 0] = 1.0
-        weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=SINGULAR)[0] / lengths
+        weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=PARAMETERS.singular)[0] / lengths
         mixed = np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
         return np.asarray(mixed * self._sizes)
 
@@ -140,7 +166,7 @@ def projected(project: BoundFunction, t: float, y: Floats) -> Floats | None:
     project.trigger()
     project.used += 1
     status = project.results[2]
-    if not np.isfinite(status[-1]) or not status[0] <= 1e-9:
+    if not np.isfinite(status[-1]) or not status[0] <= PARAMETERS.most_residual:
         return None
     return project.results[1]
 

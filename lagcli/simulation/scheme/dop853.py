@@ -21,7 +21,23 @@ from lagcli.simulation.scheme.step_end import Expression
 DENSE_ROWS = 7
 # Stages at which the distance of the rows from dependent ones is looked at, in the order of their times.
 WATCHED = (1, 3, 6, 5, 9, 8, 10)
-DIP = 0.3
+
+
+class Dop853Parameters:
+    """The signs in the stages of a step that rows were dependent within it.
+
+    The test is of `tests/unit/test_numbers_of_schemes.py`.
+    """
+
+    __slots__ = ()
+
+    dip: float = 0.3
+    """An angle between rows that is less than this part of both beside it may have gone through zero beside it, and so
+    may one that lines through others lead to the other side of zero, by this part of itself.
+    `test_an_angle_that_went_to_zero_is_seen_by_a_third_of_it_on_the_other_side` fails at 0.03 and 3."""
+
+
+PARAMETERS = Dop853Parameters()
 
 
 class DormandPrince853:
@@ -53,7 +69,9 @@ class DormandPrince853:
         )
         e5 = _mix(dop853_tableau.E5, stages)
         end = step_end.ended(numeric, step, y + h * change, (e5, e3), _combined)
-        hidden = _hidden(DIP)(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
+        hidden = (
+            _hidden(PARAMETERS.dip)(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
+        )
         return ca.Function("step", list(step), end.outputs(hidden, stages[1:]))
 
     def dense(self, numeric: NumericSystem) -> ca.Function:

@@ -22,20 +22,45 @@ from lagcli.simulation.scheme.collocation import Step
 Floats = npt.NDArray[np.float64]
 Powers = Callable[[Floats], tuple[Floats, float] | None]
 
-# Nodes of a panel: a wave takes about one panel to rounding.
-NODES = 12
-# A step is halved into no more panels than these: they hold some thousand waves, and take about as long as ten
-# thousand steps.
-MOST_PANELS = 2048
-# Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by GAIN though it is
-# this small a part of the panel's own work, it is rounding.
-GAIN, SMALL = 4.0, 1e-6
-# Times are rounded, and what W' does in a panel is seen at times that far off; W' itself is rounded too.
-TIME_ROUNDOFF, POWER_ROUNDOFF = 2**-50, 1e-15
-# Roundings by which states and times are moved to see the rounding of W', where its terms cancel.
-PERTURBED = 2**-51
-# W is not known where it is off by more than this part of the energy, or by so many tolerances of a step.
-DOUBT, DOUBTED = 1e-6, 100.0
+
+class WorkParameters:
+    """Panels of the work of a step, and the error with which it is known; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_schemes.py`.
+    """
+
+    __slots__ = ()
+
+    nodes: int = 12
+    """Nodes of a panel: a wave takes about one panel to rounding.
+    `test_a_panel_has_twelve_nodes` fails at 1 and 120."""
+    most_panels: int = 2048
+    """Panels that a step is halved into: they hold some thousand waves, and take about as long as ten thousand steps.
+    `test_a_power_that_is_noise_is_given_up_after_two_thousand_panels` fails at 204 and 20480."""
+    gain: float = 4.0
+    """Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by this though it is
+    small, it is rounding. `test_an_error_that_stays_and_is_small_is_rounding` fails at 0.4 and 40."""
+    small: float = 1e-6
+    """That is small: this part of the panel's own work.
+    `test_an_error_that_stays_and_is_small_is_rounding` fails at 1e-7 and 1e-5."""
+    time_roundoff: float = 2**-50
+    """Times are rounded to this part, and what the power does in a panel is seen at times that far off.
+    `test_the_rounding_of_the_time_is_seen_in_a_power_that_rises` fails at 2^-53 and 2^-47."""
+    power_roundoff: float = 1e-15
+    """A power is rounded to this part of the largest.
+    `test_an_error_of_a_few_roundings_of_the_power_is_none` fails at 1e-16 and 1e-14."""
+    perturbed: float = 2**-51
+    """The part by which states and times are moved to see the rounding of a power whose terms cancel.
+    `test_states_are_moved_by_two_roundings` fails at 2^-54 and 2^-48."""
+    doubt: float = 1e-6
+    """The work is not known where it is off by more than this part of the energy.
+    `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances` fails at 1e-7 and 1e-5."""
+    doubted: float = 100.0
+    """Or by so many tolerances of a step, if that is more.
+    `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances` fails at 10 and 1000."""
+
+
+PARAMETERS = WorkParameters()
 
 
 class _Panel(NamedTuple):
@@ -93,8 +118,8 @@ def within(
         return projected(times, states((times - t) / h))
 
     def perturbed(times: Floats) -> tuple[Floats, float] | None:
-        signs = np.where(np.arange(2 * n + 1) % 2, -PERTURBED, PERTURBED)
-        return projected(times + PERTURBED * (abs(t) + h), states((times - t) / h) * (1 + signs))
+        signs = np.where(np.arange(2 * n + 1) % 2, -PARAMETERS.perturbed, PARAMETERS.perturbed)
+        return projected(times + PARAMETERS.perturbed * (abs(t) + h), states((times - t) / h) * (1 + signs))
 
     return WorkIntegral(powers, rtol, perturbed).over(t, h, float(y[-1]))
 
@@ -108,7 +133,7 @@ class WorkIntegral:
 
     def __init__(self, powers: Powers, rtol: float, perturbed: Powers | None = None) -> None:
         self._powers, self._rtol, self._perturbed = powers, rtol, perturbed
-        self._nodes = np.array(collocation.nodes(NODES))
+        self._nodes = np.array(collocation.nodes(PARAMETERS.nodes))
         self._energy = 0.0
         self._rounding = 0.0  # of the power
 
@@ -123,7 +148,7 @@ class WorkIntegral:
             self._rounding = float(np.abs(moved[0] - whole.slopes[:, 0]).max())
         waiting = [_Panel(-np.inf, t, whole)]
         done: list[_Panel] = []
-        for count in range(1, MOST_PANELS):
+        for count in range(1, PARAMETERS.most_panels):
             if not waiting or waiting[0].error * count <= self._rtol * self._energy:
                 break
             halves = self._halved(heapq.heappop(waiting))
@@ -135,7 +160,7 @@ class WorkIntegral:
                 else:
                     heapq.heappush(waiting, half)
         panels = sorted((*waiting, *done), key=lambda panel: panel.begin)
-        known = max(DOUBT, DOUBTED * self._rtol) * self._energy + self._rounding * h
+        known = max(PARAMETERS.doubt, PARAMETERS.doubted * self._rtol) * self._energy + self._rounding * h
         if sum(panel.error for panel in panels) > known:
             return None
         return _joined([panel.work for panel in panels], start)
@@ -153,11 +178,11 @@ class WorkIntegral:
         powers = np.concatenate([first.slopes, second.slopes])
         largest = float(np.abs(powers).max())
         seen = (
-            TIME_ROUNDOFF * (abs(whole.t) + whole.h) * float(np.ptp(powers))
-            + POWER_ROUNDOFF * whole.h * largest
+            PARAMETERS.time_roundoff * (abs(whole.t) + whole.h) * float(np.ptp(powers))
+            + PARAMETERS.power_roundoff * whole.h * largest
         )
         seen += self._rounding * whole.h
-        is_stalled = error > panel.error / GAIN and error < SMALL * whole.h * largest
+        is_stalled = error > panel.error / PARAMETERS.gain and error < PARAMETERS.small * whole.h * largest
         is_done = error <= seen or is_stalled
         return [(_Panel(-error / 2, half.t, half), is_done) for half in (first, second)]
 

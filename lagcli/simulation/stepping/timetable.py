@@ -22,24 +22,58 @@ from lagcli.expression.intervals import Range
 
 Floats = npt.NDArray[np.float64]
 
-# A piece of time that is looked through at once holds about so many rows; where there is too much to find in it,
-# it is halved, but not more often than this, and the less often the more there is to evaluate.
-ROWS, MOST_HALVINGS = 1024, 14
-# Pieces that are kept for the next run of the same model.
-MOST_CACHED = 16
-# Cells of a piece at a time, and values in all of them.
-MOST_CELLS, MOST_VALUES = 2**12, 2**21
-# A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more of them than RUN:
-# then they stay as they are from this part of the time on.
-RUN, FINE = 16, 2.0**-30
-# Steps keep this many roundings of the time away from a switch, and states stand still across no more than STILL. Near
-# t = 0 the part GRAIN of a piece takes the place of a rounding.
-OFFSET, STILL, GRAIN = 4, 256, 2.0**-62
-# A cell is halved until no function changes by more than this part of its range in it, down to a part of the piece.
-CHANGE, SHORTEST = 0.25, 2.0**-36
-# Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step passes
-# one at most; a pulse goes up and down by two.
-BETWEEN = 0.5
+
+class TimetableParameters:
+    """The fineness in which the time is looked through for switches and stations.
+
+    The tests are of `tests/unit/test_numbers_of_schemes.py`.
+    """
+
+    __slots__ = ()
+
+    rows: int = 1024
+    """Rows of the table in a piece of time that is looked through at once, about.
+    `test_a_piece_of_time_holds_a_thousand_rows` fails at 102 and 10240."""
+    most_halvings: int = 14
+    """How often a piece is halved in which there is too much to find, less often the more there is to evaluate.
+    `test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function` fails at 1 and 140."""
+    most_cached: int = 16
+    """Pieces that are kept for the next run of the same model.
+    `test_sixteen_pieces_are_kept_for_the_next_run` fails at 1 and 160."""
+    most_cells: int = 2**12
+    """Cells of a piece at a time that are halved further.
+    `test_no_more_than_four_thousand_cells_are_halved` fails at 409 and 40960."""
+    most_values: int = 2**21
+    """Values in all cells at a time, each of 16 bytes.
+    `test_no_more_than_two_million_values_are_made_at_once` fails at 2^18 and 2^24."""
+    run: int = 16
+    """A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more than this.
+    `test_cells_in_a_long_row_are_not_halved_below_nine_digits` fails at 1 and 160."""
+    fine: float = 2.0**-30
+    """Then they stay as they are from this part of the time on.
+    `test_cells_in_a_long_row_are_not_halved_below_nine_digits` fails at 2^-33 and 2^-27."""
+    offset: int = 4
+    """Steps keep so many roundings of the time away from a switch.
+    `test_steps_keep_four_roundings_of_the_time_from_a_switch` fails at 0 and 40."""
+    still: int = 256
+    """States stand still across a switch that is known to so many roundings of the time, and across no wider one.
+    `test_states_stand_still_across_a_few_hundred_roundings` fails at 25 and 2560."""
+    grain: float = 2.0**-62
+    """Near t = 0 this part of a piece takes the place of a rounding.
+    `test_near_zero_a_part_of_a_piece_takes_the_place_of_a_rounding` fails at 2^-65 and 2^-59."""
+    change: float = 0.25
+    """A cell is halved until no function changes by more than this part of its range in it.
+    `test_cells_are_halved_until_functions_change_by_a_quarter` fails at 0.025 and 2.5."""
+    shortest: float = 2.0**-36
+    """But not below this part of the piece.
+    `test_cells_of_a_jump_are_halved_thirty_six_times` fails at 2^-39 and 2^-33."""
+    between: float = 0.5
+    """Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step
+    passes one at most; a pulse goes up and down by two.
+    `test_between_stations_functions_change_by_half_their_range` fails at 0.05 and 5."""
+
+
+PARAMETERS = TimetableParameters()
 
 
 class SwitchSpan(NamedTuple):
@@ -68,7 +102,9 @@ class Timetable:
         self._passing = passing
         # A power of 2; one that is no double is longer than any run.
         exponent = (
-            math.ceil(math.log2(ROWS) + math.log2(row_step)) if row_step > 0 else sys.float_info.max_exp
+            math.ceil(math.log2(PARAMETERS.rows) + math.log2(row_step))
+            if row_step > 0
+            else sys.float_info.max_exp
         )
         self._piece = math.ldexp(1.0, exponent) if exponent < sys.float_info.max_exp else math.inf
         # All up to a time is known; pieces from there on that are looked through next, the first last.
@@ -77,7 +113,7 @@ class Timetable:
         self._switches: list[SwitchSpan] = []
         self._stationary_times: list[float] = []
         size = 1 if functions is None else functions.size
-        self._halvings = max(0, MOST_HALVINGS - size.bit_length())
+        self._halvings = max(0, PARAMETERS.most_halvings - size.bit_length())
         is_empty = functions is None or not (functions.switches or functions.oscillations)
         self._is_empty = is_empty or not math.isfinite(self._piece)
 
@@ -111,7 +147,7 @@ class Timetable:
         if i < 0 or self._switches[i].after <= t:
             return None
         before, after = self._switches[i]
-        if after - before > STILL * max(math.ulp(after), GRAIN * self._piece):
+        if after - before > PARAMETERS.still * max(math.ulp(after), PARAMETERS.grain * self._piece):
             return None
         return max(t, before + (after - before) / 2), after
 
@@ -121,7 +157,7 @@ class Timetable:
 
     def _extend(self, t: float, until: float) -> None:
         """Find what is not known yet between two times, as far as the next step from the first may need it."""
-        limit = until + STILL * math.ulp(until)
+        limit = until + PARAMETERS.still * math.ulp(until)
         if self._known > limit:
             return
         # What lies behind is not asked for again.
@@ -146,7 +182,7 @@ class Timetable:
     def _search(self, t: float, low: float, high: float, halvings: int) -> None:
         """Find all between two times that is ahead of t; the first half first where there is too much."""
         assert self._functions is not None
-        begin = max(low, self._start - STILL * math.ulp(self._start))
+        begin = max(low, self._start - PARAMETERS.still * math.ulp(self._start))
         if begin < high and high >= t:
             switches, stations = self._found(begin, high)
             if halvings and (switches is None or stations is None):
@@ -165,9 +201,9 @@ class Timetable:
         cached, span = self._functions.cached, (begin, high)
         found: tuple[list[SwitchSpan] | None, list[float] | None] | None = cached.get((*span, self._piece))
         if found is None:
-            switches = _switches(self._functions, span, GRAIN * self._piece)
+            switches = _switches(self._functions, span, PARAMETERS.grain * self._piece)
             found = switches, _stationary_times(self._functions, self._functions.oscillations, span)
-            if len(cached) < MOST_CACHED:
+            if len(cached) < PARAMETERS.most_cached:
                 cached[*span, self._piece] = found
         return found
 
@@ -188,7 +224,7 @@ def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float)
     left, right = (np.array([x]) for x in span)
     coarse: list[tuple[float, float]] = []
     while True:
-        if left.size * functions.size > MOST_VALUES:
+        if left.size * functions.size > PARAMETERS.most_values:
             return None
         values = functions.values((left, right), functions.switches)
         enforced = np.zeros(left.size, dtype=bool)
@@ -200,12 +236,12 @@ def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float)
         whole = (right - left <= grain) | (right <= np.nextafter(left, np.inf))
         if whole.all():
             break
-        fine = right - left <= FINE * np.maximum(np.abs(left), np.abs(right))
+        fine = right - left <= PARAMETERS.fine * np.maximum(np.abs(left), np.abs(right))
         if fine.any():
             crowded = _crowded(left, right) & fine
             coarse += zip(left[crowded].tolist(), right[crowded].tolist(), strict=True)
             left, right, whole = left[~crowded], right[~crowded], whole[~crowded]
-        if left.size > MOST_CELLS:
+        if left.size > PARAMETERS.most_cells:
             return None
         left, right = _halved(left, right, ~whole)
     found = _joined([*zip(left.tolist(), right.tolist(), strict=True)], grain)
@@ -222,18 +258,18 @@ def _halved(left: Floats, right: Floats, which: npt.NDArray[np.bool_]) -> tuple[
 
 
 def _crowded(left: Floats, right: Floats) -> npt.NDArray[np.bool_]:
-    """True for cells in a row of more than `RUN` without a gap."""
+    """True for cells in a row of more than `PARAMETERS.run` without a gap."""
     if not left.size:
         return np.zeros(0, dtype=bool)
     numbers = np.cumsum(np.concatenate([[0], left[1:] > right[:-1]]))
-    return np.asarray(np.bincount(numbers)[numbers] > RUN)
+    return np.asarray(np.bincount(numbers)[numbers] > PARAMETERS.run)
 
 
 def _joined(cells: list[tuple[float, float]] | list[SwitchSpan], grain: float) -> list[SwitchSpan]:
     """Cells as switches, with some roundings aside; those that nearly touch as one."""
     found: list[SwitchSpan] = []
     for a, b in sorted(cells):
-        offset = OFFSET * max(math.ulp(max(abs(a), abs(b))), grain) if grain else 0.0
+        offset = PARAMETERS.offset * max(math.ulp(max(abs(a), abs(b))), grain) if grain else 0.0
         if found and a - 4 * offset <= found[-1].after:
             found[-1] = SwitchSpan(found[-1].before, max(found[-1].after, b + offset))
         else:
@@ -256,16 +292,16 @@ def _stationary_times(
     everything = np.array([-np.inf]), np.array([np.inf])
     whole = functions.values(everything, oscillations)
     left, right = (np.array([x]) for x in span)
-    shortest = SHORTEST * (span[1] - span[0])
+    shortest = PARAMETERS.shortest * (span[1] - span[0])
     while True:
         values = functions.values((left, right), oscillations)
         change = np.zeros(left.size)
         for bound, value in zip(whole, values, strict=True):
             change = np.maximum(change, _change(bound, value))
-        split = (change > CHANGE) & (right - left > shortest)
+        split = (change > PARAMETERS.change) & (right - left > shortest)
         if not split.any():
             break
-        if left.size > MOST_CELLS or 2 * left.size * functions.size > MOST_VALUES:
+        if left.size > PARAMETERS.most_cells or 2 * left.size * functions.size > PARAMETERS.most_values:
             return None
         left, right = _halved(left, right, split)
     return _spaced(right, np.minimum(change, 1.0))
@@ -285,14 +321,14 @@ def _change(bound: Range, value: Range) -> Floats:
 
 
 def _spaced(ends: Floats, change: Floats) -> list[float]:
-    """Ends of cells such that functions change by `BETWEEN` at most from one to the next, or within one cell."""
+    """Ends of cells such that functions change by `between` at most from one to the next, or within one cell."""
     found: list[float] = []
     total = 0.0
     for end, part in zip(ends.tolist(), change.tolist(), strict=True):
         total += part
-        if total > BETWEEN:
+        if total > PARAMETERS.between:
             found.append(end)
             total = 0.0
-    if total > 2 * CHANGE and (not found or found[-1] < ends[-1]):
+    if total > 2 * PARAMETERS.change and (not found or found[-1] < ends[-1]):
         found.append(float(ends[-1]))
     return found
