@@ -17,7 +17,8 @@ from lagcli.frozen import frozen_value
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial, projection
-from lagcli.start.configuration_search import FEW, MANY, ConfigurationResult, Search, tangential
+from lagcli.start.configuration_search import PARAMETERS as SEARCH
+from lagcli.start.configuration_search import ConfigurationResult, Search, tangential
 from lagcli.start.initial import Residuals, State
 
 Floats = npt.NDArray[np.float64]
@@ -195,9 +196,9 @@ def _neighbours(search: Search) -> list[Floats]:
     count = int((~search.fixed).sum())
     most = (
         PARAMETERS.starts_of_few
-        if count <= FEW
+        if count <= SEARCH.few
         else PARAMETERS.starts_of_more
-        if count <= MANY
+        if count <= SEARCH.many
         else PARAMETERS.starts_of_many
     )
     starts = list(search.neighbours(search.state.q, range(search.system.holonomic_count)))
@@ -285,7 +286,7 @@ def _is_clearly_nearest(search: Search, q: Floats) -> bool:
     moved = search.full_metric.length(q - q0)
     if moved == 0.0:
         return True
-    many = q.size > MANY
+    many = q.size > SEARCH.many
     if moved > (PARAMETERS.near_of_many if many else PARAMETERS.near) * search.full_metric.length(
         np.where(search.fixed, 0.0, size)
     ):

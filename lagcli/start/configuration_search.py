@@ -30,12 +30,40 @@ Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.intp]
 
-# How far aside other starts lie, as parts of the size of what is sought, and how many of each there are: fewer of
-# many coordinates, whose searches take longer.
-OFFSETS = (0.01, 0.1, 0.3, 1.0, 3.0)
-FEW, MANY = 60, 400
-EACH_OF_FEW, EACH_OF_MORE, EACH_OF_MANY = 4, 2, 1
-IPOPT_EACH = 5
+
+class ConfigurationSearchParameters:
+    """Starts from which a configuration is searched: their number, and how far aside they lie.
+
+    The tests are of `tests/unit/test_numbers_of_other_starts.py`.
+    """
+
+    __slots__ = ()
+
+    offsets: tuple[float, ...] = (0.01, 0.1, 0.3, 1.0, 3.0)
+    """Other starts lie aside by these parts of the size of what is sought, the near ones first.
+    `test_other_starts_lie_aside_by_a_hundredth_to_three_times_the_size` fails for a tenth and ten times of them."""
+    few: int = 60
+    """Coordinates up to which a search takes no time: there are most starts.
+    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 6 and 600."""
+    many: int = 400
+    """Coordinates from which on a search takes seconds, and every other offset is left out.
+    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 40 and 4000."""
+    each_of_few: int = 4
+    """Starts of each offset of few coordinates.
+    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 40."""
+    each_of_more: int = 2
+    """Starts of each offset of more coordinates.
+    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 20."""
+    each_of_many: int = 1
+    """Starts of each offset of many coordinates.
+    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 10."""
+    ipopt_each: int = 5
+    """Every so manieth start is given to IPOPT too, which takes longer and goes round long bends.
+    `test_every_fifth_start_is_given_to_ipopt` fails at 50."""
+
+
+PARAMETERS = ConfigurationSearchParameters()
+# Other starts are the same ones for the same question.
 SEED = 20061
 
 
@@ -104,9 +132,15 @@ class Search:
         random = np.random.default_rng(SEED)
         touched = self.touched(rows)
         count = int(touched.sum())
-        each = EACH_OF_FEW if count <= FEW else EACH_OF_MORE if count <= MANY else EACH_OF_MANY
+        each = (
+            PARAMETERS.each_of_few
+            if count <= PARAMETERS.few
+            else PARAMETERS.each_of_more
+            if count <= PARAMETERS.many
+            else PARAMETERS.each_of_many
+        )
         size = self.size(q, touched)
-        for part in OFFSETS if count <= MANY else OFFSETS[::2]:
+        for part in PARAMETERS.offsets if count <= PARAMETERS.many else PARAMETERS.offsets[::2]:
             for _ in range(each):
                 yield q + np.where(touched, part * size, 0.0) * random.standard_normal(q.size)
 
@@ -118,7 +152,7 @@ class Search:
             if number and not best.is_on:
                 best, starts = _better(best, surface.descend(begin)), starts + 1
             # Round long bends IPOPT goes in fewer steps.
-            if not best.is_on and (number < len(begins) or number % IPOPT_EACH == 0):
+            if not best.is_on and (number < len(begins) or number % PARAMETERS.ipopt_each == 0):
                 found, asked = self.optimum(rows, begin, begins[0]), asked + 1
                 if found is not None:
                     best = _better(best, surface.descend(found))

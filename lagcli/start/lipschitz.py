@@ -24,14 +24,36 @@ _WORDS = re.compile(
     r"\*\*(?!\s*[-+]?\d+(?![\w.]))|\b(sqrt|abs|norm|distance|sign|min|max|asin|acos|atan2|atan|log)\s*\("
 )
 
-# Distances from the start, as parts of its size, over which slopes are compared: where they grow by GROWS each time the
-# distance shrinks by a hundred, they have no bound. Those of |x|^a grow by 100^(1 - a): up to a = 0.94 it shows
-# (`test_slopes_that_grow_without_bound_are_warned_of` fails at 1.05 and 2).
-DISTANCES, GROWS = (1e-6, 1e-8, 1e-10, 1e-12), 1.3
-# A function that is smooth over WIDE of the size gives the scale; a change below ROUNDED of it may be rounding.
-WIDE, ROUNDED = 1e-2, 1e-9
-# Directions in which it is looked; one is enough where there are many entries, and saves seconds.
-DIRECTIONS, MANY = 3, 100_000
+
+class LipschitzParameters:
+    """Distances over which slopes are compared that may have no bound; parts are of the size of the start.
+
+    The tests are of `tests/unit/test_numbers_of_other_starts.py` and `tests/unit/test_start_thresholds.py`.
+    """
+
+    __slots__ = ()
+
+    distances: tuple[float, ...] = (1e-6, 1e-8, 1e-10, 1e-12)
+    """Distances from the start over which slopes are compared, each a hundredth of the one before.
+    `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails for a tenth and ten times of them."""
+    grows: float = 1.3
+    """Slopes that grow by this each time the distance shrinks by a hundred have no bound. Those of |x|^a grow by
+    100^(1 - a): up to a = 0.94 it shows. `test_slopes_that_grow_without_bound_are_warned_of` fails at 0.13 and 13."""
+    wide: float = 1e-2
+    """A function that is smooth over this distance gives the scale of its changes.
+    `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails at 1e-3 and 0.1."""
+    rounded: float = 1e-9
+    """A change below this part of the scale may be rounding.
+    `test_a_change_below_nine_digits_may_be_rounding` fails at 1e-10 and 1e-8."""
+    directions: int = 3
+    """Directions in which it is looked, there and back.
+    `test_of_many_entries_slopes_are_looked_at_in_one_direction` fails at 0 and 30."""
+    many: int = 100_000
+    """Entries from which on one direction is enough, which saves seconds.
+    `test_of_many_entries_slopes_are_looked_at_in_one_direction` fails at 10000 and 1000000."""
+
+
+PARAMETERS = LipschitzParameters()
 
 
 def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diagnostics.Diagnostic, ...]:
@@ -42,7 +64,7 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     size = initial.size(state.q)
     speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
     entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
-    count = DIRECTIONS if entries < MANY else 1
+    count = PARAMETERS.directions if entries < PARAMETERS.many else 1
     ways = list(generic_direction.direction(count * 2 * n, 0).reshape(count, 2 * n))
     if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
         return ()
@@ -51,17 +73,17 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     for way in ways:
         for side in (1.0, -1.0):
             # All distances at once: most of the time of a call goes by before and after it.
-            steps = side * np.multiply.outer(way, (WIDE, *DISTANCES))
+            steps = side * np.multiply.outer(way, (PARAMETERS.wide, *PARAMETERS.distances))
             q, v = state.q[:, None] + size * steps[:n], state.v[:, None] + speed * steps[n:]
             changes = np.abs(_values(numeric, state, q, v) - here)
             with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
                 scale = np.fmax(scale, changes[0])
-                slopes = changes[1:] / np.array(DISTANCES)[:, None]
+                slopes = changes[1:] / np.array(PARAMETERS.distances)[:, None]
                 ratios = slopes[1:] / slopes[:-1]
-                is_rounding = changes[2:] <= ROUNDED * scale
+                is_rounding = changes[2:] <= PARAMETERS.rounded * scale
                 # The shortest distance alone may be one over which no change is seen.
-                growing |= ((ratios > GROWS) & ~is_rounding)[:-1].all(axis=0) & (
-                    (ratios[-1] > GROWS) | is_rounding[-1]
+                growing |= ((ratios > PARAMETERS.grows) & ~is_rounding)[:-1].all(axis=0) & (
+                    (ratios[-1] > PARAMETERS.grows) | is_rounding[-1]
                 )
     found = np.flatnonzero(growing)
     return (_warning(system, numeric, int(found[0])),) if found.size else ()
@@ -85,14 +107,14 @@ def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
             call.trigger()
         return np.concatenate([part for call in calls for part in call.results])
 
-    long, short = DISTANCES[:2]
+    long, short = PARAMETERS.distances[:2]
     here = values(0.0, ways[0])
-    floor = ROUNDED * np.abs(here)
+    floor = PARAMETERS.rounded * np.abs(here)
     with np.errstate(invalid="ignore", over="ignore"):
         for way in ways:
             for side in (1.0, -1.0):
                 far, near = (np.abs(values(side * distance, way) - here) for distance in (long, short))
-                if ((near * (long / short) > GROWS * far) & ~(near <= floor)).any():
+                if ((near * (long / short) > PARAMETERS.grows * far) & ~(near <= floor)).any():
                     return True
     return False
 

@@ -13,18 +13,33 @@ from lagcli.linear.metric_rows import Sparse
 
 Floats = npt.NDArray[np.float64]
 
-# Coordinates of a motion that are named, and the part of the largest from which on one belongs to the motion
-# (`test_a_coordinate_belongs_to_a_motion_from_a_millionth` fails at 1e-7 and 1e-5).
-MOST_NAMED, SEEN = 4, 1e-6
 
-# The part of an inertia at the start below which it is reported that it has fallen
-# (`test_an_inertia_has_fallen_below_a_thousandth` fails at 1e-4 and 1e-2), and the most coordinates of which it is
-# asked: it takes eigenvalues.
-FALLEN, MOST_ASKED = 1e-3, 300
+class SingularInertiaParameters:
+    """Bounds of an inertia that is none, and of what is said of it; parts are of no unit.
 
-# A least eigenvalue that is below zero by this part of the largest is negative, and not zero to rounding
-# (`test_an_inertia_is_negative_beyond_rounding` fails at 1e-11 and 1e-6).
-NEGATIVE = 1e-9
+    The tests are of `tests/unit/test_start_thresholds.py` and `tests/unit/test_numbers_of_other_starts.py`.
+    """
+
+    __slots__ = ()
+
+    most_named: int = 4
+    """Coordinates of a motion that are named, so that a sentence stays one.
+    `test_four_coordinates_of_a_motion_are_named` fails at 0 and 40."""
+    seen: float = 1e-6
+    """The part of the largest from which on a coordinate belongs to a motion.
+    `test_a_coordinate_belongs_to_a_motion_from_a_millionth` fails at 1e-8 and 1e-4."""
+    fallen: float = 1e-3
+    """The part of an inertia at the start below which it is reported that it has fallen.
+    `test_an_inertia_has_fallen_below_a_thousandth` fails at 1e-4 and 1e-2."""
+    most_asked: int = 300
+    """Coordinates of which this is asked: it takes eigenvalues.
+    `test_the_inertia_of_three_hundred_coordinates_is_compared` fails at 30 and 3000."""
+    negative: float = 1e-9
+    """A least eigenvalue that is below zero by this part of the largest is negative, and not zero to rounding.
+    `test_an_inertia_is_negative_beyond_rounding` fails at 1e-11 and 1e-6."""
+
+
+PARAMETERS = SingularInertiaParameters()
 
 _SINGULAR_HINT = (
     "start away from a singular configuration (the centre of polar, the pole of spherical coordinates)"
@@ -74,7 +89,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
     motion = scale * vectors[:, 0]
     along = int(np.argmax(np.abs(vectors[:, 0])))
     shown = _motion(motion, names)
-    if values[0] > -NEGATIVE * values[-1]:
+    if values[0] > -PARAMETERS.negative * values[-1]:
         message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
         hint = (
             "leave out a coordinate that describes the same motion as others (where a constraint fixes it, insert"
@@ -94,7 +109,7 @@ def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
 
     `before` is positive definite. The least v^T M v / v^T M_before v is asked for, which no units change.
     """
-    if M.shape[0] > MOST_ASKED:
+    if M.shape[0] > PARAMETERS.most_asked:
         return ""
     old, new = np.array(before), np.array(M)
     if not np.isfinite(new).all() or (old == new).all():
@@ -102,7 +117,7 @@ def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
     scale = 1.0 / np.sqrt(np.diag(old))
     inverse = np.linalg.inv(np.linalg.cholesky(old * np.outer(scale, scale)))
     values, vectors = np.linalg.eigh(inverse @ (new * np.outer(scale, scale)) @ inverse.T)
-    if values[0] >= FALLEN:
+    if values[0] >= PARAMETERS.fallen:
         return ""
     motion = _motion(scale * (inverse.T @ vectors[:, 0]), names)
     part = f"{values[0]:.2g} times that at the start"
@@ -113,8 +128,8 @@ def _motion(motion: Floats, names: Sequence[str]) -> str:
     """A motion as its rates, the largest 1 in size: `rate(x) = 1, rate(y) = -1`."""
     largest = np.abs(motion).max()
     part = motion / motion[int(np.argmax(np.abs(motion) > 0.999 * largest))]
-    moved = np.flatnonzero(np.abs(part) > SEEN).tolist()
-    named = [f"{_rate(names[i])} = {part[i]:.4g}" for i in moved[:MOST_NAMED]]
+    moved = np.flatnonzero(np.abs(part) > PARAMETERS.seen).tolist()
+    named = [f"{_rate(names[i])} = {part[i]:.4g}" for i in moved[: PARAMETERS.most_named]]
     more = len(moved) - len(named)
     return f"({', '.join(named)}{f' and {more} more' if more else ''})"
 

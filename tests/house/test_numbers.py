@@ -41,8 +41,8 @@ LOOSE = {
     "model": 5,
     "output": 154,
     "pfaffian": 64,
-    "simulation": 97,
-    "start": 18,
+    "simulation": 98,
+    "start": 1,
     "statics": 9,
 }
 
