@@ -11,8 +11,6 @@ from lagcli.model.model import Simulation
 
 # A last interval shorter than this part of the step is rounding, and no interval.
 GRID_ROUNDOFF = 1e-9
-# Nor is one of so many roundings of the time, which is more than that for fine rows at a late time.
-IN_TIME = 4.0
 # Where t stands in a function together with coordinates, nothing is known beforehand, and there are as many witnesses
 # for each row.
 MORE = 4
@@ -43,8 +41,11 @@ class Grid:
         return self.first(math.nextafter(t + GRID_ROUNDOFF * self.step, math.inf))
 
     def is_rounding(self, interval: float, t: float) -> bool:
-        """True if an interval that ends at the time t, as the table shows it, is rounding, and no interval."""
-        return interval <= max(GRID_ROUNDOFF * self.step, IN_TIME * math.ulp(t))
+        """True if an interval that ends at the time t, as the table shows it, is rounding, and no interval.
+
+        That of the time is more than `GRID_ROUNDOFF` for fine rows at a late time.
+        """
+        return interval <= max(GRID_ROUNDOFF * self.step, math.ulp(t))
 
     def first(self, t: float) -> int:
         """The first row at t or after it; `count` where there is none."""
