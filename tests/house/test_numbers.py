@@ -41,7 +41,7 @@ LOOSE = {
     "model": 5,
     "output": 154,
     "pfaffian": 64,
-    "simulation": 98,
+    "simulation": 94,
     "start": 1,
     "statics": 9,
 }

@@ -29,18 +29,35 @@ from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
 
-# Rows that are this close to dependent ones where a run stops are the reason, where they will be so within this part
-# of the run.
-DEPENDENT, SOON = 1e-2, 1e-4
-# An incident within this part of the run before is reported: a step across must begin some way off.
-BEHIND = 1e-2
-# Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so much
-# that a step may not reach its tolerance: masses differ by 1e8.
-WEIGHED = 1e-4
-# At three times the distance from a pole of this order rates are this part of what they are. Weaker ones change
-# velocities by nothing that counts in a few roundings of the time.
-ORDER = 0.25
-GROWN = 3.0**-ORDER
+# A singular configuration is the reason of a stop where one is predicted within this part of the run.
+SOON = 1e-4
+
+
+class StopParameters:
+    """Bounds of what is reported as the reason of a stop; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_stops.py`.
+    """
+
+    __slots__ = ()
+
+    dependent: float = 1e-2
+    """Rows that are this close to dependent ones where a run stops are the reason.
+    `test_rows_that_are_dependent_to_a_hundredth_are_the_reason_of_a_stop` fails at 1e-3 and 0.1."""
+    behind: float = 1e-2
+    """An incident within this part of the run before is reported: a step across must begin some way off.
+    `test_an_incident_within_a_hundredth_of_the_run_before_is_reported` fails at 1e-3 and 0.1."""
+    weighed: float = 1e-4
+    """Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so
+    much that a step may not reach its tolerance: masses differ by 1e8.
+    `test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on` fails at 1e-5 and 1e-3."""
+    order: float = 0.25
+    """At three times the distance from a pole of this order rates are 3^-order of what they are. Weaker ones change
+    velocities by nothing that counts in a few roundings of the time.
+    `test_a_pole_is_of_the_order_of_a_quarter_at_least` fails at 0.025 and 2.5."""
+
+
+PARAMETERS = StopParameters()
 
 BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
 START_NOT_FINITE = "the accelerations are not finite at the start"
@@ -69,13 +86,13 @@ class Rejection(NamedTuple):
 def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float) -> StepFailure:
     """The failure where no step can be taken; residual: that of a step that was projected."""
     system, numeric, here = enforced.system, enforced.functions.numeric, tried.here
-    is_near, is_alone = tried.rank_margin < DEPENDENT, tried.is_alone
+    is_near, is_alone = tried.rank_margin < PARAMETERS.dependent, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
     if is_near and tried.is_soon and apart is None:
         reported = _named(system, singular_point.closest(numeric, here, is_alone))
         what = f"the gradient of {reported} vanishes" if is_alone else f"the rows {reported} become dependent"
         run, last = system.model.simulation, tried.last
-        is_behind = run.start < last and here.t - last < BEHIND * run.duration
+        is_behind = run.start < last and here.t - last < PARAMETERS.behind * run.duration
         behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
         return StepFailure(
             f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
@@ -96,7 +113,7 @@ def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float
             " the edge round, as `sqrt(x**2 + w**2)` in place of `abs(x)`)",
             CONTACT,
         )
-    if apart is not None and tried.rank_margin < WEIGHED:
+    if apart is not None and tried.rank_margin < PARAMETERS.weighed:
         reported = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
         return StepFailure(f"{BELOW_ROUNDING}: {reported}", TOO_SMALL)
     if not math.isfinite(tried.error) or not math.isfinite(tried.residual):
@@ -168,7 +185,7 @@ def is_pole(rates: Sequence[Floats]) -> bool:
     far away."""
     n = rates[0].size // 2
     sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
-    return all(0.0 < far <= GROWN * near for near, far in itertools.pairwise(sizes))
+    return all(0.0 < far <= 3.0**-PARAMETERS.order * near for near, far in itertools.pairwise(sizes))
 
 
 def impulse(reported: str) -> StepFailure:

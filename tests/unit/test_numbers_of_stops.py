@@ -1,0 +1,59 @@
+"""The numbers that the reason of a stop is judged by: on either side another answer."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lagcli.simulation.closed_contacts import contact_gradient
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.stepping import stop_diagnosis
+from lagcli.start.initial import State
+
+NOTHING = np.zeros(0)
+
+
+@pytest.fixture
+def failure(monkeypatch):
+    """The failure of a run of one second where rows are so close to dependent ones."""
+    monkeypatch.setattr(stop_diagnosis.singular_point, "closest", lambda *_: (0,))
+    monkeypatch.setattr(stop_diagnosis.singular_point, "apart", lambda *_: 1e9)
+    monkeypatch.setattr(stop_diagnosis, "_named", lambda *_: "`row`")
+    monkeypatch.setattr(stop_diagnosis, "_jump", lambda *_: "")
+    monkeypatch.setattr(stop_diagnosis.named_functions, "switching_contacts", lambda model: ())
+    monkeypatch.setattr(stop_diagnosis.stop_reasons, "time_scale", lambda *_: 1.0)
+    monkeypatch.setattr(contact_gradient, "edges", lambda *_: ())
+    simulation = SimpleNamespace(start=0.0, duration=1.0)
+    system = SimpleNamespace(model=SimpleNamespace(simulation=simulation))
+    enforced = SimpleNamespace(system=system, functions=SimpleNamespace(numeric=None))
+
+    def found(rank_margin, is_alone, since=0.5):
+        here = State(0.5, NOTHING, NOTHING, NOTHING)
+        tried = stop_diagnosis.Rejection(
+            math.nan, 0.0, here, here, rank_margin, is_alone, is_soon=True, last=here.t - since
+        )
+        return stop_diagnosis.no_step(enforced, tried, 1e-9)
+
+    return found
+
+
+@pytest.mark.parametrize(("margin", "is_reason"), [(3e-3, True), (3e-2, False)])
+def test_rows_that_are_dependent_to_a_hundredth_are_the_reason_of_a_stop(margin, is_reason, failure):
+    assert (failure(margin, is_alone=True).code == run_stop.SINGULAR) is is_reason
+
+
+@pytest.mark.parametrize(("since", "is_reported"), [(3e-3, True), (3e-2, False)])
+def test_an_incident_within_a_hundredth_of_the_run_before_is_reported(since, is_reported, failure):
+    assert ("too close behind the incident" in str(failure(1e-3, True, since))) is is_reported
+
+
+@pytest.mark.parametrize(("margin", "is_reason"), [(3e-5, True), (3e-4, False)])
+def test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on(margin, is_reason, failure):
+    assert ("inertias that differ" in str(failure(margin, is_alone=False))) is is_reason
+
+
+@pytest.mark.parametrize(("order", "is_pole"), [(0.3, True), (0.2, False)])
+def test_a_pole_is_of_the_order_of_a_quarter_at_least(order, is_pole):
+    rates = [np.array([0.0, far**-order, 0.0]) for far in (1.0, 3.0, 9.0)]
+    assert stop_diagnosis.is_pole(rates) is is_pole
