@@ -70,7 +70,7 @@ def test_a_coordinate_belongs_to_a_motion_from_a_millionth(part: float, named: b
     assert ("rate(y)" in singular_inertia.indefinite(M, ["x", "y"]).message) is named
 
 
-@pytest.mark.parametrize(("below", "said"), [(1e-10, "singular"), (1e-7, "negative")])
+@pytest.mark.parametrize(("below", "said"), [(1.2e-9, "singular"), (1.2e-8, "negative")])
 def test_an_inertia_is_negative_beyond_rounding(below: float, said: str) -> None:
     M = np.array([[1.0, 1.0], [1.0, 1.0 - below]])
     assert said in singular_inertia.indefinite(M, ["x", "y"]).message
