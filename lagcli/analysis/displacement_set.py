@@ -22,6 +22,7 @@ import numpy.typing as npt
 from lagcli.analysis import internal_forces
 from lagcli.analysis.internal_forces import Internal
 from lagcli.compiled import NumericSystem
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
@@ -143,7 +144,7 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
     """The displacements at a state whose configuration satisfies the rows; its velocities enter forces alone."""
     found = _bases(numeric, state)
     s, model = system.symbols, system.model
-    J = ca.Function("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])
+    J = SizedFunction("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])
     slope, drift = (np.array(part) for part in J(state.t, state.q, state.p[: s.p.numel()]))
     count = len(model.particle_names)
     B, b = numeric.rows(state.t, state.q, state.v, state.p)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, column, taken
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import tree
@@ -134,8 +135,8 @@ class _Laws:
                 self._on_particles(force, 1, force.force, frozenset(range(force.action.targets.size)))
         inputs = [s.t, s.q, s.v, s.p, self._free]
         values = ca.densify(ca.vertcat(ca.SX(0, 1), *self._forces))
-        self._function = ca.Function("laws", inputs, [self._r, values])
-        self._true = ca.Function("true", [s.t, s.q, s.v, system.p], [system.r, system.r_dot])
+        self._function = SizedFunction("laws", inputs, [self._r, values])
+        self._true = SizedFunction("true", [s.t, s.q, s.v, system.p], [system.r, system.r_dot])
 
     def states(self, state: State) -> Iterator[tuple[Floats, Floats]]:
         """Positions (N, 3) and all forces, at a state and at others around it where they are finite."""

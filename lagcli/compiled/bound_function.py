@@ -64,6 +64,8 @@ class BoundFunction:
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
         taken, made = _layout(function)
+        # Of an argument that is left out CasADi makes zeros.
+        assert len(self.arguments) == len(taken), (function.name(), len(self.arguments), len(taken))
         for i, array in enumerate(arguments):
             assert array.dtype == np.float64, (function.name(), i)
             assert array.size == taken[i], (function.name(), i)
@@ -74,6 +76,7 @@ class BoundFunction:
             if is_sparse:
                 shape = (entries, 1)
             array = given[i] if i < len(given) else np.zeros(shape if shape[1] > 1 else shape[0], order="F")
+            assert array.size == shape[0] * shape[1], (function.name(), i)
             self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
             self.results.append(array)
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
 from lagcli.equations import operation_graph
+from lagcli.equations.sized_function import SizedFunction
 
 EPS = float(np.finfo(float).eps)
 LARGEST = float(np.finfo(float).max)
@@ -95,7 +96,7 @@ def function(parts: Parts) -> ca.Function:
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
     columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull]
     packed = ca.densify(ca.vertcat(*columns, entries, size, speed))[order(G.sparsity()).tolist()]
-    return ca.Function("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
+    return SizedFunction("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
 
 
 def floors(parts: Parts) -> ca.Function:
@@ -107,7 +108,7 @@ def floors(parts: Parts) -> ca.Function:
     given: list[Known] = list(zip(below, above, strict=True))
 
     own, entries = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p)), parts.contacts.g.numel()
-    function = ca.Function("gaps", own, [ca.densify(parts.contacts.g)])
+    function = SizedFunction("gaps", own, [ca.densify(parts.contacts.g)])
     spans: dict[int, Known] = {}
     found = [ca.SX(-1)] * entries
     for op, operands, result, constant in operation_graph.instructions(function):
@@ -120,7 +121,7 @@ def floors(parts: Parts) -> ca.Function:
             spans[result[0]] = (ca.SX(constant),) * 2
         else:
             spans[result[0]] = _of(op, [spans[index] for index in operands])
-    return ca.Function("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
+    return SizedFunction("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
 
 
 def _scalars(column: ca.SX) -> list[ca.SX]:

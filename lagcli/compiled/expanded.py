@@ -10,6 +10,7 @@ import casadi as ca
 from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
 from lagcli.compiled.parts import Parts
+from lagcli.equations.sized_function import SizedFunction
 
 
 class Expanded:
@@ -22,7 +23,7 @@ class Expanded:
     def rhs(self) -> ca.Function:
         """rhs(t, y, p) -> y'."""
         a, lam = _acceleration(self._parts, self._parts.inertia, self._schur)
-        return ca.Function("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
+        return SizedFunction("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
 
     @cached_property
     def stage(self) -> ca.Function:
@@ -30,7 +31,7 @@ class Expanded:
         parts = self._parts
         a, lam = _acceleration(parts, parts.inertia, self._schur)
         outputs = [shared.state_rate(parts, a, lam), shared.rank_margin(parts, self._watched[1])]
-        return ca.Function("stage", parts.inputs, outputs)
+        return SizedFunction("stage", parts.inputs, outputs)
 
     @cached_property
     def position(self) -> ca.Function:
@@ -41,10 +42,10 @@ class Expanded:
         parts = self._parts
         y, n = parts.y, parts.v.numel()
         if parts.enforced.numel() == 0:
-            return ca.Function("position", parts.inputs, [y])
+            return SizedFunction("position", parts.inputs, [y])
         schur = self._schur if parts.S_enforced is parts.S else solvers.solver(parts.S_enforced)
         q = y[:n] - parts.inertia(parts.B_enforced.T @ schur(parts.enforced))
-        return ca.Function("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
+        return SizedFunction("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
 
     @cached_property
     def projection(self) -> ca.Function:
@@ -56,12 +57,12 @@ class Expanded:
         parts, (there, *results) = self._parts, self._projected
         sizes = shared.sizes(parts, there.v, there.h, there.M)
         status = shared.status(parts, self._watched[1], there.v, sizes)
-        return ca.Function("projection", parts.inputs, [*results, status, sizes.packed])
+        return SizedFunction("projection", parts.inputs, [*results, status, sizes.packed])
 
     @cached_property
     def projected(self) -> ca.Function:
         """projected(t, y, p) -> the results of `project` but the first, all that a row of the table needs."""
-        return ca.Function("projected", self._parts.inputs, list(self._projected[1:]))
+        return SizedFunction("projected", self._parts.inputs, list(self._projected[1:]))
 
     @cached_property
     def _projected(self) -> tuple[Parts, ca.SX, ca.SX, ca.SX]:
@@ -92,7 +93,7 @@ class Expanded:
         )
         x = parts.inertia(f + parts.reaction(lam))
         inputs = [parts.t, parts.y[: f.numel()], parts.v, parts.p, f]
-        return ca.Function("response", inputs, [ca.densify(x), lam, shared.responded(parts, f, free, x)])
+        return SizedFunction("response", inputs, [ca.densify(x), lam, shared.responded(parts, f, free, x)])
 
     @cached_property
     def _watched(self) -> tuple[solvers.Solve, ca.SX | float]:

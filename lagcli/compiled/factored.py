@@ -14,6 +14,7 @@ import numpy as np
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
+from lagcli.equations.sized_function import SizedFunction
 
 SOLVER = "ldl"
 # A fixed one: the numbers must not change from run to run.
@@ -31,7 +32,7 @@ class Factored:
         """rhs(t, y, p) -> y'."""
         inputs = self._inputs()
         rate, _ = self._acceleration(*inputs)
-        return ca.Function("rhs", inputs, [rate])
+        return SizedFunction("rhs", inputs, [rate])
 
     @cached_property
     def position(self) -> ca.Function:
@@ -39,14 +40,14 @@ class Factored:
         parts = self._parts
         y, n = parts.y, parts.v.numel()
         if parts.enforced.numel() == 0:
-            return ca.Function("position", parts.inputs, [y])
+            return SizedFunction("position", parts.inputs, [y])
         mu = ca.SX.sym("mu", parts.enforced.numel())
         factors = parts.B_enforced, parts.inertia(parts.B_enforced.T)
-        before = ca.Function("before", parts.inputs, [*factors, parts.enforced])
+        before = SizedFunction("before", parts.inputs, [*factors, parts.enforced])
         moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_enforced.T @ mu), y[n:]))
-        after = ca.Function("after", [*parts.inputs, mu], [moved])
+        after = SizedFunction("after", [*parts.inputs, mu], [moved])
         inputs = self._inputs()
-        return ca.Function("position", inputs, [after(*inputs, _solved(before, inputs))])
+        return SizedFunction("position", inputs, [after(*inputs, _solved(before, inputs))])
 
     @cached_property
     def projection(self) -> ca.Function:
@@ -63,14 +64,14 @@ class Factored:
         t, _, p = inputs
         sizes = shared.sizes(parts, parts.v, parts.h, parts.M)
         status = shared.status(parts, 1 / ca.norm_2(lengths * x), parts.v, sizes)
-        evaluated = ca.Function("status", [*parts.inputs, x], [status, sizes.packed])
-        return ca.Function("projection", inputs, [*results, *evaluated(t, results[0], p, found[:, 1])])
+        evaluated = SizedFunction("status", [*parts.inputs, x], [status, sizes.packed])
+        return SizedFunction("projection", inputs, [*results, *evaluated(t, results[0], p, found[:, 1])])
 
     @cached_property
     def projected(self) -> ca.Function:
         """projected(t, y, p) -> the results of `project` but the first, all that a row of the table needs."""
         inputs, results, _ = self._projected()
-        return ca.Function("projected", inputs, results)
+        return SizedFunction("projected", inputs, results)
 
     def _projected(self, *more: ca.SX) -> tuple[list[ca.MX], list[ca.MX], ca.MX]:
         """(t, y, p); y with velocity on B v + b = 0, y' and lambda; what S is solved for, and more columns of it."""
@@ -78,9 +79,9 @@ class Factored:
         y, v, n = parts.y, parts.v, parts.v.numel()
         mu = ca.SX.sym("mu", len(parts.selection.independent))
         rights = ca.horzcat(ca.densify(parts.B_independent @ v + parts.b_independent), *more)
-        before = ca.Function("before", parts.inputs, [*self._factors, rights])
+        before = SizedFunction("before", parts.inputs, [*self._factors, rights])
         projected = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_independent.T @ mu), y[2 * n]))
-        after = ca.Function("after", [*parts.inputs, mu], [projected])
+        after = SizedFunction("after", [*parts.inputs, mu], [projected])
         t, _, p = inputs = self._inputs()
         found = _solved(before, inputs)
         there = after(*inputs, found[:, 0])
@@ -93,15 +94,15 @@ class Factored:
         f = ca.SX.sym("f", parts.v.numel())
         lam = ca.SX.sym("lam", len(parts.selection.independent))
         free, point = parts.inertia(f), [parts.t, parts.y[: f.numel()], parts.v, parts.p]
-        before = ca.Function(
+        before = SizedFunction(
             "before", [*point, f], [*self._factors, ca.densify(-(parts.B_independent @ free))]
         )
         x = ca.densify(parts.inertia(f + parts.reaction(lam)))
-        after = ca.Function("after", [*point, f, lam], [x, shared.responded(parts, f, free, x)])
+        after = SizedFunction("after", [*point, f, lam], [x, shared.responded(parts, f, free, x)])
         inputs = [ca.MX.sym("x", each.numel()) for each in (*point, f)]
         found = _solved(before, inputs)
         moved, evaluated = after(*inputs, found)
-        return ca.Function("response", inputs, [moved, found, evaluated])
+        return SizedFunction("response", inputs, [moved, found, evaluated])
 
     @cached_property
     def _acceleration(self) -> ca.Function:
@@ -109,13 +110,13 @@ class Factored:
         parts = self._parts
         free = parts.inertia(parts.h)
         right = ca.densify(parts.gamma_independent - parts.B_independent @ free)
-        before = ca.Function("before", parts.inputs, [*self._factors, right])
+        before = SizedFunction("before", parts.inputs, [*self._factors, right])
         lam = ca.SX.sym("lam", len(parts.selection.independent))
         a = parts.inertia(parts.h + parts.reaction(lam))
-        after = ca.Function("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
+        after = SizedFunction("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
         inputs = self._inputs()
         found = _solved(before, inputs)
-        return ca.Function("acceleration", inputs, [after(*inputs, found), found])
+        return SizedFunction("acceleration", inputs, [after(*inputs, found), found])
 
     @cached_property
     def _factors(self) -> tuple[ca.SX, ca.SX]:

@@ -21,6 +21,7 @@ from typing import TypeVar
 import casadi as ca
 
 from lagcli.compiled.row_block import RowBlock
+from lagcli.equations.sized_function import SizedFunction
 
 Shape = tuple["Shape", ...]  # () or (Shape, Shape)
 
@@ -52,7 +53,7 @@ class Brackets:
         if shape not in self._known:
             x, p = ca.MX.sym("x", self._block.size), ca.MX.sym("p", self._block.p.numel())
             U = ca.MX.sym("U", self._block.size, leaves(shape))
-            self._known[shape] = ca.Function("values", [x, p, U], [ca.densify(self._value(shape, x, p, U))])
+            self._known[shape] = SizedFunction("values", [x, p, U], [ca.densify(self._value(shape, x, p, U))])
         return self._known[shape]
 
     def _value(self, shape: Shape, x: ca.MX, p: ca.MX, U: ca.MX) -> ca.MX:
@@ -153,17 +154,17 @@ def expanded_field(
     for i, j in reversed(order):
         pivot = rows[i].pop(j)
         Y[j] = (right[i] - sum(value * Y[k] for k, value in rows[i].items())) / pivot
-    return ca.Function("field", [block.x, block.p, u, w], [ca.cse(ca.densify(ca.vertcat(*Y)))])
+    return SizedFunction("field", [block.x, block.p, u, w], [ca.cse(ca.densify(ca.vertcat(*Y)))])
 
 
 def factored_field(block: RowBlock, independent: Sequence[int]) -> ca.Function:
     """field(x, p, u, w) -> the Y nearest to u with A_I Y = (0, w), its equations solved numerically at each call."""
     s = len(block.holonomic)
     count = sum(i >= s for i in independent)
-    A_I = ca.Function("rows", [block.x, block.p], [block.A[list(independent), :]])
+    A_I = SizedFunction("rows", [block.x, block.p], [block.A[list(independent), :]])
     sizes = (block.size, block.p.numel(), block.size, count)
     x, p, u, w = inputs = [ca.MX.sym(name, size) for name, size in zip("xpuw", sizes, strict=True)]
     A = A_I(x, p)
     wanted = ca.vertcat(ca.MX.zeros(len(independent) - count), w)
     weights = ca.solve(ca.mtimes(A, A.T), wanted - ca.mtimes(A, u), SOLVER)
-    return ca.Function("field", inputs, [ca.densify(u + ca.mtimes(A.T, weights))])
+    return SizedFunction("field", inputs, [ca.densify(u + ca.mtimes(A.T, weights))])

@@ -24,6 +24,7 @@ from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ class NumericSystem:
             thrown = ca.mmax(ca.fabs((projected - y)[: self.n] / sizes[: self.n]))
             residual += THROWN * thrown / (sizes[self.n] + shared.TINY)
         status = ca.vertcat(residual, status[1:], ca.sum1(rate))
-        return ca.Function("project", inputs, [projected, rate, ca.densify(status), sizes])
+        return SizedFunction("project", inputs, [projected, rate, ca.densify(status), sizes])
 
     @cached_property
     def record(self) -> ca.Function:
@@ -127,14 +128,14 @@ class NumericSystem:
         projected, rate, lam = self._way.projected(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, projected, p, lam)
         row, account = table(self._system, self._parts)(t, projected, rate, lam, p)
-        return ca.Function("record", inputs, [projected, row, account])
+        return SizedFunction("record", inputs, [projected, row, account])
 
     @cached_property
     def holonomic(self) -> ca.Function:
         """holonomic(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
         symbols = self._system.symbols
         outputs = [self._parts.f, self._parts.B_holonomic]
-        return ca.Function("holonomic", [symbols.t, symbols.q, self._system.p], outputs)
+        return SizedFunction("holonomic", [symbols.t, symbols.q, self._system.p], outputs)
 
     @cached_property
     def hessian(self) -> ca.Function:
@@ -142,15 +143,15 @@ class NumericSystem:
         symbols = self._system.symbols
         omega = ca.SX.sym("omega", self._parts.f.numel())
         second = ca.hessian(ca.dot(omega, self._parts.f), symbols.q)[0]
-        return ca.Function("hessian", [symbols.t, symbols.q, omega, self._system.p], [second])
+        return SizedFunction("hessian", [symbols.t, symbols.q, omega, self._system.p], [second])
 
     @cached_property
     def rows(self) -> ca.Function:
         """rows(t, q, v, p) -> B (C, n), b (C,); where contacts act, all K of them too, after the others."""
         parts = self._parts
         if not parts.closed:
-            return ca.Function("rows", self._inputs, [parts.B, parts.b])
-        return ca.Function("rows", self._inputs, list(self._every_row))
+            return SizedFunction("rows", self._inputs, [parts.B, parts.b])
+        return SizedFunction("rows", self._inputs, list(self._every_row))
 
     @property
     def _every_row(self) -> tuple[ca.SX, ca.SX]:
@@ -166,7 +167,7 @@ class NumericSystem:
         dense = (contacts.g, contacts.g_t, contacts.gamma, size)
         g, g_t, gamma, size = (ca.densify(value) for value in dense)
         outputs = [g, contacts.G, g_t, gamma, size]
-        return ca.Function("contacts", self._inputs, outputs)
+        return SizedFunction("contacts", self._inputs, outputs)
 
     @cached_property
     def contact_values(self) -> ca.Function:
@@ -185,7 +186,7 @@ class NumericSystem:
     @cached_property
     def gaps(self) -> ca.Function:
         """gaps(t, y, p) -> g (K,)."""
-        return ca.Function("gaps", self._parts.inputs, [ca.densify(self._parts.contacts.g)])
+        return SizedFunction("gaps", self._parts.inputs, [ca.densify(self._parts.contacts.g)])
 
     @cached_property
     def gap_floors(self) -> ca.Function:
@@ -204,7 +205,7 @@ class NumericSystem:
         """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
         t, y, p = inputs = _inputs(self._way.projected)
         _, rate, lam = self._way.projected(t, y, p)
-        return ca.Function("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
+        return SizedFunction("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
 
     @cached_property
     def loads(self) -> ca.Function:
@@ -222,26 +223,26 @@ class NumericSystem:
         system, parts = self._system, self._parts
         rate = ca.vertcat(ca.SX.sym("v", self.n), system.a, ca.SX.sym("power"))
         inputs = [parts.t, parts.y, rate, system.lam, parts.p]
-        return ca.Function("event_values", inputs, [ca.densify(system.event_values)])
+        return SizedFunction("event_values", inputs, [ca.densify(system.event_values)])
 
     @cached_property
     def events_at(self) -> ca.Function:
         """events_at(t, y, p) -> `when` of the declared events (E,) at a state."""
         t, y, p = inputs = _inputs(self._way.projected)
         rate, lam = self.solved(t, y, p)
-        return ca.Function("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
+        return SizedFunction("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
 
     @cached_property
     def inertia(self) -> ca.Function:
         """inertia(t, q, v, p) -> M (n, n)."""
-        return ca.Function("inertia", self._inputs, [self._parts.M])
+        return SizedFunction("inertia", self._inputs, [self._parts.M])
 
     @cached_property
     def sizes(self) -> ca.Function:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
         parts = self._parts
         packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
-        return ca.Function("sizes", self._inputs, [ca.densify(packed)])
+        return SizedFunction("sizes", self._inputs, [ca.densify(packed)])
 
     @cached_property
     def term_sizes(self) -> ca.Function:
@@ -251,7 +252,7 @@ class NumericSystem:
 
         terms = operation_rules.term_sizes(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, terms, parts.M).packed
-        return ca.Function("terms", self._inputs, [packed])
+        return SizedFunction("terms", self._inputs, [packed])
 
     @cached_property
     def force_roundings(self) -> ca.Function:
@@ -261,7 +262,7 @@ class NumericSystem:
 
         units = operation_rules.roundings(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, units, parts.M).packed
-        return ca.Function("roundings", self._inputs, [ca.densify(packed)])
+        return SizedFunction("roundings", self._inputs, [ca.densify(packed)])
 
     @property
     def force(self) -> ca.Function:
@@ -273,7 +274,7 @@ class NumericSystem:
         """applied(t, q, v, p) -> Q_j (n,), the generalized forces of all that is declared under `forces` (D.30)."""
         dynamics = self._system.dynamics
         Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
-        return ca.Function("applied", self._inputs, [ca.densify(Q)])
+        return SizedFunction("applied", self._inputs, [ca.densify(Q)])
 
     @property
     def _inputs(self) -> list[ca.SX]:
@@ -308,4 +309,4 @@ def table(system: System, parts: shared.Parts) -> ca.Function:
     rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
     inputs = [symbols.t, parts.y, rate, system.lam, parts.p]
     options = {"cse": parts.is_small}
-    return ca.Function("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)
+    return SizedFunction("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

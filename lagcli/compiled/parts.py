@@ -15,6 +15,7 @@ from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
 from lagcli.equations.rows import ContactRows
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class Parts:
     def force(self) -> ca.Function:
         """force(t, q, v, p) -> h (n,), gamma (C,) and power, to be had at another velocity."""
         q = self.y[: self.v.numel()]
-        return ca.Function("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
+        return SizedFunction("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
 
     def moving(self, v: ca.SX) -> Parts:
         """The parts at another velocity, as far as it enters h, gamma and power; M stays."""
@@ -171,22 +172,22 @@ class Parts:
         if not self.selection.dependencies:
             every = ca.SX.zeros(self.selection.count)
             every[list(self.selection.independent)] = lam
-            return ca.Function("multipliers", [*self.inputs, lam], [every])
+            return SizedFunction("multipliers", [*self.inputs, lam], [every])
         B = self.of(self.selection.shared, self.B, self.contacts.G)
-        gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
+        gram = SizedFunction("gram", self.inputs, [B @ self.inertia(B.T)])
         sizes = zip(("t", "y", "p", "lam"), (*self.inputs, lam), strict=True)
         t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
-        return ca.Function("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
+        return SizedFunction("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
 
     @cached_property
     def loads(self) -> ca.Function:
         """loads(t, y, p, lambda of all rows) -> `selection.loads`, (I,)."""
         B = self.of(choice.spread(self.selection), self.B, self.contacts.G)
-        gram = ca.Function("gram", self.inputs, [B @ self.inertia(B.T)])
+        gram = SizedFunction("gram", self.inputs, [B @ self.inertia(B.T)])
         sizes = zip("typ", self.inputs, strict=True)
         t, y, p = (ca.MX.sym(name, x.numel()) for name, x in sizes)
         lam = ca.MX.sym("lam", self.selection.count)
-        return ca.Function("loads", [t, y, p, lam], [choice.loads(self.selection, gram(t, y, p), lam)])
+        return SizedFunction("loads", [t, y, p, lam], [choice.loads(self.selection, gram(t, y, p), lam)])
 
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
         """The parts with integrals enforced in these charts; p goes on with two constants for each, above and below.

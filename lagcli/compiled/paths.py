@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import Buffer, buffer
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
 
@@ -53,7 +54,7 @@ def rows(system: System, chosen: Numbers, coordinates: Numbers, fixed: FixedValu
     q[coordinates.tolist()] = at[:-1]
     B = system.rows.B[chosen.tolist(), coordinates.tolist()]
     b = ca.SX(system.rows.b)[chosen.tolist()]
-    whole = ca.Function("rows", [symbols.t, symbols.q, symbols.v, p], [ca.sparsify(ca.horzcat(B, b))])
+    whole = SizedFunction("rows", [symbols.t, symbols.q, symbols.v, p], [ca.sparsify(ca.horzcat(B, b))])
     A = whole(at[-1], q, ca.DM(fixed.v), ca.DM(fixed.p))
     return z, ca.mtimes(A, ca.diag(scale))
 
@@ -68,7 +69,7 @@ def axes(z: ca.SX, A: ca.SX, led: Numbers, free: Numbers) -> ca.Function:
     rate = ca.SX.zeros(z.numel())
     rate[free.tolist()] = u
     rate[led.tolist()] = ca.if_else(asks, follow, 0)
-    return ca.Function("field", [z, u], [_short(rate)])
+    return SizedFunction("field", [z, u], [_short(rate)])
 
 
 def projected(z: ca.SX, A: ca.SX) -> ca.Function:
@@ -83,7 +84,7 @@ def projected(z: ca.SX, A: ca.SX) -> ca.Function:
     # Rows may depend on others; what the shift spoils the second pass corrects.
     for _ in range(2 if B.shape[0] else 0):
         dq = dq - ca.mtimes(B.T, ca.ldl_solve(ca.mtimes(B, dq) + b * dt, D, L, order))
-    return ca.Function("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])
+    return SizedFunction("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])
 
 
 # A function of many points, its buffer, and what runs it.
@@ -130,16 +131,16 @@ class PathSteps:
         weights, last = self._scheme
         for row in weights:
             stages.append(self._field(z + _mix(row, stages) if stages else z, u))
-        ahead = ca.Function("ahead", inputs, [z + _mix(last, stages)])
+        ahead = SizedFunction("ahead", inputs, [z + _mix(last, stages)])
         is_short = self._field.n_instructions() * len(stages) < WRITTEN_OUT
-        return ahead.expand() if is_short else ahead
+        return SizedFunction(ahead.expand()) if is_short else ahead
 
     def _turned(self, z: ca.MX, u: ca.MX) -> ca.Function:
         """turned(z, u) -> the point after a rough step, and its derivatives by z and by u."""
         symbols = [ca.SX.sym(x.name(), x.numel()) for x in (z, u)]
         rate = self._field(*symbols)
         outputs = [rate, *(ca.densify(ca.jacobian(rate, x)) for x in symbols)]
-        field = ca.Function("field", symbols, outputs)
+        field = SizedFunction("field", symbols, outputs)
         weights, last = ROUGH
         stages: list[tuple[ca.MX, ca.MX, ca.MX]] = []
         unit = ca.MX(ca.DM.eye(z.numel()))
@@ -153,7 +154,7 @@ class PathSteps:
             stages.append((k, turn, push))
         rates, turns, pushes = (list(each) for each in zip(*stages, strict=True))
         after = [z + _mix(last, rates), unit + _mix(last, turns), _mix(last, pushes)]
-        return ca.Function("turned", [z, u], [ca.densify(x) for x in after])
+        return SizedFunction("turned", [z, u], [ca.densify(x) for x in after])
 
     def _called(self, name: str, Z: Floats, U: Floats) -> list[Floats]:
         if not len(Z):
@@ -178,6 +179,8 @@ class PathSteps:
         arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]
         for argument, X in zip(arguments, (Z, U), strict=True):
             argument[:count], argument[count:] = X, X[:1]
+        taken = [mapped.nnz_in(i) for i in range(mapped.n_in())]
+        assert [argument.size for argument in arguments] == taken, (mapped.name(), Z.shape, U.shape)
         results = [np.empty(mapped.nnz_out(i)) for i in range(mapped.n_out())]
         for i, argument in enumerate(arguments):
             arrays.set_arg(i, argument.data)

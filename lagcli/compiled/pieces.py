@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
+from lagcli.equations.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,7 +66,7 @@ class AnalyticPieces:
 
         operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
         self.count = len(ends)
-        self._values = ca.Function("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *ends, *conditions)])
+        self._values = SizedFunction("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *ends, *conditions)])
 
     def end_between(self, path: Floats, *others: Floats) -> bool:
         """True if a path (points, N) may leave the piece that it begins on, by crossing an end or by touching it."""
@@ -103,7 +104,7 @@ def on_branch(
     holds it, or is put on the side that is given `otherwise`, 1 or -1 in place of 0."""
 
     def sign_of(argument: ca.SX) -> float:
-        found = float(ca.Function("switch", list(inputs), [argument])(*point))
+        found = float(SizedFunction("switch", list(inputs), [argument])(*point))
         return float(np.sign(found)) if abs(found) > near else otherwise
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:

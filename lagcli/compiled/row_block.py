@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import program
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
 if TYPE_CHECKING:  # a count needs no pieces
@@ -81,24 +82,24 @@ class RowBlock:
     @cached_property
     def rows(self) -> ca.Function:
         """rows(x, p) -> A (s + m, N), f (s,)."""
-        return ca.Function("rows", [self.x, self.p], [self.A, ca.densify(self._f)])
+        return SizedFunction("rows", [self.x, self.p], [self.A, ca.densify(self._f)])
 
     @cached_property
     def surface(self) -> ca.Function:
         """surface(x, p) -> f (s,)."""
-        return ca.Function("surface", [self.x, self.p], [ca.densify(self._f)])
+        return SizedFunction("surface", [self.x, self.p], [ca.densify(self._f)])
 
     @cached_property
     def along(self) -> ca.Function:
         """along(x, p, Y) -> A Y, the rows along a field (s + m,)."""
         x, p, Y, _ = self._arguments
-        return ca.Function("along", [x, p, Y], [ca.densify(ca.mtimes(self.A, Y))])
+        return SizedFunction("along", [x, p, Y], [ca.densify(ca.mtimes(self.A, Y))])
 
     @cached_property
     def curl(self) -> ca.Function:
         """curl(x, p, Y, Z) -> d omega_i(Y, Z) of the differential rows (m,)."""
         one, other = self._turning
-        return ca.Function("curl", self._arguments, [ca.densify(ca.sum2(one) - ca.sum2(other))])
+        return SizedFunction("curl", self._arguments, [ca.densify(ca.sum2(one) - ca.sum2(other))])
 
     @cached_property
     def has_kinks(self) -> bool:

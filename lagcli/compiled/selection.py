@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import solvers
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.frozen import frozen_value
 
 # A row that vanishes has no length to divide by; its multiplier is 0.
@@ -126,7 +127,7 @@ def loads(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
         load = ca.dot(T, ca.diag(here[independent, independent]) * given) / (
             here[among[row], among[row]] + TINY
         )
-        found.append(ca.Function("load", [here, given], [load])(S, lam[list(support)]))
+        found.append(SizedFunction("load", [here, given], [load])(S, lam[list(support)]))
     return ca.vertcat(*found)
 
 
@@ -148,7 +149,7 @@ def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     D = ca.diag(among)
     TD = T * ca.repmat(D[k:].T, k, 1)
     rest = solvers.solver(ca.diag(D[:k] + TINY) + TD @ T.T)(TD @ given)
-    shared = ca.Function("shared", [among, given], [ca.densify(ca.vertcat(rest, given - T.T @ rest))])
+    shared = SizedFunction("shared", [among, given], [ca.densify(ca.vertcat(rest, given - T.T @ rest))])
     return shared(S, lam)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.frozen import frozen
 
@@ -147,8 +148,8 @@ def find(f: ca.SX, s: Symbols, p: ca.SX, start: tuple[float, Floats, Floats]) ->
     return Cuts(
         continued,
         references,
-        ca.Function("value", inputs, [continued]),
-        ca.Function("angles", inputs, [angles]),
+        SizedFunction("value", inputs, [continued]),
+        SizedFunction("angles", inputs, [angles]),
         np.array(periods),
         rows,
         nodes,
@@ -242,7 +243,7 @@ def _change(
     along = ca.jtimes(by, moving, direction)
     columns = ca.substitute(ca.densify(ca.horzcat(by, along, slope)), symbols, angles)
     columns = ca.substitute(columns, s.v, ca.SX.ones(s.v.shape))
-    return ca.Function("change", [s.t, s.q, p, direction], [columns])
+    return SizedFunction("change", [s.t, s.q, p, direction], [columns])
 
 
 def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int, ...]:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from lagcli.equations import jump_search
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import column
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
@@ -143,8 +144,8 @@ class EnergyJumps:
             tuple(subjects),
             tuple(switch.word for _, switch in found),
             tuple(owner for owner, _ in found),
-            ca.Function("switches", self._inputs, [arguments]),
-            ca.Function("values", self._inputs, [ca.densify(ca.vertcat(*values))]),
+            SizedFunction("switches", self._inputs, [arguments]),
+            SizedFunction("values", self._inputs, [ca.densify(ca.vertcat(*values))]),
         )
 
     def anywhere(self, state: StateValues, p: Floats) -> Iterator[tuple[Subject, str]]:

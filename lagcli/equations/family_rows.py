@@ -14,6 +14,7 @@ import numpy as np
 
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, rate, scattered
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.expression import evaluate, tree
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
@@ -193,7 +194,7 @@ class MemberLeaves:
         own = {symbol.name() for symbol in ca.symvar(ca.vertcat(q, v, indices))}
         others = [x for x in ca.symvar(ca.vertcat(*outputs)) if x.name() not in own]
         shared = ca.vertcat(ca.SX(0, 1), *others)
-        one = ca.Function("law", [q, v, indices, shared], outputs, {"cse": True})
+        one = SizedFunction("law", [q, v, indices, shared], outputs, {"cse": True})
         flat = table.ravel(order="F").tolist()
         arguments = [ca.reshape(vector[flat], *table.shape) for vector in (s.q, s.v)]
         columns = ca.vertcat(ca.DM(0, count), *self._columns)

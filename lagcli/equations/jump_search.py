@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lagcli.equations import operation_graph
 from lagcli.equations.family_columns import taken
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
@@ -178,7 +179,7 @@ class Local:
         self.moving, self._rates = (np.flatnonzero(ca.which_depends(value, x, 1, False)) for x in (q, v))
         x = taken(q, self.moving)
         column = ca.vertcat(value, ca.gradient(value, x)) if with_slopes else value
-        self._function = ca.Function("local", [t, x, taken(v, self._rates), p], [ca.densify(column)])
+        self._function = SizedFunction("local", [t, x, taken(v, self._rates), p], [ca.densify(column)])
 
     def at(self, begin: Starts, x: Floats) -> Floats:
         """The column (k, S) at points x (m, S)."""

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lagcli.equations import operation_graph
 from lagcli.equations.rows import ConstraintRows, Row
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
@@ -140,7 +141,7 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
         for part in (ca.vertcat(*arguments), ca.vertcat(*slopes))
     ]
     return Kinks(
-        tuple(rows), ca.Function("switches", inputs, free[:1]), ca.Function("slopes", inputs, free[1:])
+        tuple(rows), SizedFunction("switches", inputs, free[:1]), SizedFunction("slopes", inputs, free[1:])
     )
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Value
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra
 from lagcli.equations.system import System
 from lagcli.expression import evaluate, integers, parser, tree
@@ -89,7 +90,7 @@ def compiled(system: System, charts: Sequence[LevelExpression]) -> ca.Function:
     )
     periods = [ca.SX(0) if c.period is None else c.period for c in charts]
     outputs = [ca.horzcat(above, below), ca.jacobian(above, s.q), ca.jacobian(below, s.q)]
-    return ca.Function("levels", [s.t, s.q, system.p], [*outputs, ca.densify(ca.vertcat(*periods))])
+    return SizedFunction("levels", [s.t, s.q, system.p], [*outputs, ca.densify(ca.vertcat(*periods))])
 
 
 class _LevelNames:

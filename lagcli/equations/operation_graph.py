@@ -8,6 +8,8 @@ from typing import NamedTuple, TypeVar
 
 import casadi as ca
 
+from lagcli.equations.sized_function import SizedFunction
+
 # (operation, operands, value) -> what stands for the value from there on.
 Visit = Callable[[int, list[ca.SX], ca.SX], ca.SX]
 T = TypeVar("T")
@@ -46,7 +48,7 @@ def instructions(function: ca.Function) -> list[Instruction]:
 
 def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
     """A column (k, 1) of the `inputs`, computed again operation by operation; `visit` may replace each result."""
-    function = ca.Function("replayed", list(inputs), [value])
+    function = SizedFunction("replayed", list(inputs), [value])
     flat = [ca.vertsplit(part) if part.numel() > 1 else [part] for part in inputs]
     work: dict[int, ca.SX] = {}
     found: list[ca.SX] = [ca.SX(0)] * value.numel()
@@ -67,7 +69,7 @@ def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
 def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> list[T]:
     """Found for each entry of a column (k, 1) of the `inputs`: its operations are looked at, operands before
     results; none is built again."""
-    function = ca.Function("folded", list(inputs), [ca.densify(value)])
+    function = SizedFunction("folded", list(inputs), [ca.densify(value)])
     expressions = function.instructions_sx()
     work: dict[int, T] = {}
     found: dict[int, T] = {}

@@ -16,6 +16,7 @@ import casadi as ca
 
 from lagcli.equations import operation_graph
 from lagcli.equations.operation_graph import Expression
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
 # A value and the size of its terms.
@@ -166,4 +167,4 @@ def edge_calls(system: System, row: int) -> tuple[list[str], ca.Function]:
     operation_graph.replayed(ca.densify(value), inputs, visit)
     column, way = ca.vertcat(ca.SX(0, 1), *nodes), ca.vertcat(s.t, s.q)
     rate = ca.jtimes(column, way, ca.vertcat(1, s.v))
-    return names, ca.Function("calls", inputs, [ca.densify(ca.vertcat(column, rate))])
+    return names, SizedFunction("calls", inputs, [ca.densify(ca.vertcat(column, rate))])

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from lagcli.equations import energy, family_columns, family_rows, rows, system
 from lagcli.equations.environment import Environment
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
@@ -33,7 +34,7 @@ def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
     declared = built.model
     p = system.values(built)
     symbols = built.symbols
-    where = ca.Function("where", [symbols.t, symbols.q, symbols.v, built.p], [built.r, built.r_dot])
+    where = SizedFunction("where", [symbols.t, symbols.q, symbols.v, built.p], [built.r, built.r_dot])
     r, r_dot = (np.array(part).reshape(-1, 3) for part in where(t, q, v, p))
     particles, first = [], 0
     for particle in declared.particles:

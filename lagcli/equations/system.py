@@ -28,6 +28,7 @@ from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns
 from lagcli.equations.rows import ConstraintRows, ContactRows
 from lagcli.equations.rows import Row as ConstraintRow
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
@@ -299,7 +300,7 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geomet
     from lagcli.equations import rigid
 
     numbers = np.unique([number for body in model.rigid for number in body.particles])
-    where = ca.Function("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
+    where = SizedFunction("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
     q, _ = start(model)
     p = symbols.parameter_values(model)
     points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)

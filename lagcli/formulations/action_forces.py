@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import system
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
 
@@ -84,7 +85,7 @@ def _has_curl(built: system.System, t: float, q: Floats, p: Floats) -> bool:
     if not slope.nnz():
         return False
     both = [ca.mmax(ca.fabs(ca.densify(part))) for part in (slope - slope.T, slope)]
-    values = ca.Function("curl", [symbols.t, symbols.q, built.p], both)
+    values = SizedFunction("curl", [symbols.t, symbols.q, built.p], both)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
     for number, draw in enumerate(draws):

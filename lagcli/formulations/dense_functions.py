@@ -11,6 +11,7 @@ import numpy.typing as npt
 from lagcli.compiled import numeric, parts
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import time_functions
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.angle_turns import Turns
 
@@ -89,4 +90,4 @@ class DenseFunctions:
 
 
 def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-    return ca.Function(name, inputs, [ca.densify(output) for output in outputs])
+    return SizedFunction(name, inputs, [ca.densify(output) for output in outputs])

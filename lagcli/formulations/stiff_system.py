@@ -17,6 +17,7 @@ import numpy.typing as npt
 from lagcli.equations import energy, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.model import model as nouns
 from lagcli.start.initial import State
 
@@ -122,18 +123,18 @@ def multiplier_rate(
     y_dot, lam = solved(time, state, numbers)
     where = ca.vertcat(time, state)
     rate = ca.jtimes(lam[index], where, ca.vertcat(1, y_dot))
-    values = ca.Function("rate", [time, state, numbers], [lam[index], rate])(t, y, p)
+    values = SizedFunction("rate", [time, state, numbers], [lam[index], rate])(t, y, p)
     return float(values[0]), float(values[1])
 
 
 def stretch(built: system.System, index: int) -> ca.Function:
     """stretch(t, q, p) -> f of a row, also of many states side by side."""
     symbols = built.symbols
-    return ca.Function("stretch", [symbols.t, symbols.q, built.p], [built.rows.f[index]])
+    return SizedFunction("stretch", [symbols.t, symbols.q, built.p], [built.rows.f[index]])
 
 
 def size_of_terms(built: system.System, index: int, start: State) -> float:
     """sum |B_i q_i| of a row at a state: the size of the terms of f, of which rounding is a part."""
     symbols = built.symbols
     terms = ca.dot(ca.fabs(ca.densify(built.rows.B[index, :]).T), ca.fabs(symbols.q))
-    return float(ca.Function("terms", [symbols.t, symbols.q, built.p], [terms])(start.t, start.q, start.p))
+    return float(SizedFunction("terms", [symbols.t, symbols.q, built.p], [terms])(start.t, start.q, start.p))

@@ -24,6 +24,7 @@ from lagcli.compiled import solvers
 from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.expression import tree
 from lagcli.model import family
 from lagcli.model import model as nouns
@@ -141,7 +142,7 @@ def _inertia(built: system.System, start: VakonomicStart) -> Floats:
     s, symbols = built.holonomic_count, built.symbols
     A, M = built.rows.B[s:, :], built.dynamics.M
     sizes = ca.sum2(A.T.T * solvers.solver(M)(A.T).T)
-    at = ca.Function("sizes", [symbols.t, symbols.q, built.p], [ca.densify(sizes)])
+    at = SizedFunction("sizes", [symbols.t, symbols.q, built.p], [ca.densify(sizes)])
     found = np.array(at(start.t, start.q, system.values(built))).ravel()
     return np.where(np.isfinite(found) & (found > 0), found, 1.0)
 
@@ -170,7 +171,7 @@ def effective(built: system.System, start: VakonomicStart) -> Floats:
     if not start.mu[~is_independent].any():
         return np.where(is_independent, start.mu, 0.0)
     symbols = built.symbols
-    at = ca.Function("rows", [symbols.t, symbols.q, built.p], [ca.densify(built.rows.B)])
+    at = SizedFunction("rows", [symbols.t, symbols.q, built.p], [ca.densify(built.rows.B)])
     B = np.array(at(start.t, start.q, system.values(built))).reshape(count, -1)
     shares = np.linalg.lstsq(B[list(start.independent)].T, B[s:].T @ start.mu, rcond=None)[0]
     found = np.zeros(count)

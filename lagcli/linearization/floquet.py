@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.linearization import freedoms, spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 from lagcli.linearization.reference import PATH_PARTS
@@ -124,7 +125,7 @@ class FollowedMotion:
         t, y, W = ca.MX.sym("t"), ca.MX.sym("y", 2 * n), ca.MX.sym("dy", 2 * n, k)
         rate = self.numeric.rhs(t, ca.vertcat(y, 0), self.here.p)[: 2 * n]
         carried = ca.jtimes(rate, y, W) if k else ca.MX(2 * n, 0)
-        function = ca.Function(
+        function = SizedFunction(
             "variation", [t, ca.vertcat(y, ca.vec(W))], [ca.vertcat(rate, ca.vec(carried))]
         )
         begin = np.concatenate([self.begin, deviations.T.ravel()])

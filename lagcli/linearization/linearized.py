@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import level_functions, operation_rules, system
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral
 
@@ -151,7 +152,7 @@ class LinearizedFunctions:
         # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
         terms = operation_rules.term_sizes(h, [s.t, q, v, built.p])
         load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(lam))
-        self._at = ca.Function(
+        self._at = SizedFunction(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_holonomic, ca.densify(residual), load]
         )
         occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
@@ -159,7 +160,7 @@ class LinearizedFunctions:
         d = built.dynamics
         moving = ca.vertcat(ca.densify(built.rows.b), ca.jacobian(built.rows.f, s.t))
         powers = [d.power, d.driving, ca.densify(moving), h]
-        self._powers = ca.Function("powers", [s.t, q, v, built.p], [ca.densify(part) for part in powers])
+        self._powers = SizedFunction("powers", [s.t, q, v, built.p], [ca.densify(part) for part in powers])
 
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""
@@ -213,7 +214,7 @@ def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpressio
         rows.append(
             ca.densify(above if chart.period is not None else above * chart.below - chart.above * below)
         )
-    return ca.Function("leaf", [built.symbols.t, q, built.p], [ca.vertcat(*rows)])
+    return SizedFunction("leaf", [built.symbols.t, q, built.p], [ca.vertcat(*rows)])
 
 
 def _leaf(slopes: ca.DM) -> ca.DM:

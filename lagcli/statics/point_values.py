@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import load_sharing
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.statics.static_problem import StaticProblem
 
@@ -33,8 +34,8 @@ class PointColumns:
         s, n = system.symbols, system.symbols.q.numel()
         zeros = ca.SX.zeros(n)
         R = ca.substitute([system.R, system.Q_R], [s.v, system.a], [zeros, zeros])
-        positions = ca.Function("positions", [s.t, s.q, system.p], [system.r])
-        reactions = ca.Function(
+        positions = SizedFunction("positions", [s.t, s.q, system.p], [system.r])
+        reactions = SizedFunction(
             "reactions", [s.t, s.q, system.lam, system.p], [ca.densify(part) for part in R]
         )
         self._positions, self._reactions = positions, reactions

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.statics.static_laws import StaticLaws
 
 Floats = npt.NDArray[np.float64]
@@ -72,7 +73,7 @@ class StaticProblem:
         lam = ca.SX.sym("lam", self.C + self.K)
         K = ca.jacobian(self._acting(list(range(self.K)), lam), laws.q)
         outputs = [laws.F, laws.B, laws.c, ca.jacobian(laws.c, laws.q), laws.g, laws.G, K]
-        return ca.Function("statics", [laws.t, laws.q, lam, laws.p], [ca.densify(o) for o in outputs])
+        return SizedFunction("statics", [laws.t, laws.q, lam, laws.p], [ca.densify(o) for o in outputs])
 
     @cached_property
     def _bound(self) -> BoundFunction:
@@ -89,7 +90,7 @@ class StaticProblem:
     def _value(self) -> ca.Function:
         laws = self.laws
         outputs = [laws.value, laws.driving, ca.densify(ca.jacobian(laws.driving, laws.q))]
-        return ca.Function("value", [laws.t, laws.q, laws.p], outputs)
+        return SizedFunction("value", [laws.t, laws.q, laws.p], outputs)
 
     def at(self, t: float, q: Floats, lam: Floats) -> Values:
         """All values; lam (C + K,)."""
@@ -114,7 +115,9 @@ class StaticProblem:
         laws = self.laws
         some = ca.SX.sym("lam", self.C + len(closed))
         acting = self._acting(closed, some)
-        function = ca.Function("K", [laws.t, laws.q, some, laws.p], [ca.densify(ca.jacobian(acting, laws.q))])
+        function = SizedFunction(
+            "K", [laws.t, laws.q, some, laws.p], [ca.densify(ca.jacobian(acting, laws.q))]
+        )
         picked = np.concatenate([lam[: self.C], lam[self.C :][closed]])
         found: Floats = function(t, q, picked, self.p).full()
         return found
@@ -141,7 +144,7 @@ class StaticProblem:
         """The functions of q among the equations and the potential, as lists of operations."""
         laws = self.laws
         parts = [laws.F, laws.B, laws.c, laws.g, laws.G, laws.value]
-        function = ca.Function("parts", [laws.q, laws.t, laws.p], [_stacked(parts)])
+        function = SizedFunction("parts", [laws.q, laws.t, laws.p], [_stacked(parts)])
         return [program.written_out(function)]
 
     def exact_program(self, closed: tuple[int, ...]) -> Program:
@@ -151,7 +154,7 @@ class StaticProblem:
         g = laws.g[list(closed)]
         acting = self._acting(list(closed), lam)
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
-        return program.written_out(ca.Function("exact", inputs, [_stacked([acting, laws.c, g])]))
+        return program.written_out(SizedFunction("exact", inputs, [_stacked([acting, laws.c, g])]))
 
     @property
     def nothing(self) -> Floats:
@@ -165,7 +168,7 @@ class StaticProblem:
         everything = _stacked(entries)
         if not ca.depends_on(everything, laws.t):
             return True
-        function = ca.Function("parts", [laws.t, laws.q, laws.p], [everything])
+        function = SizedFunction("parts", [laws.t, laws.q, laws.p], [everything])
         random = np.random.default_rng(0)
         size = float(np.abs(self.begin).max(initial=0.0)) or 1.0
         for part in (0.0, 0.1, 1.0):
@@ -184,7 +187,7 @@ class StaticProblem:
         laws = self.laws
         inputs = [laws.q, ca.vertcat(laws.t, laws.p)]
         return program.written_out(
-            ca.Function("slope", inputs, [_stacked([laws.F, ca.jacobian(laws.F, laws.q)])])
+            SizedFunction("slope", inputs, [_stacked([laws.F, ca.jacobian(laws.F, laws.q)])])
         )
 
 

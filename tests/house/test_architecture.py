@@ -245,6 +245,17 @@ def test_what_runs_at_import_is_not_loaded_by_name() -> None:
         assert name in lazy or "import_module" not in used, name
 
 
+def test_compiled_functions_refuse_arguments_of_another_size() -> None:
+    """CasADi's own take a scalar or nothing for a vector."""
+    for name in FILES:
+        made = {
+            node.func.attr
+            for node in nodes(name)
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+        }
+        assert "Function" not in made, name
+
+
 def names_in(node: ast.AST) -> set[str]:
     names = {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
     return names | {one.attr for one in ast.walk(node) if isinstance(one, ast.Attribute)}

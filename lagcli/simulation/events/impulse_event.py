@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.stepping.stepper import Stepper
@@ -64,7 +65,7 @@ class CurveFunctions:
         y, p = ca.SX.sym("y", self._size), ca.SX.sym("p", self._parameters)
         coefficients = ca.SX.sym("coefficients", self._size, self._method.dense_rows)
         inputs = self._inputs_at(t, h, x, self._method.interpolated(y, coefficients, x), p)
-        return ca.Function(name, [t, h, x, y, coefficients, p], [function(*inputs)])
+        return SizedFunction(name, [t, h, x, y, coefficients, p], [function(*inputs)])
 
     def _inputs_at(self, t: ca.SX, h: ca.SX, x: ca.SX, state: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
         n = self._n
@@ -79,15 +80,15 @@ class CurveFunctions:
         state = y + x * ahead + x * (1 - x) * bends
         inputs = [t, h, y, new, k, k_new, p]
         switches = self._crossings.switches(*self._inputs_at(t, h, x, state, p))
-        switches_at = ca.Function("switches_at", [x, *inputs], [switches])
+        switches_at = SizedFunction("switches_at", [x, *inputs], [switches])
         given = [ca.MX.sym(part.name(), part.numel()) for part in (t, h)]
         given += [ca.MX.sym(each, self._size) for each in ("y", "new", "k", "k_new")]
         given.append(ca.MX.sym("p", self._parameters))
         found = [ca.SX.sym("u", switches.numel()) for _ in parts]
-        whole = ca.Function(name, found, [combined(found)])
-        function = ca.Function(name, given, [whole(*(switches_at(part, *given) for part in parts))])
+        whole = SizedFunction(name, found, [combined(found)])
+        function = SizedFunction(name, given, [whole(*(switches_at(part, *given) for part in parts))])
         is_small = switches_at.n_instructions() * len(parts) <= EXPANDED
-        return function.expand() if is_small else function
+        return SizedFunction(function.expand()) if is_small else function
 
 
 def _margin(found: list[ca.SX]) -> ca.SX:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_bounds, zero_search
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.method import Method
@@ -56,7 +57,7 @@ class WatchFunctions:
             values += [lam[[self._first + j for j in self.closed]]] if self.closed else []
             values += [-self._numeric.loads(t, y, p, lam)] if self.idle else []
             values += [self._numeric.event_values(t, y, rate, lam, p)] if self._events else []
-        return ca.Function("watched", [t, y, p], [ca.densify(ca.vertcat(*values))])
+        return SizedFunction("watched", [t, y, p], [ca.densify(ca.vertcat(*values))])
 
     @cached_property
     def moving(self) -> Compiled:
@@ -66,7 +67,7 @@ class WatchFunctions:
         rate, tau = ca.MX.sym("rate", size), ca.MX.sym("tau")
         w = self.watched(t + tau, y + tau * rate, p)
         slope = ca.densify(ca.substitute(ca.jtimes(w, tau, ca.MX(1)), tau, ca.MX(0)))
-        return ca.Function("moving", [t, y, rate, p], [self.watched(t, y, p), slope])
+        return SizedFunction("moving", [t, y, rate, p], [self.watched(t, y, p), slope])
 
     @cached_property
     def inside(self) -> Compiled:
@@ -80,7 +81,7 @@ class WatchFunctions:
         w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
         slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
         slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
-        return self._written_out(ca.Function("inside", [t, h, x, y, coefficients, p], [w, slope]))
+        return self._written_out(SizedFunction("inside", [t, h, x, y, coefficients, p], [w, slope]))
 
     @cached_property
     def hull(self) -> Compiled | None:
@@ -104,7 +105,7 @@ class WatchFunctions:
             low, high = ca.fmin(low, point), ca.fmax(high, point)
         wider = WIDER * (high - low)
         floors = self._numeric.gap_floors(t, t + h, low - wider, high + wider, p)
-        return ca.Function("hull", [t, h, y, k, new, k_new, p], [ca.vertcat(ca.mmin(floors), floors)])
+        return SizedFunction("hull", [t, h, y, k, new, k_new, p], [ca.vertcat(ca.mmin(floors), floors)])
 
     @cached_property
     def screen(self) -> Compiled:
@@ -121,7 +122,7 @@ class WatchFunctions:
         y, k, new, k_new = (ca.MX.sym(name, size) for name in ("y", "k", "new", "k_new"))
         x = ca.MX.sym("x")
         w = self.watched(t + x * h, _quintic(x, h, (y, k), (new, k_new)), p)
-        at = ca.Function("node", [x, t, h, y, k, new, k_new, p], [w, ca.jtimes(w, x, ca.MX(1))])
+        at = SizedFunction("node", [x, t, h, y, k, new, k_new, p], [w, ca.jtimes(w, x, ca.MX(1))])
         nodes = [at(node, t, h, y, k, new, k_new, p) for node in NODES]
         values = [value for value, _ in nodes]
         slopes = [slope for _, slope in nodes]
@@ -151,14 +152,14 @@ class WatchFunctions:
         arguments = [t, h, y, k, new, k_new, p]
         gaps = self._numeric.gaps(t + h, new, p)
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
-        screen = ca.Function("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
+        screen = SizedFunction("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
         return self._written_out(screen)
 
     def _written_out(self, function: Compiled) -> Compiled:
         """A function as one graph, which costs a fraction, where it only asks for gaps and is no large one."""
         if self.closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
             return function
-        return function.expand()
+        return SizedFunction(function.expand())
 
 
 def _bend(i: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:

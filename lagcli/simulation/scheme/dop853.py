@@ -13,6 +13,7 @@ from functools import lru_cache, reduce
 import casadi as ca
 
 from lagcli.compiled import NumericSystem
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.scheme import dop853_tableau, step_end
 from lagcli.simulation.scheme.line_functions import Curve
 from lagcli.simulation.scheme.step_end import Expression
@@ -72,7 +73,7 @@ class DormandPrince853:
         hidden = (
             _hidden(PARAMETERS.dip)(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
         )
-        return ca.Function("step", list(step), end.outputs(hidden, stages[1:]))
+        return SizedFunction("step", list(step), end.outputs(hidden, stages[1:]))
 
     def dense(self, numeric: NumericSystem) -> ca.Function:
         """See `method.Method.dense`."""
@@ -86,7 +87,7 @@ class DormandPrince853:
         change = new - y
         rows = [change, h * stages[0] - change, 2 * change - h * (k_new + stages[0])]
         rows += [h * _mix(row, stages) for row in dop853_tableau.D_DENSE]
-        return ca.Function("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
+        return SizedFunction("dense", [t, h, y, new, k_new, p, *given], [ca.horzcat(*rows)])
 
     def interpolated(self, y: Curve, coefficients: Curve, x: Curve) -> Curve:
         """See `method.Method.interpolated`."""
@@ -136,7 +137,7 @@ def _hidden(dip: float) -> ca.Function:
             gaps.append(line(i - 2, i - 1, at[i]) + dip * roots[:, i])
         if i < last - 1:
             gaps.append(line(i + 1, i + 2, at[i]) + dip * roots[:, i])
-    return ca.Function("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
+    return SizedFunction("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
 
 
 def _combined(h: Expression, e5: Expression, e3: Expression) -> Expression:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.scheme import step_end, step_tolerance
 
 # What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
@@ -42,7 +43,7 @@ def line_at(numeric: NumericSystem) -> ca.Function:
     t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
     _, row, extremes = numeric.record.call([t, y, p], *INLINED)
     line = ca.vertcat(t, row, extremes, y[size - 1])
-    return ca.Function("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
+    return SizedFunction("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
 
 
 def line_inside(numeric: NumericSystem, at: ca.Function, method: Interpolation) -> ca.Function:
@@ -51,7 +52,7 @@ def line_inside(numeric: NumericSystem, at: ca.Function, method: Interpolation) 
     t, x, y = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("y", size)
     coefficients, p = ca.MX.sym("coefficients", size, method.dense_rows), ca.MX.sym("p", parameters)
     state = method.interpolated(y, coefficients, x)
-    return ca.Function("line_inside", [t, x, y, coefficients, p], at.call([t, state, p], *INLINED))
+    return SizedFunction("line_inside", [t, x, y, coefficients, p], at.call([t, state, p], *INLINED))
 
 
 def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
@@ -74,4 +75,4 @@ def defect(numeric: NumericSystem, method: Interpolation) -> ca.Function:
     sizes = numeric.sizes(t, state[:n], state[n : 2 * n], p[:own])
     scale = step_end.scales((y, state), h, sizes, tolerance) + noise[: 2 * n]
     worst = ca.mmax(off[: 2 * n] / scale) if n else ca.MX(0)
-    return ca.Function("defect", [t, x, h, y, coefficients, tolerance, p], [ca.densify(worst)])
+    return SizedFunction("defect", [t, x, h, y, coefficients, tolerance, p], [ca.densify(worst)])

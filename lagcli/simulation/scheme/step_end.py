@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 
 from lagcli.compiled import NumericSystem
+from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.scheme import step_tolerance as tolerances
 
 
@@ -181,7 +182,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
     inputs: list[Expression] = [y, new, projected, h, sizes, tolerance, noise, blur]
     inputs += estimates
-    return ca.Function("judge", inputs, [ca.vertcat(error, moved, of_work)])
+    return SizedFunction("judge", inputs, [ca.vertcat(error, moved, of_work)])
 
 
 def scales(
