@@ -115,7 +115,7 @@ def test_what_has_no_value_or_too_many_waves_is_not_integrated() -> None:
 def test_the_number_of_panels_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert WorkIntegral(waves, 1e-13).over(0.0, 5000.0, 0.0) is not None
     assert WorkIntegral(waves, 1e-13).over(0.0, 40000.0, 0.0) is None
-    monkeypatch.setattr(work_integral, "MOST_PANELS", 16)
+    monkeypatch.setattr(work_integral.WorkParameters, "most_panels", 16)
     assert WorkIntegral(waves, 1e-13).over(0.0, 1000.0, 0.0) is None
 
 

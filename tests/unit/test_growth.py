@@ -205,8 +205,8 @@ def test_rows_that_depend_on_others_beside_the_start_too_are_named():
 
 def test_a_product_of_many_rows_is_not_written_out(monkeypatch):
     ready = cache.compiled(lagcli.loads(BODY.format(n=40)))
-    made, function = [], ca.Function
-    monkeypatch.setattr(ca, "Function", lambda *of: made.append(function(*of)) or made[-1])
+    made, function = [], factored.SizedFunction
+    monkeypatch.setattr(factored, "SizedFunction", lambda *of: made.append(function(*of)) or made[-1])
     found = factored.Factored(ready.numeric._parts)
     assert found.projection.n_out() == 5
     assert found.position.n_out() == 1
