@@ -73,8 +73,11 @@ def unnoticed(file: str, node: ast.ClassDef) -> list[str]:
 
 def main(only: list[str]) -> int:
     """Look at all objects, or at those of some files; the number of fields that no test notices."""
-    count = 0
-    for file, node in parameter_objects():
+    count, objects = 0, list(parameter_objects())
+    for each in only:
+        if not any(each.endswith(file) for file, _ in objects):
+            sys.exit(f"{each}: there is no file of lagcli with numbers of an algorithm of this name")
+    for file, node in objects:
         if not only or any(each.endswith(file) for each in only):
             for name in unnoticed(file, node):
                 print(f"{file}: no named test notices {node.name}.{name}", flush=True)
