@@ -90,13 +90,18 @@ class RunInBlocks:
     def blocks(self) -> Iterator[RunBlock]:
         """Blocks of complete rows, each with its incidents. Raises `run_stop.RunStop` after the last one."""
         run = self.reference or self._run
+        is_reported = False
         try:
             for block in run.blocks():
                 self.report = self._report()
+                is_reported = True
                 yield block
+                is_reported = False
         finally:
-            # Of a run that stops or is interrupted the report is that of the time reached.
-            self.report = self._report()
+            # Of a run that stops or is interrupted the report is that of the time reached. A run that nobody goes on
+            # with has reported; it may be given up where Python ends, and no module can be loaded any more.
+            if not is_reported:
+                self.report = self._report()
 
     def run_state(self) -> RunState:
         """The state to go on from after all blocks so far; for the time between two of them, or after the last."""

@@ -582,3 +582,26 @@ def test_a_comparison_that_would_never_end_stops_as_a_run_does(here, monkeypatch
     reduced = next(one for one in found.formulations if one.name == "reduced")
     assert "the run is too long" in reduced.stopped
     assert found.stopped
+
+
+GIVEN_UP = """
+import functools, lagcli
+from lagcli.api.runs import prepare_run, run_settings
+
+@functools.cache
+def begun():
+    model = lagcli.load({path!r})
+    run = prepare_run.start(model, run_settings.chosen(model, {{"duration": 1e5, "samples": 1000001}}))
+    blocks = run.blocks()
+    next(blocks)
+    return run, blocks
+
+begun()
+"""
+
+
+def test_a_run_that_is_given_up_where_python_ends_is_quiet() -> None:
+    root = Path(lagcli.__file__).parent.parent
+    code = GIVEN_UP.format(path=str(root / "models" / "pendulum.yaml"))
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
