@@ -2,11 +2,13 @@
 
     python -m tests.fuzz.one_sided --models 1000 --first 0 --limit 20
     python -m tests.fuzz.one_sided --chains --models 300
+    python -m tests.fuzz.one_sided --switches --models 1000
 
 Every model is judged leg by leg (`helpers/motion_legs.py`), those of free masses also as a whole by closed forms
 (`helpers/free_flight.py`). Chains of rods between walls that move (`helpers/chain_models.py`) are judged by
-`lagcli audit` too, from their tables. A process of its own does the work; where it takes longer than the limit for a
-model, or dies, the model is reported and another one goes on.
+`lagcli audit` too, from their tables. Systems whose forces and walls switch, and clusters of contacts
+(`helpers/switched_scenes.py`), stand beside their exact motion (`helpers/exact_motion.py`). A process of its own does
+the work; where it takes longer than the limit for a model, or dies, the model is reported and another one goes on.
 """
 
 from __future__ import annotations
@@ -18,13 +20,23 @@ import json
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import lagcli
 from lagcli.simulation.run_state import run_stop
-from tests.helpers import chain_models, free_flight, motion_legs, one_sided_models, recorded_runs
+from tests.helpers import (
+    chain_models,
+    free_flight,
+    motion_legs,
+    one_sided_models,
+    recorded_runs,
+    switched_judge,
+    switched_scenes,
+)
 from tests.helpers.one_sided_models import Floats, Scene
 
 ROOT = Path(__file__).parents[2]
@@ -79,6 +91,21 @@ def chain_verdict(seed: int) -> Verdict:
     return dataclasses.replace(verdict, faults=[*verdict.faults, *audited(scene)])
 
 
+def switched_verdict(seed: int) -> Verdict:
+    """A run of a system with switches beside its exact motion; compared: rows."""
+    scene = switched_scenes.scene(seed)
+    try:
+        columns, rows, incidents, stop = recorded_runs.run_to_stop(scene.text(), **OPTIONS)
+    except lagcli.ModelError as error:
+        return Verdict([f"refused: {error.diagnostics[0].code}"], "refused")
+    stopped = stop.stop.reason.partition("): ")[2] if stop else ""
+    found, compared = switched_judge.faults(
+        scene, switched_judge.table(scene, columns, rows, incidents), stopped
+    )
+    impacts = sum(each.kind == "impact" for each in incidents)
+    return Verdict(found, f"stopped: {stopped}" if stopped else "done", impacts, compared)
+
+
 def against_closed_form(scene: Scene, run: motion_legs.Recorded) -> tuple[list[str], int]:
     """Faults of a run beside the closed form, and the number of impacts that were compared.
 
@@ -123,21 +150,34 @@ def _mask(scene: Scene) -> Floats:
     return np.where(np.abs(scene.x).max(axis=0) > 0, 1.0, 0.0)
 
 
-def work(are_chains: bool) -> None:
+def work(kind: str) -> None:
     """Judge the numbers that come in, one a line."""
     for line in sys.stdin:
-        number = int(line)
-        verdict = chain_verdict(number) if are_chains else judged(one_sided_models.scene(number))
-        print(json.dumps(dataclasses.asdict(verdict)), flush=True)
+        print(json.dumps(dataclasses.asdict(FAMILIES[kind].judge(int(line)))), flush=True)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Family:
+    """A family of models by number: how one is made, with its `kind` and `text()`, and how it is judged."""
+
+    make: Callable[[int], Any]
+    judge: Callable[[int], Verdict]
+
+
+FAMILIES = {
+    "scenes": Family(one_sided_models.scene, lambda seed: judged(one_sided_models.scene(seed))),
+    "chains": Family(chain_models.chain, chain_verdict),
+    "switches": Family(switched_scenes.scene, switched_verdict),
+}
 
 
 class Worker:
     """The process that judges; started anew after it was ended."""
 
-    def __init__(self, are_chains: bool) -> None:
+    def __init__(self, kind: str) -> None:
         self._command = [sys.executable, "-m", "tests.fuzz.one_sided", "--work"]
-        if are_chains:
-            self._command.append("--chains")
+        if kind != "scenes":
+            self._command.append(f"--{kind}")
         self.process: subprocess.Popen[str] | None = None
 
     def ask(self, seed: int, limit: float) -> dict[str, object]:
@@ -184,23 +224,26 @@ def main() -> int:
     )
     parser.add_argument("--models", type=int, default=1000, help="how many")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
-    parser.add_argument(
+    family = parser.add_mutually_exclusive_group()
+    family.add_argument(
         "--chains", action="store_true", help="chains of rods between walls that move, audited"
     )
+    family.add_argument("--switches", action="store_true", help="forces and walls that switch, and clusters")
     parser.add_argument("--limit", type=float, default=20.0, help="seconds for a model")
     parser.add_argument("--show", type=int, help="print the text of this model, and end")
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
+    kind = "chains" if chosen.chains else "switches" if chosen.switches else "scenes"
     if chosen.work:
-        work(chosen.chains)
+        work(kind)
         return 0
-    scene = chain_models.chain if chosen.chains else one_sided_models.scene
+    scene = FAMILIES[kind].make
     if chosen.show is not None:
         print(scene(chosen.show).text(), end="")
         return 0
     outcomes: collections.Counter[str] = collections.Counter()
     figures: collections.Counter[str] = collections.Counter()
-    bad, worker = 0, Worker(chosen.chains)
+    bad, worker = 0, Worker(kind)
     for seed in range(chosen.first, chosen.first + chosen.models):
         answer = worker.ask(seed, chosen.limit)
         outcomes[str(answer["outcome"])] += 1

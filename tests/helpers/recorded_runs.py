@@ -8,6 +8,7 @@ import numpy as np
 
 import lagcli
 from lagcli.api.runs import prepare_run, run_settings
+from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
 from tests.helpers.motion_legs import Instant, Recorded
 from tests.helpers.one_sided_models import Floats, Scene
@@ -15,16 +16,28 @@ from tests.helpers.one_sided_models import Floats, Scene
 
 def run(text: str, **options: object) -> tuple[tuple[str, ...], Floats, list[Incident], tuple[str, ...]]:
     """Columns and rows of a run, its incidents, and the names of the rows of their impulses."""
+    columns, table, incidents, stopped = run_to_stop(text, **options)
+    if stopped is not None:
+        raise stopped
+    return columns, table, incidents, tuple(c[7:] for c in columns if c.startswith("lambda."))
+
+
+def run_to_stop(
+    text: str, **options: object
+) -> tuple[tuple[str, ...], Floats, list[Incident], run_stop.RunStop | None]:
+    """Columns and rows of a run, its incidents, and why it stopped before its end."""
     model = lagcli.loads(text)
     running = prepare_run.start(model, run_settings.chosen(model, options))
     incidents: dict[int, Incident] = {}
-    blocks = []
-    for block in running.blocks():
-        blocks.append(block.copy())
+    blocks, stopped = [np.zeros((0, len(running.columns)))], None
+    try:
+        for block in running.blocks():
+            blocks.append(block.copy())
+            incidents |= {id(each): each for each in running.incidents}
+    except run_stop.RunStop as stop:
+        stopped = stop
         incidents |= {id(each): each for each in running.incidents}
-    columns = tuple(running.columns)
-    rows = tuple(c.removeprefix("lambda.") for c in columns if c.startswith("lambda."))
-    return columns, np.concatenate(blocks), list(incidents.values()), rows
+    return tuple(running.columns), np.concatenate(blocks), list(incidents.values()), stopped
 
 
 def recorded(scene: Scene, **options: object) -> Recorded:
