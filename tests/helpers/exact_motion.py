@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -124,7 +125,8 @@ class Motion:
 
     def at(self, t: float) -> tuple[list[float], list[float], dict[str, float], bool]:
         """Positions, velocities and multipliers at t, on the later side; whether these are unique."""
-        leg = [leg for leg in self.legs if leg.t <= t][-1]
+        # A time of a table is a switch to rounding.
+        leg = [leg for leg in self.legs if leg.t <= t + 4 * math.ulp(t)][-1]
         s = MP.mpf(t) - leg.t
         pushes: dict[str, float] = {}
         for name, p in leg.pushes:
@@ -208,7 +210,8 @@ def solve(system: System, most: int = 2_000) -> Motion:
             flight.advance()
     except Undecided as reason:
         return Motion(flight.happenings, flight.legs, float(flight.t), str(reason))
-    return Motion(flight.happenings, flight.legs, float(flight.t), "")
+    why = "" if flight.t >= flight.end else "too many impacts"
+    return Motion(flight.happenings, flight.legs, float(flight.t), why)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
