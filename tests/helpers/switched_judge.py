@@ -84,51 +84,71 @@ def twin(system: System) -> System:
 
 def faults(scene: SwitchedScene, run: Table, stopped: str = "") -> tuple[list[str], int]:
     """What is wrong with a run, and the number of rows that were compared; stopped: why the run ended early."""
-    motion, other = exact_motion.solve(scene.system), exact_motion.solve(twin(scene.system))
+    judge = _Judge(scene, run)
     found = [
         f"lambda.{name} pulls: {low:.3g}"
         for name, lam in run.multipliers.items()
         if (low := float(lam.min(initial=0.0))) < -1e-9 * (1 + float(np.abs(lam).max(initial=0.0)))
     ]
-    times = np.array(sorted({h.t for m in (motion, other) for h in m.happenings}))
-    growth, force_growth, compared, end = 0.0, 0.0, 0, 0.0
-    sizes = 1.0
-    is_exact = [wall.name for wall in scene.system.walls if len(wall.pieces) == 1]
-    until = min(motion.until, other.until)
-    for k, t in enumerate(run.t):
-        if t >= until and (motion.why or other.why or t > until):
+    for k in range(run.t.size):
+        if not judge.goes_on(k):
             break
-        if times.size and np.abs(times - t).min() < CLOSE:
-            continue
-        (u, v, pushes, is_unique), (u2, v2, pushes2, _) = motion.at(t), other.at(t)
-        growth = max(growth, *(np.abs(np.subtract(a, b)).max() for a, b in ((u, u2), (v, v2))))
-        sizes = max(sizes, np.abs(u).max(), np.abs(v).max())
-        if growth > LARGEST * sizes:
-            break
-        compared, end = compared + 1, t
-        off = max(np.abs(run.u[k] - u).max(), np.abs(run.v[k] - v).max())
-        if off < UNSEEN and times.size and np.abs(times - t).min() < SERIES:
-            continue
-        if off > ALLOWED * sizes + TIMES * growth:
-            return [
-                *found,
-                f"the row at t = {t:.6g} is off by {off:.2e} (a disturbance: {growth:.1e})",
-            ], compared
-        if not is_unique:
-            continue
+        if fault := judge.row(k):
+            return [*found, fault], judge.compared
+    found += _incidents(judge.motion, run, judge.end, max(judge.growth, 1e-10))
+    last = float(run.t[-1]) if run.t.size else 0.0
+    is_early = last < judge.end - 1e-9 or (not judge.motion.why and judge.growth <= LARGEST * judge.size)
+    if stopped and is_early:
+        found.append(f"stopped at t = {last:.6g}: {stopped}")
+    return found, judge.compared
+
+
+class _Judge:
+    """Rows beside the exact motion and its twin, in the order of time."""
+
+    def __init__(self, scene: SwitchedScene, run: Table) -> None:
+        self._run, self.motion = run, exact_motion.solve(scene.system)
+        self._twin = exact_motion.solve(twin(scene.system))
+        self._times = np.array([h.t for m in (self.motion, self._twin) for h in m.happenings] or [np.inf])
+        self._names = [wall.name for wall in scene.system.walls if len(wall.pieces) == 1]
+        # How far the twin is off so far, in states and in forces; the size of the states.
+        self.growth, self._force_growth, self.size = 0.0, 0.0, 1.0
+        self.compared, self.end = 0, 0.0
+
+    def goes_on(self, k: int) -> bool:
+        """True up to where the exact motion ends, and while a disturbance has not grown too much."""
+        until = min(self.motion.until, self._twin.until)
+        is_cut = bool(self.motion.why or self._twin.why)
+        t = float(self._run.t[k])
+        return self.growth <= LARGEST * self.size and (t < until if is_cut else t <= until)
+
+    def row(self, k: int) -> str:
+        """What is wrong with a row, if anything is."""
+        t = float(self._run.t[k])
+        near = float(np.abs(self._times - t).min())
+        if near < CLOSE:
+            return ""
+        (u, v, pushes, is_unique), (u2, v2, pushes2, _) = self.motion.at(t), self._twin.at(t)
+        self.growth = max(self.growth, *(np.abs(np.subtract(a, b)).max() for a, b in ((u, u2), (v, v2))))
+        self.size = max(self.size, np.abs(u).max(), np.abs(v).max())
+        if self.growth > LARGEST * self.size:
+            return ""
+        self.compared, self.end = self.compared + 1, t
+        off = max(np.abs(self._run.u[k] - u).max(), np.abs(self._run.v[k] - v).max())
+        if off < UNSEEN and near < SERIES:
+            return ""
+        if off > ALLOWED * self.size + TIMES * self.growth:
+            return f"the row at t = {t:.6g} is off by {off:.2e} (a disturbance: {self.growth:.1e})"
+        return self._forces(k, pushes, pushes2) if is_unique else ""
+
+    def _forces(self, k: int, pushes: dict[str, float], of_twin: dict[str, float]) -> str:
         largest = 1.0 + max(map(abs, pushes.values()), default=0.0)
-        for name in is_exact:
-            lam, lam2 = pushes.get(name, 0.0), pushes2.get(name, 0.0)
-            force_growth = max(force_growth, abs(lam - lam2))
-            if abs(run.multipliers[name][k] - lam) > 10 * ALLOWED * largest + TIMES * force_growth:
-                value = run.multipliers[name][k]
-                return [*found, f"lambda.{name} at t = {t:.6g} is {value:.9g} for {lam:.9g}"], compared
-    found += _incidents(motion, run, end, max(growth, 1e-10))
-    if stopped and (
-        not run.t.size or run.t[-1] < end - 1e-9 or (not motion.why and growth <= LARGEST * sizes)
-    ):
-        found.append(f"stopped at t = {run.t[-1] if run.t.size else 0:.6g}: {stopped}")
-    return found, compared
+        for name in self._names:
+            lam, value = pushes.get(name, 0.0), float(self._run.multipliers[name][k])
+            self._force_growth = max(self._force_growth, abs(lam - of_twin.get(name, 0.0)))
+            if abs(value - lam) > 10 * ALLOWED * largest + TIMES * self._force_growth:
+                return f"lambda.{name} at t = {self._run.t[k]:.6g} is {value:.9g} for {lam:.9g}"
+        return ""
 
 
 def _incidents(motion: Motion, run: Table, end: float, growth: float) -> list[str]:
