@@ -19,7 +19,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis import internal_forces
+from lagcli.analysis import contact_directions, internal_forces
+from lagcli.analysis.contact_directions import ContactDirections
 from lagcli.analysis.internal_forces import Internal
 from lagcli.compiled import NumericSystem
 from lagcli.equations.sized_function import SizedFunction
@@ -86,7 +87,8 @@ class Displacements:
     """Allowed and virtual displacements at the time t and the configuration q (n,) that moves with v (n,).
 
     virtual_r (N, 3, n - rank) and allowed_r (N, 3): the same of the particles, dr_k = sum_j dr_k/dq_j dq_j (D.28),
-    and dr_k/dt for dt = 1. assembled: what assembly changed in the start; notes: initial velocities that violate rows.
+    and dr_k/dt for dt = 1. contacts: what the closed ones leave of them; allowed_r is that of `allowed` there, None
+    where none is. assembled: what assembly changed in the start; notes: initial velocities that violate rows.
     """
 
     t: float
@@ -95,9 +97,10 @@ class Displacements:
     particles: tuple[str, ...]
     bases: Bases
     virtual_r: Floats
-    allowed_r: Floats
+    allowed_r: Floats | None
     components: Components
     internal: tuple[Internal, ...]
+    contacts: ContactDirections
     assembled: Moves | None = None
     notes: tuple[str, ...] = ()
 
@@ -112,6 +115,7 @@ class Displacements:
         found, parts = self.bases, self.components
         named = [{"name": n, "number": k} for n, k in zip(parts.names, parts.numbers, strict=True)]
         assembled = {} if self.assembled is None else {"assembled": self.assembled.as_json()}
+        allowed, allowed_r = self.contacts.allowed, self.allowed_r
         return {
             **assembled,
             "t": self.t,
@@ -123,11 +127,14 @@ class Displacements:
             "dimension": found.dimension,
             "metric": found.metric,
             "virtual": found.virtual.T.tolist(),
-            "allowed": {"dt": 1.0, "displacement": found.allowed.tolist()},
+            "allowed": {"dt": 1.0, "displacement": None if allowed is None else allowed.tolist()},
             "residual": found.residual,
             "allowed_residual": found.allowed_residual,
             "particles": {
-                name: {"virtual": self.virtual_r[k].T.tolist(), "allowed": self.allowed_r[k].tolist()}
+                name: {
+                    "virtual": self.virtual_r[k].T.tolist(),
+                    "allowed": None if allowed_r is None else allowed_r[k].tolist(),
+                }
                 for k, name in enumerate(self.particles)
             },
             "dependent": [named[i] for i in parts.dependent],
@@ -137,12 +144,16 @@ class Displacements:
             "internal_forces": [
                 {**dataclasses.asdict(one), "central": one.is_central} for one in self.internal
             ],
+            **self.contacts.as_json(parts.names),
         }
 
 
 def displacements(system: System, numeric: NumericSystem, state: State) -> Displacements:
     """The displacements at a state whose configuration satisfies the rows; its velocities enter forces alone."""
-    found = _bases(numeric, state)
+    metric, name = _metric(numeric, state)
+    found = _bases(numeric, state, metric, name)
+    left = contact_directions.RowDisplacements(metric, found.virtual, found.allowed)
+    contacts = contact_directions.directions(system, numeric, state, left)
     s, model = system.symbols, system.model
     J = SizedFunction("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])
     slope, drift = (np.array(part) for part in J(state.t, state.q, state.p[: s.p.numel()]))
@@ -158,17 +169,17 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
         model.particle_names,
         found,
         (slope @ found.virtual).reshape(count, 3, found.dimension),
-        (slope @ found.allowed + drift.ravel()).reshape(count, 3),
+        None if contacts.allowed is None else (slope @ contacts.allowed + drift.ravel()).reshape(count, 3),
         parts,
         internal_forces.internal(system, state),
+        contacts,
     )
 
 
-def _bases(numeric: NumericSystem, state: State) -> Bases:
-    """The bases at a state that satisfies the rows."""
+def _bases(numeric: NumericSystem, state: State, metric: Metric, name: str) -> Bases:
+    """The bases at a state that satisfies the rows, in a metric of that name."""
     rows = sample_points.rows(numeric, state)
     found = rank.estimate(rows)
-    metric, name = _metric(numeric, state)
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     right = np.zeros((0, state.q.size))
     if rows.count:

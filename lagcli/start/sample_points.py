@@ -6,6 +6,7 @@ What holds at generic points (ranks, derived flags) is looked for at them: the s
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -138,15 +139,21 @@ def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.ra
 
 def rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
-    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-    direction = generic_direction.direction(point.q.size, SEED)
-    neighbour = point.q + PARAMETERS.offset * initial.size(point.q) * direction
-    off = LocalRows(numeric.rows(point.t, neighbour, point.v, point.p)[0])
-    here = LocalRows(B)
-    with np.errstate(invalid="ignore"):  # a row may have no value aside
-        flat = here.norms <= PARAMETERS.flat * off.norms
+
+    def rows_at(q: Floats) -> LocalRows:
+        return LocalRows(numeric.rows(point.t, q, point.v, point.p)[0])
+
+    B, flat = rows_at(point.q).B, vanishing(rows_at, point)
     keep = ca.DM(np.where(flat, 0.0, 1.0))
     return MetricRows(ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point))
+
+
+def vanishing(rows_at: Callable[[Floats], LocalRows], point: State) -> npt.NDArray[np.bool_]:
+    """The rows, as a function of q, whose gradients vanish at a point but for rounding."""
+    direction = generic_direction.direction(point.q.size, SEED)
+    off = rows_at(point.q + PARAMETERS.offset * initial.size(point.q) * direction)
+    with np.errstate(invalid="ignore"):  # a row may have no value aside
+        return np.asarray(rows_at(point.q).norms <= PARAMETERS.flat * off.norms)
 
 
 def is_finite(numeric: NumericSystem, point: State) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,6 +12,7 @@ from lagcli.cli.terminal import console, exits
 from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
+    from lagcli.analysis.contact_directions import ContactCondition
     from lagcli.analysis.displacement_set import Components, Displacements
     from lagcli.analysis.internal_forces import Internal
     from lagcli.model.model import Model
@@ -66,6 +68,7 @@ def carry_out(model: Model, at: float | None, assemble: bool, as_json: bool, qui
         return
     exits.print_err_all(found.assembled.lines(model.units) if found.assembled else ())
     exits.print_err_all(f"note: {note}; displacements do not depend on velocities" for note in found.notes)
+    exits.print_err_all(f"note: {note}" for note in found.contacts.notes)
     if not found.bases.is_certain:
         exits.print_err("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
 
@@ -85,10 +88,7 @@ def _print_report(found: Displacements) -> None:
     console.paragraph(
         f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
     )
-    shortest = "the shortest in that metric; adding virtual ones gives all allowed displacements (D.6)"
-    moving = f"allowed: a displacement over dt = 1, {shortest}"
-    at_rest = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
-    console.paragraph(moving if bases.allowed.any() or found.allowed_r.any() else at_rest, "    ")
+    console.paragraph(_allowed(found), "    ")
     console.paragraph(
         f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
         "    ",
@@ -96,25 +96,86 @@ def _print_report(found: Displacements) -> None:
     if bases.dimension > MOST_COLUMNS:
         console.paragraph(f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    ")
     print()
+    if found.contacts.contacts:
+        _contacts(found)
+        print()
     _components(parts)
     print()
     _internal(found.internal)
 
 
+def _allowed(found: Displacements) -> str:
+    """The sentence about the allowed displacement."""
+    if found.contacts.allowed is None or found.allowed_r is None:
+        return "allowed: none is told; a note says why"
+    is_driven = found.contacts.allowed.any() or found.allowed_r.any()
+    if not found.contacts.are_closed:
+        shortest = "the shortest in that metric; adding virtual ones gives all allowed displacements (D.6)"
+        at_rest = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
+        return f"allowed: a displacement over dt = 1, {shortest}" if is_driven else at_rest
+    both = "that rows (D.6) and closed contacts, G dr + g_t dt >= 0, leave"
+    return (
+        f"allowed: the shortest displacement over dt = 1 {both}; adding free and one-sided ones gives others"
+    )
+
+
+def _contacts(found: Displacements) -> None:
+    """The contacts with their sides, and the directions that the closed ones leave."""
+    contacts, names = found.contacts.contacts, found.components.names
+    closed = [one for one in contacts if one.state == "closed"]
+    shown = sorted(contacts, key=lambda one: one.state == "open")[:MOST_LINES]
+    rows = [[one.name, one.state, _condition(one, names) if one.state == "closed" else ""] for one in shown]
+    console.table(["contact", "state", "leaves"], rows, {})
+    if len(contacts) > MOST_LINES:
+        print(f"{len(contacts) - MOST_LINES} more are given with --json")
+    directions = found.contacts.directions
+    if not closed or directions is None:
+        return
+    print()
+    console.paragraph(
+        "what closed contacts leave of the virtual displacements: free ones go both ways, one-sided ones open the"
+        " contacts that are named, blocked ones would violate them (G δr >= 0)",
+        "    ",
+    )
+    several = directions[:MOST_COLUMNS]
+    table = [[names[i], *(_entry(one.displacement[i]) for one in several)] for i in range(len(names))]
+    table.append(["contacts", *(", ".join(one.contacts) for one in several)])
+    console.table(["", *(one.kind for one in several)], table, {})
+    if len(directions) > MOST_COLUMNS:
+        counts = Counter(one.kind for one in directions)
+        told = ", ".join(f"{counts[kind]} {kind}" for kind in counts)
+        print(f"{told}: {len(directions) - MOST_COLUMNS} more are given with --json")
+
+
+def _condition(one: ContactCondition, names: tuple[str, ...]) -> str:
+    terms = [(float(value), f"d{name}") for value, name in zip(one.gradient, names, strict=True)]
+    return f"{_sum([*terms, (one.rate, 'dt')])} >= 0"
+
+
 def _table(found: Displacements) -> None:
     """Displacements of the coordinates, and of particles that have none of their own."""
-    bases, names = found.bases, found.components.names
+    bases, names, allowed, allowed_r = (
+        found.bases,
+        found.components.names,
+        found.contacts.allowed,
+        found.allowed_r,
+    )
     shown = min(bases.dimension, MOST_COLUMNS)
     rows = [
-        [names[i], *(_entry(x) for x in (*bases.virtual[i, :shown], bases.allowed[i]))]
+        [
+            names[i],
+            *(_entry(x) for x in bases.virtual[i, :shown]),
+            "-" if allowed is None else _entry(allowed[i]),
+        ]
         for i in range(len(names))
     ]
     own = {name.rpartition(".")[0] for name in names}
     for k, particle in enumerate(found.particles):
         if particle not in own:
             for j, axis in enumerate("xyz"):
-                values = (*found.virtual_r[k, j, :shown], found.allowed_r[k, j])
-                rows.append([f"{particle}.{axis}", *(_entry(x) for x in values)])
+                values = (_entry(x) for x in found.virtual_r[k, j, :shown])
+                last = "-" if allowed_r is None else _entry(allowed_r[k, j])
+                rows.append([f"{particle}.{axis}", *values, last])
     console.table(["", *(f"δ{i}" for i in range(1, shown + 1)), "allowed"], rows, {})
 
 

@@ -1,0 +1,356 @@
+"""Directions of virtual displacements beside closed contacts, and an allowed displacement with them (D.8).
+
+Displacements that equality rows allow are dq = Z u over dt = 0, with columns of Z orthonormal in the metric. Closed
+contacts leave the cone G Z u >= 0 of them. It is the sum of its lineality space, G Z u = 0, the `free` directions, and
+of rays that open contacts and close none, the `one-sided` ones; a displacement against such a ray is `blocked`, and so
+is one across contacts that close as soon as others open, on either side. Contacts whose gradients are orthogonal in the
+metric make cones of their own, and the whole is their sum.
+
+Over dt the conditions are G dq + g_t dt >= 0, and B dq + b dt = 0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import NumericSystem
+from lagcli.contact import impact_law, least_distance
+from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
+from lagcli.equations import kinks, named_functions
+from lagcli.equations.rows import ConstraintRows, Row
+from lagcli.equations.system import System
+from lagcli.linear import rank
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import LocalRows
+from lagcli.start import gaps, initial, sample_points
+from lagcli.start.gaps import Gaps, Side
+from lagcli.start.initial import State
+
+Floats = npt.NDArray[np.float64]
+Kind = Literal["free", "one-sided", "blocked"]
+
+
+class DirectionParameters:
+    """The directions beside contacts that depend on each other.
+
+    The test is of `tests/physics/test_displacements_with_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    most_edges: int = 20_000
+    """Sets of contacts that are looked at for a ray along which just these stay closed.
+    `test_rays_of_some_thousand_sets_of_contacts_are_listed` fails at 2000 and 200 000."""
+
+
+PARAMETERS = DirectionParameters()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ContactCondition:
+    """A contact and its side; of one that is closed dg = gradient (n,) . dq + rate dt."""
+
+    name: str
+    state: Side
+    gradient: Floats
+    rate: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Direction:
+    """A displacement (n,) of length one in the metric; contacts: those that open along it, or that block it."""
+
+    kind: Kind
+    displacement: Floats
+    contacts: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ContactDirections:
+    """What contacts leave at an instant.
+
+    directions: a basis of the free ones, then the one-sided and the blocked ones; None where a contact tells none.
+    allowed (n,): the shortest displacement over dt = 1; None where there is none, or where a contact tells none.
+    notes: why, and which contacts are violated.
+    """
+
+    contacts: tuple[ContactCondition, ...]
+    directions: tuple[Direction, ...] | None
+    allowed: Floats | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def are_closed(self) -> bool:
+        """True where a contact is closed."""
+        return any(one.state == "closed" for one in self.contacts)
+
+    def as_json(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """The keys `contacts`, `directions` and `notes` of `displacements --json`, where there are contacts; columns
+        (n,): of the coordinates."""
+        if not self.contacts:
+            return {}
+
+        def named(dq: Floats) -> dict[str, float]:
+            return dict(zip(columns, dq.tolist(), strict=True))
+
+        return {
+            "contacts": [
+                {"name": one.name, "state": one.state}
+                | ({"gradient": named(one.gradient), "rate": one.rate} if one.state == "closed" else {})
+                for one in self.contacts
+            ],
+            "directions": self.directions
+            and [
+                {"kind": one.kind, "columns": named(one.displacement), "contacts": list(one.contacts)}
+                for one in self.directions
+            ],
+            "notes": list(self.notes),
+        }
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class RowDisplacements:
+    """What equality rows leave: Z (n, d), orthonormal in the metric, and the shortest displacement (n,) over dt = 1."""
+
+    metric: Metric
+    Z: Floats
+    allowed: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Cone:
+    """Closed contacts by their numbers (k,), their unit rows A (k, d) over u, and A u >= least (k,) over dt = 1."""
+
+    numbers: list[int]
+    A: Floats
+    least: Floats
+
+
+def directions(
+    system: System, numeric: NumericSystem, state: State, left: RowDisplacements
+) -> ContactDirections:
+    """The directions at a state, `left` by the equality rows. Raises `ModelError` naming a gap that is not finite."""
+    sides = gaps.at_state(system, numeric, state)
+    g_t = np.array(numeric.contacts(state.t, state.q, state.v, state.p)[2]).ravel()
+    G = LocalRows(numeric.contacts(state.t, state.q, state.v, state.p)[1])
+    dense = np.array(G.B)
+    contacts = tuple(
+        ContactCondition(row.name, side, dense[j], float(g_t[j]))
+        for j, (row, side) in enumerate(zip(system.contacts.rows, sides.sides, strict=True))
+    )
+    notes = tuple(one.message for one in gaps.penetrations(system, sides))
+    closed = [j for j, one in enumerate(contacts) if one.state == "closed"]
+    reason = _without_direction(system, numeric, state, sides, closed)
+    if reason:
+        return ContactDirections(contacts, None, None, (*notes, reason))
+    names = [one.name for one in contacts]
+    cone, against = _cone(left, G, g_t, closed)
+    try:
+        found, more = _of_cone(cone, names)
+        allowed, reason = _allowed(left, cone, names)
+    except UndecidedRows:
+        named = _quoted([names[j] for j in closed])
+        reason = f"the directions beside {named} are not decided: their gradients are too near dependent ones"
+        return ContactDirections(contacts, None, None, (*notes, reason))
+    if against:
+        named = _quoted([names[j] for j in against])
+        allowed, reason = (
+            None,
+            f"no displacement over dt > 0 is allowed: the rows would have {named} violated",
+        )
+    moved = tuple(dataclasses.replace(one, displacement=left.Z @ one.displacement + 0.0) for one in found)
+    return ContactDirections(contacts, moved, allowed, (*notes, *more, *([reason] if reason else ())))
+
+
+def _without_direction(
+    system: System, numeric: NumericSystem, state: State, sides: Gaps, closed: list[int]
+) -> str:
+    """A sentence about a closed contact whose gradient vanishes, has no value or jumps, which tells no direction."""
+
+    def rows_at(q: Floats) -> LocalRows:
+        return LocalRows(numeric.contacts(state.t, q, state.v, state.p)[1])
+
+    vanishing = sides.flat | sample_points.vanishing(rows_at, state) | ~rows_at(state.q).are_finite()
+    for j in closed:
+        if vanishing[j]:
+            return (
+                f"no directions are told: the gradient of `{system.contacts.rows[j].name}` vanishes or has no value"
+                " here (write the condition with a slope at its surface, as `x >= 0` in place of `x**3 >= 0`)"
+            )
+    edge = _edge(system, state, closed)
+    if edge is None:
+        return ""
+    return (
+        f"no directions are told: the gradient of `{edge.name}` jumps here, at an edge or in a corner of one condition"
+        " (declare each side as an inequality of its own)"
+    )
+
+
+def _edge(system: System, state: State, closed: list[int]) -> Row | None:
+    """A closed contact whose gradient jumps at a state, or None."""
+    kinked, rows = named_functions.switching_contacts(system.model), system.contacts
+    switching = [j for j in closed if kinked[j]]
+    if not switching:
+        return None
+    names = tuple(rows.rows[j] for j in switching)
+    some = ConstraintRows(
+        names, rows.g[switching], rows.G[switching, :], rows.g_t[switching], rows.gamma[switching]
+    )
+    switches = kinks.find(system.symbols, system.p, some)
+    return None if switches is None else switches.at(state.t, state.q, state.p)
+
+
+def _cone(left: RowDisplacements, G: LocalRows, g_t: Floats, closed: list[int]) -> tuple[_Cone, list[int]]:
+    """The cone of the closed contacts that equality rows let move, and those of the others that close over dt."""
+    lengths = LocalRows(left.metric.whitened(G.B[closed, :])).divisors
+    rows, rates = np.array(G.B[closed, :]), g_t[closed]
+    over = (rows @ left.Z) / lengths[:, None]
+    sizes = np.linalg.norm(over, axis=1)
+    rate = rows @ left.allowed + rates
+    terms = np.abs(rows) @ np.abs(left.allowed) + np.abs(rates)
+    rate = np.where(np.abs(rate) <= impact_law.PARAMETERS.safe * least_distance.EPS * terms, 0.0, rate)
+    moves = sizes > impact_law.PARAMETERS.immobile
+    taken = np.flatnonzero(moves)
+    cone = _Cone(
+        [closed[i] for i in taken], over[taken] / sizes[taken, None], -rate[taken] / (lengths * sizes)[taken]
+    )
+    return cone, [closed[i] for i in np.flatnonzero(~moves & (rate < 0.0))]
+
+
+def _allowed(left: RowDisplacements, cone: _Cone, names: list[str]) -> tuple[Floats | None, str]:
+    """The shortest allowed displacement (n,) over dt = 1, or None and why."""
+    try:
+        return left.allowed + left.Z @ least_distance.shortest(cone.A, cone.least).x, ""
+    except ContradictoryRows as error:
+        named = _quoted([names[cone.numbers[i]] for i in error.rows])
+        return None, f"no displacement over dt > 0 is allowed: {named} close on each other"
+
+
+def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]:
+    """The directions, displacements u (d,), and a note where not all rays are listed."""
+    A = cone.A
+    found = [Direction("free", _signed(u)) for u in (rank.null_basis(A) if len(A) else np.eye(A.shape[1])).T]
+    one_sided: list[Direction] = []
+    blocked: list[Direction] = []
+    notes = []
+    for members in _apart(A):
+        part = A[members]
+
+        def moved(u: Floats, sign: int, members: list[int] = members, part: Floats = part) -> tuple[str, ...]:
+            flags = sign * (part @ u) > rank.PARAMETERS.large
+            return tuple(names[cone.numbers[members[i]]] for i in np.flatnonzero(flags))
+
+        locked = _locked(part)
+        rays, is_complete = _rays(_off(part, locked))
+        if not is_complete:
+            shown = _quoted([names[cone.numbers[i]] for i in members])
+            notes.append(
+                f"the rays beside {shown} are not listed, as they may be too many: one stands for them"
+            )
+        one_sided += [Direction("one-sided", ray, moved(ray, 1)) for ray in rays]
+        across = [_signed(u) for u in _basis(part[locked])]
+        for u in (*(-ray for ray in rays), *across, *(-u for u in across)):
+            blocked.append(Direction("blocked", u, moved(u, -1)))
+    return [*found, *one_sided, *blocked], notes
+
+
+def _apart(A: Floats) -> list[list[int]]:
+    """Numbers of rows (k, d) in sets that are orthogonal to each other, to rounding."""
+    linked = np.abs(A @ A.T) > A.shape[1] * least_distance.EPS
+    rest, found = set(range(len(A))), []
+    while rest:
+        members: set[int] = set()
+        border = {min(rest)}
+        while border:
+            members |= border
+            border = set(np.flatnonzero(linked[sorted(border)].any(axis=0)).tolist()) - members
+        found.append(sorted(members))
+        rest -= members
+    return found
+
+
+def _locked(A: Floats) -> list[int]:
+    """The rows that A u >= 0 keeps at zero: such as have a sum with positive weights that vanishes (Farkas)."""
+    locked: list[int] = []
+    while True:
+        free = _off(A, locked)
+        rest = np.flatnonzero(free.any(axis=1))
+        if len(_basis(free[rest])) == rest.size:
+            return sorted(locked)
+        try:
+            least_distance.shortest(free[rest], np.ones(rest.size))
+        except ContradictoryRows as error:
+            locked += [int(rest[i]) for i in error.rows]
+            off = _off(A, locked)
+            locked = [i for i in range(len(A)) if not off[i].any()]
+        else:
+            return sorted(locked)
+
+
+def _off(A: Floats, locked: list[int]) -> Floats:
+    """The part of unit rows (k, d) across some of them, of length one again; zero where none is left."""
+    basis = _basis(A[locked])
+    off = A - (A @ basis.T) @ basis
+    lengths = np.linalg.norm(off, axis=1)
+    is_left = lengths > rank.PARAMETERS.large
+    return np.where(is_left[:, None], off / np.where(is_left, lengths, 1.0)[:, None], 0.0)
+
+
+def _basis(A: Floats) -> Floats:
+    """An orthonormal basis (r, d) of what unit rows span."""
+    if not len(A):
+        return np.zeros((0, A.shape[1]))
+    _, sigma, right = np.linalg.svd(A, full_matrices=False)
+    return np.asarray(right[: int((sigma > rank.PARAMETERS.large).sum())])
+
+
+def _rays(A: Floats) -> tuple[list[Floats], bool]:
+    """The extreme rays (d,) of A u >= 0 in what the rows (k, d) span, of length one, where all can open at once.
+
+    Where they may be too many it is one ray, along which all open, and False.
+    """
+    A = A[A.any(axis=1)]
+    basis = _basis(A)
+    needed = A if len(basis) == len(A) else A[_needed(A)]
+    if len(needed) == len(basis):
+        return [ray / np.linalg.norm(ray) for ray in np.linalg.pinv(needed).T], True
+    if math.comb(len(needed), len(basis) - 1) > PARAMETERS.most_edges:
+        middle = least_distance.shortest(A, np.ones(len(A))).x
+        return [middle / np.linalg.norm(middle)], False
+    over = needed @ basis.T
+    found: dict[tuple[int, ...], Floats] = {}
+    for edge in itertools.combinations(range(len(needed)), len(basis) - 1):
+        _, sigma, right = np.linalg.svd(over[list(edge)])
+        opened = over @ right[-1]
+        ray = right[-1] if opened.sum() > 0 else -right[-1]
+        if sigma.min(initial=1.0) > rank.PARAMETERS.large and (over @ ray >= -rank.PARAMETERS.large).all():
+            found[tuple(np.flatnonzero(np.abs(opened) <= rank.PARAMETERS.large).tolist())] = ray @ basis
+    return list(found.values()), True
+
+
+def _needed(A: Floats) -> list[int]:
+    """Numbers of rows (k, d) that no others imply: such as are no sum of others with positive weights."""
+    needed = list(range(len(A)))
+    for i in range(len(A)):
+        others = [j for j in needed if j != i]
+        left = least_distance.residual(A[others].T, A[i])
+        if left is not None and np.linalg.norm(left) <= rank.PARAMETERS.small:
+            needed = others
+    return needed
+
+
+def _signed(u: Floats) -> Floats:
+    """A direction or its opposite, that with the largest component positive."""
+    return np.asarray(u if u[np.argmax(np.abs(u))] > 0 else -u)
+
+
+def _quoted(names: list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[: initial.PARAMETERS.most_listed])
+    rest = len(names) - initial.PARAMETERS.most_listed
+    return shown + (f" and {rest} more" if rest > 0 else "")
