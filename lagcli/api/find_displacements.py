@@ -13,7 +13,7 @@ from lagcli.api.runs import run_settings
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.output import table_columns
-from lagcli.start import assembly, assembly_moves, initial
+from lagcli.start import assembly, assembly_moves, initial, sample_points
 
 if TYPE_CHECKING:
     from lagcli.analysis.displacement_set import Displacements
@@ -74,5 +74,7 @@ def _at_start(model: Model) -> Displacements:
         if residuals.consistent
         else tuple(d.message for d in initial.inconsistencies(ready.system, residuals))
     )
+    if not sample_points.is_finite(ready.numeric, start):
+        initial.inertia(ready.system, ready.numeric, start)  # says of which coordinate
     found = displacement_set.displacements(ready.system, ready.numeric, start)
     return dataclasses.replace(found, assembled=moved, notes=notes)

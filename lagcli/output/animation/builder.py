@@ -12,8 +12,10 @@ from lagcli.model import model as nouns
 from lagcli.output.animation import links, quadratic_algebra, row_pictures, scene
 from lagcli.output.animation.curve_pictures import CurvePictures
 from lagcli.output.animation.links import PointTable, Tie
+from lagcli.output.animation.point_tracks import NothingToShow
 from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import DrawnSurface, Link, Scene, TimeCurve, steady
+from lagcli.output.figures import panels
 
 Floats = npt.NDArray[np.float64]
 
@@ -46,7 +48,8 @@ class Motion:
 
 def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple[str, str]) -> Scene:
     """The scene of a motion; without a model there are neither rods nor surfaces, and all particles are alike. units:
-    labels of time and force."""
+    labels of time and force. Raises `NothingToShow` for lengths or times that no page holds."""
+    _require_drawable(motion)
     points = PointTable(motion.particles, motion.is_run)
     found, surfaces = RowPictures(), list(motion.guide_lines)
     if model is not None:
@@ -82,6 +85,17 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
         units=units,
         notes=notes,
     )
+
+
+def _require_drawable(motion: Motion) -> None:
+    """Raise `NothingToShow` where squares of lengths, or times as parts of the page, are beyond all numbers there."""
+    far = float(np.abs(motion.particles).max(initial=0.0))
+    if not far * far < np.finfo(np.float64).max / motion.particles.size:
+        raise NothingToShow(f"positions of up to {far:.3g} are too large to be drawn")
+    if not float(motion.t[-1]) - float(motion.t[0]) <= float(np.finfo(np.float32).max):
+        raise NothingToShow(
+            f"times from {motion.t[0]:.3g} to {motion.t[-1]:.3g} are too far apart to be shown"
+        )
 
 
 def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
@@ -136,9 +150,7 @@ def _tracks(forces: Floats | None) -> tuple[Floats, ...]:
 def _scale(motion: Motion, size: float) -> float:
     """The length of an arrow of the unit of force, so that almost all are shorter than `ARROW` of the scene."""
     forces = [
-        np.linalg.norm(part, axis=-1).max(axis=1)
-        for part in (motion.R, motion.F)
-        if part is not None and part.size
+        panels.sizes(part).max(axis=1) for part in (motion.R, motion.F) if part is not None and part.size
     ]
     if not forces:
         return 0.0

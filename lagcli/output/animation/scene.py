@@ -160,8 +160,9 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
     low, high = bounds(tracks)
     centre, extent = (low + high) / 2, float(np.linalg.norm(high - low))
     up = np.array([0.0, 0.0, 1.0])
-    if down is not None and np.linalg.norm(down) > 0:
-        up = -down / np.linalg.norm(down)
+    steepest = 0.0 if down is None else float(np.abs(down).max())
+    if down is not None and 0 < steepest < np.inf:
+        up = -down / steepest / np.linalg.norm(down / steepest)
     axes, spread = _spread([track - centre for track in tracks])
     flat = spread[2] <= FLAT * max(spread[0], LEAST) and extent > 0
     if not flat:

@@ -66,14 +66,38 @@ class ChartPanel:
     dots: tuple[IncidentDots, ...] = ()
     notes: tuple[str, ...] = ()
 
+    def drawable(self) -> ChartPanel:
+        """The panel; of values that are too large for an axis a part, which the name of the axis says."""
+        (left, right), (bottom, top) = (
+            _ends([getattr(curve, axis) for curve in self.curves], np.inf) for axis in "xy"
+        )
+        is_far, is_high = max(-left, right) > panels.LARGEST, max(-bottom, top) > panels.LARGEST
+        if self.shape == "equal":
+            is_far = is_high = is_far or is_high
+        elif self.shape == "time":
+            is_far = False
+        if self.is_log or not (is_far or is_high):
+            return self
+        x, y = (panels.TO_FIT if is_large else 1.0 for is_large in (is_far, is_high))
+        return dataclasses.replace(
+            self,
+            x_label=panels.fitted(self.x_label) if is_far else self.x_label,
+            y_label=panels.fitted(self.y_label) if is_high else self.y_label,
+            curves=tuple(dataclasses.replace(one, x=one.x * x, y=one.y * y) for one in self.curves),
+            dots=tuple(dataclasses.replace(one, x=one.x * x, y=one.y * y) for one in self.dots),
+        )
+
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """The smallest and largest finite values of x and of y, up to `panels.LARGEST`; (0, 0) where there are none."""
-        found = []
-        for values in ([curve.x for curve in self.curves], [curve.y for curve in self.curves]):
-            shown = np.concatenate([*values, np.zeros(0)])
-            shown = np.clip(shown[np.isfinite(shown)], -panels.LARGEST, panels.LARGEST)
-            found.append((float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0))
-        return found[0], found[1]
+        x, y = ([getattr(curve, axis) for curve in self.curves] for axis in "xy")
+        return _ends(x, panels.LARGEST), _ends(y, panels.LARGEST)
+
+
+def _ends(values: Sequence[Floats], most: float) -> tuple[float, float]:
+    """The smallest and largest finite numbers of arrays, up to the size `most`; (0, 0) where there are none."""
+    shown = np.concatenate([*values, np.zeros(0)])
+    shown = np.clip(shown[np.isfinite(shown)], -most, most)
+    return (float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -190,7 +190,7 @@ class _Plan:
             limits=limits,
             dots=() if series.is_time else self._dots((self.x or "", names[0])),
             notes=tuple(self._notes(names, words.kind(names[0]), series, zeros)),
-        )
+        ).drawable()
 
     def _is_family(self, names: Sequence[str], count: int) -> bool:
         return count > MOST_KEYS and (len(self._tables) == 1 or len(names) == 1)
@@ -295,7 +295,7 @@ class _Plan:
         keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if len(curves) > 1 else ()
         x_label, y_label = (_component(words, [pair[k] for pair in pairs]) for k in (0, 1))
         dots = tuple(dot for pair in pairs for dot in self._dots(pair))
-        return ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots)
+        return ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots).drawable()
 
     def _dots(self, pair: tuple[str, str]) -> tuple[IncidentDots, ...]:
         """The points of incidents on a path."""

@@ -41,6 +41,7 @@ def scale_of(low: float, high: float, most: int) -> Scale:
     found = ticker.MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     step = float(found[1] - found[0])
     values = [0.0 if abs(value) < 1e-9 * step else float(value) for value in found if low <= value <= high]
+    values = values or [low, high]  # the ends of all doubles have no round numbers between
     digits = max(6, int(np.log10(max(abs(low), abs(high)) / step)) + 3)
     texts = [f"{value:.{digits}g}" for value in values]
     if not any("e" in text for text in texts):

@@ -30,8 +30,10 @@ _NOT_UNIQUE = (
 # Below this part of the largest value a curve is round-off.
 # `tests/unit/test_drawing_thresholds.py::test_forces_that_are_rounding_have_no_panel` fails at 1e-11 and 1e-13.
 ROUND_OFF = 1e-12
-# The largest size on an axis: the differences of ticks around it are doubles too.
-LARGEST = 1e307
+# The largest size on an axis: ticks around it, and their differences, are doubles too.
+LARGEST = 1e300
+# What is larger is drawn times this, which the name of its axis says.
+TO_FIT = 1e-10
 # Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
 # `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
 POINT = 1e-12
@@ -113,6 +115,10 @@ def bands(
     if "t" not in columns:
         raise ValueError('a figure needs the column "t"')
     zeros = facts.zeros
+    others = rows[:, [name != "t" for name in columns]]
+    is_large = bool((np.abs(others[np.isfinite(others)]) > LARGEST).any())
+    if is_large:
+        rows = np.where(np.array(columns) == "t", rows, rows * TO_FIT)
     if zeros:
         rows = np.where(np.isin(columns, list(zeros)), 0.0, rows)
     table = _Table({name: index for index, name in enumerate(columns)}, rows)
@@ -132,6 +138,8 @@ def bands(
         rounded = any(f"lambda.{name}" in zeros for name in idle)
         zero_note = f"{'zero to rounding' if rounded else 'zero throughout'}: {_listed(idle)}"
         found[0] = dataclasses.replace(found[0], note="; ".join(filter(None, (found[0].note, zero_note))))
+    if is_large:
+        found = [dataclasses.replace(band, label=fitted(band.label)) for band in found]
     if zeros:
         for index, band in enumerate(found):
             note = band.note.replace("zero throughout", "zero to rounding")
@@ -171,11 +179,11 @@ def _particle_forces(table: _Table, particles: list[str], units: UnitLabels) -> 
     forces = {
         name: np.stack([table.column(f"R.{name}.{axis}") for axis in "xyz"], axis=1) for name in particles
     }
-    shown, note = _acting({name: np.linalg.norm(force, axis=1) for name, force in forces.items()})
+    shown, note = _acting({name: sizes(force) for name, force in forces.items()})
     unit = force_unit(units)
     if len(shown) > _FORCE_PANELS:
-        sizes = [table.curve(name, np.linalg.norm(forces[name], axis=1), of=len(shown)) for name in shown]
-        return Band(heading, with_unit("|Rₖ|", unit), (Panel("", tuple(sizes)),), family=True, note=note)
+        curves = [table.curve(name, sizes(forces[name]), of=len(shown)) for name in shown]
+        return Band(heading, with_unit("|Rₖ|", unit), (Panel("", tuple(curves)),), family=True, note=note)
     panels = [
         Panel(
             name,
@@ -204,10 +212,10 @@ def _coordinate_forces(table: _Table, coordinates: list[str], units: UnitLabels,
 
 def _acting(forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
     """The names whose force is not zero throughout (but for round-off), and a note on the others."""
-    sizes = {name: _size(force) for name, force in forces.items()}
-    floor = ROUND_OFF * max(sizes.values())
-    shown = [name for name, size in sizes.items() if size > floor]
-    idle = [name for name, size in sizes.items() if size <= floor]
+    found = {name: _size(force) for name, force in forces.items()}
+    floor = ROUND_OFF * max(found.values())
+    shown = [name for name, size in found.items() if size > floor]
+    idle = [name for name, size in found.items() if size <= floor]
     if not idle:
         return shown, ""
     if not shown:
@@ -221,6 +229,16 @@ def _listed(idle: list[str]) -> str:
 
 def _of_like_size(curves: Iterable[Curve]) -> bool:
     return are_of_like_size([size for size in (_size(curve.values) for curve in curves) if size > 0])
+
+
+def sizes(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The lengths of vectors (..., 3), whose squares may be beyond all doubles."""
+    return np.asarray(np.hypot(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]))
+
+
+def fitted(label: str) -> str:
+    """The name of an axis of values that are drawn times `TO_FIT`."""
+    return f"{label} × {TO_FIT:g}"
 
 
 def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]:
