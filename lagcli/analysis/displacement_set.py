@@ -160,7 +160,8 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
     count = len(model.particle_names)
     B, b = numeric.rows(state.t, state.q, state.v, state.p)
     M = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
-    sizes = 1 / np.sqrt(M) if (M > 0).all() else np.ones(M.size)
+    # Parts of the largest: only ratios count, and squares stay numbers.
+    sizes = np.sqrt(M.min(initial=np.inf) / M) if (M > 0).all() else np.ones(M.size)
     parts = _components(model, (np.array(B), np.array(b).ravel()), found.rank, sizes)
     return Displacements(
         state.t,

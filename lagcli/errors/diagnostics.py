@@ -7,6 +7,7 @@ program prints the same thing; what a code means at length stands in `catalogue`
 from __future__ import annotations
 
 import itertools
+import warnings
 from collections.abc import Iterable, Iterator
 from typing import Literal
 
@@ -209,3 +210,12 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
     close = difflib.get_close_matches(word[:100], candidates, n=1, cutoff=0.6)
     return f"did you mean `{close[0]}`?" if close else ""
+
+
+def leave_arithmetic_unsaid() -> None:
+    """For this process: NumPy's own warnings of operations without a number are no words for a user.
+
+    A value that is no number is judged where it is used, and refused or told there with the name of what it is.
+    """
+    operations = "(overflow|underflow|invalid value|divide by zero) encountered"
+    warnings.filterwarnings("ignore", operations, RuntimeWarning)

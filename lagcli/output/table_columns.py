@@ -72,10 +72,10 @@ class Floors:
         indices = {name: i for i, name in enumerate(columns)}
         self._lam = [indices[f"lambda.{row.name}"] for row in system.rows.rows]
         names = model.coordinate_names
-        generalized = set(model.generalized_names)
+        generalized, own = set(model.generalized_names), set(names)
         self._R = [indices[f"R.{name}"] for name in names]
         self._v = [indices[f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}"] for n in names]
-        dependent = [(k, n) for k, n in enumerate(model.particle_names) if f"{n}.x" not in set(names)]
+        dependent = [(k, n) for k, n in enumerate(model.particle_names) if f"{n}.x" not in own]
         self._dependent = [(k, indices[f"R.{name}.{axis}"]) for k, name in dependent for axis in "xyz"]
         self._masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
         n = len(names)

@@ -19,6 +19,7 @@ from sympy.polys.rings import PolyElement, PolyRing
 from lagcli.statics import polynomial_equations
 
 Floats = npt.NDArray[np.float64]
+LARGEST = int(np.finfo(float).max)
 Rationals = list[list[Fraction]]
 
 
@@ -164,7 +165,13 @@ class _QuotientAlgebra:
         return _signature(form)
 
     def real_zeros(self, equations: Sequence[PolyElement]) -> Floats:
-        """The real zeros from eigenvectors of a mixed multiplication, refined by Newton's steps."""
+        """The real zeros from eigenvectors of a mixed multiplication, refined by Newton's steps.
+
+        Raises `NotCounted` where its numbers are no doubles.
+        """
+        exact = [*(x for M in self._by_unknown for row in M for x in row), *_factors(equations)]
+        if any(abs(x) > LARGEST for x in exact):
+            raise NotCounted("their numbers are too large")
         random = np.random.default_rng(0)
         slopes = [[e.diff(x) for x in self._ring.gens] for e in equations]
         matrices = [np.array([[float(x) for x in row] for row in M]) for M in self._by_unknown]
@@ -185,6 +192,12 @@ class _QuotientAlgebra:
                 if zero is not None and not any(_same(zero, other) for other in found):
                     found.append(zero)
         return np.array(found).reshape(len(found), len(self._ring.gens))
+
+
+def _factors(equations: Sequence[PolyElement]) -> Iterator[Fraction]:
+    for equation in equations:
+        for _, factor in equation.terms():
+            yield Fraction(int(factor.numerator), int(factor.denominator))
 
 
 def _same(a: Floats, b: Floats) -> bool:

@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.errors import diagnostics
 from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
@@ -138,7 +139,10 @@ def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def scales(problem: StaticProblem, q: Floats) -> Scales:
-    """Units from a point and from some beside it: none of them may vanish by accident."""
+    """Units from a point and from some beside it: none of them may vanish by accident.
+
+    Raises `diagnostics.ModelError` where their squares are no doubles: all norms here are made of them.
+    """
     random = np.random.default_rng(1)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     force = stiffness = 0.0
@@ -148,8 +152,28 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
         values = problem.at(problem.t, point, problem.nothing)
         force = max(force, float(np.abs(values.F[np.isfinite(values.F)]).max(initial=0.0)))
         stiffness = max(stiffness, float(np.abs(values.K[np.isfinite(values.K)]).max(initial=0.0)))
-        with np.errstate(invalid="ignore"):
-            conditions = np.fmax(conditions, np.linalg.norm(values.dc, axis=1))
-            contacts = np.fmax(contacts, np.linalg.norm(values.G, axis=1))
+        with np.errstate(over="ignore", invalid="ignore"):
+            conditions = np.fmax(conditions, np.hypot.reduce(values.dc, axis=1))
+            contacts = np.fmax(contacts, np.hypot.reduce(values.G, axis=1))
     conditions[~(conditions > 0)], contacts[~(contacts > 0)] = 1.0, 1.0
-    return Scales(force or stiffness * size or 1.0, size, conditions, contacts)
+    found = Scales(force or stiffness * size or 1.0, size, conditions, contacts)
+    _require_squares(problem, found)
+    return found
+
+
+def _require_squares(problem: StaticProblem, found: Scales) -> None:
+    least, most = np.sqrt([np.finfo(float).tiny, np.finfo(float).max])
+    for what, units in (
+        ("forces", np.array([found.force])),
+        ("coordinates", np.array([found.length])),
+        ("gradients of constraints", found.conditions),
+        ("gradients of contacts", found.contacts),
+    ):
+        beyond = units[(units < least) | (units > most)]
+        if beyond.size:
+            message = f"the search cannot work with {what} of the size {beyond[0]:.3g}: their squares are no numbers"
+            hint = "choose units in which the numbers of the model are nearer to 1"
+            place = diagnostics.Location(problem.laws.path, 1, 1)
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("not-finite-at-start", message, place, hint)]
+            )

@@ -22,7 +22,7 @@ class StaticLaws:
     """Expressions of t, q (n,) and p: F (n,), B (C, n), c (k,), g (K,), G (K, n), and the function that is stationary.
 
     value: f, or the effective potential where the forces have one by their declaration; driving (n,): the rest of
-    F, what is declared without a potential.
+    F, what is declared without a potential; path: of the model.
     """
 
     t: ca.SX
@@ -35,6 +35,7 @@ class StaticLaws:
     G: ca.SX
     value: ca.SX
     driving: ca.SX
+    path: str
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -72,6 +73,7 @@ def of_rest(system: System, invariant_values: Sequence[EnforcedLevel]) -> Static
         system.contacts.G,
         value,
         ca.densify(F + ca.gradient(value, symbols.q)),
+        system.model.path,
     )
 
 
@@ -92,6 +94,7 @@ def of_function(system: System, f: ca.SX, invariant_values: Sequence[EnforcedLev
         system.contacts.G,
         f,
         ca.SX.zeros(q.numel()),
+        system.model.path,
     )
 
 

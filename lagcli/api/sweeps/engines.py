@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from lagcli.api.sweeps import point_task
 from lagcli.api.sweeps.point_sources import SweepPoints
 from lagcli.api.sweeps.point_task import PointTask
+from lagcli.errors import diagnostics
 from lagcli.output.sweeps.sweep_table import PointRow
 
 if TYPE_CHECKING:
@@ -259,6 +260,7 @@ def _begin_worker(wanted: Connection) -> None:
     """A worker leaves interrupts to the process that it works for, and ends with it, however that ends."""
     import multiprocessing
 
+    diagnostics.leave_arithmetic_unsaid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     ends = [wanted] if parent is None else [wanted, parent.sentinel]

@@ -155,4 +155,6 @@ def _scale(motion: Motion, size: float) -> float:
     if not forces:
         return 0.0
     largest = float(np.quantile(np.max(forces, axis=0), USUAL))
-    return ARROW * size / largest if np.isfinite(largest) and largest > 0 else 0.0
+    # Forces of which no arrow can be told from none, or that are beyond all numbers, have none.
+    is_drawn = np.finfo(float).tiny < largest < np.inf
+    return ARROW * size / largest if is_drawn else 0.0

@@ -122,10 +122,10 @@ def _vanishes(here: ContactInstant, contact: int) -> bool:
     size = here.size or 1.0
     offset = max(PARAMETERS.times * abs(float(here.g[contact])) / slope, PARAMETERS.offset * size)
     changes = [float(_displaced(here, part * way).g[contact] - here.g[contact]) for part in (offset, -offset)]
-    off = [
-        abs(change / (part * slope) - 1.0) for change, part in zip(changes, (offset, -offset), strict=True)
-    ]
-    return max(off) > PARAMETERS.off
+    told = offset * slope, -offset * slope
+    return any(
+        not abs(change - by) <= PARAMETERS.off * abs(by) for change, by in zip(changes, told, strict=True)
+    )
 
 
 def _jumps(here: ContactInstant, contact: int) -> bool:

@@ -114,7 +114,8 @@ def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, 
     if not v and a <= PARAMETERS.balanced * max(forced, resting):
         a = max(forced, resting)
     times = [_ratio(q, v), _ratio(v, a), math.sqrt(_ratio(q, a))]
-    known = min((time for time in times if 0.0 < time < math.inf), default=0.0)
+    # A time of which the part that is looked ahead is no number is none.
+    known = min((time for time in times if 0.0 < PARAMETERS.look * time < math.inf), default=0.0)
     step = max(PARAMETERS.rest, PARAMETERS.rest_of_time * abs(t))
     if known:
         later = _ahead(rhs, k, PARAMETERS.look * known)
