@@ -94,7 +94,7 @@ def _lasting(
     same = True
     for part in PATH_PARTS:
         later = moved(here, part * duration)
-        if not _on_rows(numeric, later):
+        if not (_on_rows(numeric, later) and _beside_contacts(functions, numeric, later)):
             return None
         linear = functions.at(later)
         if not np.isfinite(linear.values).all() or not is_balanced(linear, PATH_ROUNDOFF):
@@ -120,6 +120,14 @@ def _on_rows(numeric: NumericSystem, here: Reference) -> bool:
         np.abs(np.array(B)) @ np.abs(here.v) + np.abs(np.array(b).ravel()),
     ]
     return all(bool((np.abs(x) <= PATH_ROUNDOFF * size).all()) for x, size in zip(left, terms, strict=True))
+
+
+def _beside_contacts(functions: LinearizedFunctions, numeric: NumericSystem, here: Reference) -> bool:
+    """True if a state is on the allowed side of the contacts that are no rows: one that closes ends the motion."""
+    g, G = (np.array(part) for part in numeric.contacts(here.t, here.q, here.v, here.p)[:2])
+    others = [j for j in range(len(g)) if j not in functions.closed]
+    size = np.abs(G[others]) @ (np.abs(here.q) + 1.0)
+    return not bool((g.ravel()[others] < -PATH_ROUNDOFF * size).any())
 
 
 def _is_same(one: Floats, other: Floats) -> bool:

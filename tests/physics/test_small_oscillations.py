@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.api.find_modes import NoEquilibriumError
 
 TWO_PENDULUMS = """\
 lagcli: 1
@@ -246,6 +247,34 @@ inequality: {floor: a.z >= 0, ceiling: a.z <= 1}
     found = modes(text)
     np.testing.assert_allclose(found.frequencies, np.sqrt([2.5, 10]), rtol=1e-13)
     assert any("`floor`" in note and "ceiling" not in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("start", "law", "about"),
+    [
+        ("[0, 0, 1]", "a.z >= 0", "equilibrium"),  # it falls in 0.45, and lies then
+        ("[0, 0, 1], velocity: [0.5, 0, 3]", "a.z >= 0", "equilibrium"),
+        ("[0, 0, 1], velocity: [0.5, 0, 0]", "a.x <= 0.9", None),  # a wall in its way, and no floor
+        ("[0, 0, 1], velocity: [0.5, 0, 0]", "a.x <= 6", "steady"),
+        ("[0, 0, 21]", "a.z >= 0", "steady"),  # nothing closes in the time of the run
+    ],
+)
+def test_a_contact_that_closes_on_the_way_ends_a_steady_motion(start, law, about) -> None:
+    text = f"""\
+lagcli: 1
+particles: {{a: {{mass: 2, position: {start}}}}}
+forces: {{weight: {{to: a, force: [0, 0, -9.81*m]}}}}
+inequality: {{stop: {law}}}
+simulation: {{duration: 2}}
+"""
+    if about is None:
+        with pytest.raises(NoEquilibriumError, match="no equilibrium and no steady motion"):
+            modes(text)
+        return
+    found = modes(text)
+    assert found.about == about
+    assert len(found.frequencies) == (2 if about == "equilibrium" else 3)
+    assert any("`stop`" in note for note in found.notes) == (about == "equilibrium")
 
 
 @pytest.mark.parametrize(("k", "m", "w"), [(3.3, 1.37, 0.9), (37.1, 0.61, 2.3), (1234.5, 0.07, 17.0)])

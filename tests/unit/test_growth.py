@@ -14,6 +14,8 @@ from lagcli.errors import diagnostics
 from lagcli.linear import metric, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.output import table_columns
+from lagcli.start import initial
 
 # The room gives a function of the same name.
 examine = importlib.import_module("lagcli.analysis.codimension.examine")
@@ -212,3 +214,18 @@ def test_a_product_of_many_rows_is_not_written_out(monkeypatch):
     assert found.position.n_out() == 1
     count = len(ready.system.rows.rows)
     assert max(each.n_instructions() for each in made if each.is_a("SXFunction")) < count**2
+
+
+def test_the_names_of_many_columns_are_collected_once(monkeypatch):
+    """Of 400 particles, as often as there are kinds of columns, and not for each particle anew."""
+    chain = (
+        'lagcli: 1\nparticles: {"p[i]": {for: "i = 1..400", mass: 1, position: [i, 0, 0]}}\n'
+        'holonomic: {"link[i]": {for: "i = 2..400", equation: "distance(p[i], p[i-1]) = 1"}}\n'
+    )
+    ready = cache.compiled(lagcli.loads(chain))
+    collected = []
+    own = lambda values=(): (collected.append(len(values)), frozenset(values))[1]  # noqa: E731
+    monkeypatch.setattr(table_columns, "set", own, raising=False)
+    p = initial.declared(ready.system).p
+    table_columns.Floors(ready.system, ready.numeric, p, ("t", *ready.system.columns))
+    assert 0 < sum(collected) <= 10 * 1200
