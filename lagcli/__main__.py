@@ -31,7 +31,7 @@ def main() -> None:
 
 
 def _run() -> int:
-    from lagcli.errors import requirements
+    from lagcli.errors import diagnostics, requirements
     from lagcli.output.files import interrupts
 
     refusal = requirements.too_old()
@@ -39,6 +39,7 @@ def _run() -> int:
         print(refusal, file=sys.stderr)
         return 2
     try:
+        diagnostics.leave_arithmetic_unsaid()
         interrupts.install()
         # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
         from lagcli.cli import entry

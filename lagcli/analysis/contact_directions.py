@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -73,7 +73,7 @@ class Direction:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactDirections:
-    """What contacts leave at an instant.
+    """The directions that contacts leave at an instant.
 
     directions: a basis of the free ones, then the one-sided and the blocked ones; None where a contact tells none.
     allowed (n,): the shortest displacement over dt = 1; None where there is none, or where a contact tells none.
@@ -90,7 +90,7 @@ class ContactDirections:
         """True where a contact is closed."""
         return any(one.state == "closed" for one in self.contacts)
 
-    def as_json(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def as_json(self, columns: tuple[str, ...]) -> dict[str, object]:
         """The keys `contacts`, `directions` and `notes` of `displacements --json`, where there are contacts; columns
         (n,): of the coordinates."""
         if not self.contacts:
@@ -116,7 +116,7 @@ class ContactDirections:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class RowDisplacements:
-    """What equality rows leave: Z (n, d), orthonormal in the metric, and the shortest displacement (n,) over dt = 1."""
+    """The displacements that equality rows leave: Z (n, d), orthonormal in the metric, and the shortest displacement (n,) over dt = 1."""
 
     metric: Metric
     Z: Floats

@@ -8,7 +8,6 @@ from typing import TextIO
 
 from lagcli.cli import app
 from lagcli.cli.terminal import exits
-from lagcli.errors import diagnostics
 
 
 def run() -> int:
@@ -19,7 +18,6 @@ def run() -> int:
         if hasattr(stream, "reconfigure"):
             # Names and titles may hold any letter; a terminal that cannot show one gets an escape, no failure.
             stream.reconfigure(encoding="utf-8", errors="backslashreplace")
-    diagnostics.leave_arithmetic_unsaid()
     return exits.guarded(_commands, debug="--debug" in sys.argv)
 
 

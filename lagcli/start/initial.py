@@ -237,7 +237,7 @@ def finite_rows(
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     rows, b = LocalRows(B), np.array(bias).ravel()
     s = f.size
-    good = rows.are_finite() & np.isfinite(rows.norms) & np.isfinite(b)
+    good = rows.are_finite() & np.isfinite(rows.finite().norms) & np.isfinite(b)
     good[:s] &= np.isfinite(f)
     if forgiving:
         violated = np.isfinite(f) & (f != 0)

@@ -78,13 +78,16 @@ class ChartPanel:
             is_far = False
         if self.is_log or not (is_far or is_high):
             return self
-        x, y = (panels.TO_FIT if is_large else 1.0 for is_large in (is_far, is_high))
+
+        def shown(one: ChartCurve | IncidentDots) -> dict[str, Floats]:
+            return {"x": panels.fit(one.x) if is_far else one.x, "y": panels.fit(one.y) if is_high else one.y}
+
         return dataclasses.replace(
             self,
             x_label=panels.fitted(self.x_label) if is_far else self.x_label,
             y_label=panels.fitted(self.y_label) if is_high else self.y_label,
-            curves=tuple(dataclasses.replace(one, x=one.x * x, y=one.y * y) for one in self.curves),
-            dots=tuple(dataclasses.replace(one, x=one.x * x, y=one.y * y) for one in self.dots),
+            curves=tuple(dataclasses.replace(one, **shown(one)) for one in self.curves),
+            dots=tuple(dataclasses.replace(one, **shown(one)) for one in self.dots),
         )
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -32,8 +32,6 @@ _NOT_UNIQUE = (
 ROUND_OFF = 1e-12
 # The largest size on an axis: ticks around it, and their differences, are doubles too.
 LARGEST = 1e300
-# What is larger is drawn times this, which the name of its axis says.
-TO_FIT = 1e-10
 # Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
 # `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
 POINT = 1e-12
@@ -118,7 +116,7 @@ def bands(
     others = rows[:, [name != "t" for name in columns]]
     is_large = bool((np.abs(others[np.isfinite(others)]) > LARGEST).any())
     if is_large:
-        rows = np.where(np.array(columns) == "t", rows, rows * TO_FIT)
+        rows = np.where(np.array(columns) == "t", rows, fit(rows))
     if zeros:
         rows = np.where(np.isin(columns, list(zeros)), 0.0, rows)
     table = _Table({name: index for index, name in enumerate(columns)}, rows)
@@ -236,9 +234,14 @@ def sizes(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.hypot(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]))
 
 
+def fit(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values that are too large for an axis, as they are drawn: none of them is larger than `LARGEST` then."""
+    return np.asarray(values / 10**10)
+
+
 def fitted(label: str) -> str:
-    """The name of an axis of values that are drawn times `TO_FIT`."""
-    return f"{label} × {TO_FIT:g}"
+    """The name of an axis of such values."""
+    return f"{label} × 1e-10"
 
 
 def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]:
