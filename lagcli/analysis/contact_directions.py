@@ -116,7 +116,8 @@ class ContactDirections:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class RowDisplacements:
-    """The displacements that equality rows leave: Z (n, d), orthonormal in the metric, and the shortest displacement (n,) over dt = 1."""
+    """The displacements that equality rows leave: Z (n, d), orthonormal in the metric, and the shortest (n,) over
+    dt = 1."""
 
     metric: Metric
     Z: Floats

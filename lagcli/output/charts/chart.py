@@ -79,15 +79,18 @@ class ChartPanel:
         if self.is_log or not (is_far or is_high):
             return self
 
-        def shown(one: ChartCurve | IncidentDots) -> dict[str, Floats]:
-            return {"x": panels.fit(one.x) if is_far else one.x, "y": panels.fit(one.y) if is_high else one.y}
+        def x(values: Floats) -> Floats:
+            return panels.fit(values) if is_far else values
+
+        def y(values: Floats) -> Floats:
+            return panels.fit(values) if is_high else values
 
         return dataclasses.replace(
             self,
             x_label=panels.fitted(self.x_label) if is_far else self.x_label,
             y_label=panels.fitted(self.y_label) if is_high else self.y_label,
-            curves=tuple(dataclasses.replace(one, **shown(one)) for one in self.curves),
-            dots=tuple(dataclasses.replace(one, **shown(one)) for one in self.dots),
+            curves=tuple(dataclasses.replace(one, x=x(one.x), y=y(one.y)) for one in self.curves),
+            dots=tuple(dataclasses.replace(one, x=x(one.x), y=y(one.y)) for one in self.dots),
         )
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
