@@ -8,6 +8,7 @@ from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.runs.run_request import RunRequest
+from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.runs.written_run import WrittenRun
 from lagcli.simulation.run_state import checkpoint
 
@@ -18,13 +19,18 @@ def begin(
     """Return a run that is ready to be written: from its start, from a checkpoint, or from a row of a table.
 
     settings: what is None is as the model says; row: `FILE` or `FILE:ROW`. Raises `BadRequest`, worded for the options
-    of the command, and `diagnostics.ModelError`.
+    of the command, `WriteError` for a file that another run or sweep is writing, and `diagnostics.ModelError`.
     """
     if row is not None and request.resume is not None:
         raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
     model = run_settings.of_options(model, settings, row)
+    with request.locked() as locks:
+        return WrittenRun(_prepared(model, request), request, locks)
+
+
+def _prepared(model: Model, request: RunRequest) -> SimulationRun:
     try:
-        run = prepare_run.prepare(
+        return prepare_run.prepare(
             model, model.simulation, request.resume, request.limit, request.digits, may_be_over=True
         )
     except checkpoint.CheckpointError as error:
@@ -33,4 +39,3 @@ def begin(
         raise BadRequest(f"--resume: there is no file {request.resume}") from None
     except OSError as error:
         raise BadRequest(f"--resume: cannot read {request.resume}: {error.strerror}") from None
-    return WrittenRun(run, request)

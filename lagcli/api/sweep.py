@@ -92,7 +92,8 @@ def sweep(
     chosen = sweep_plan.SweepSettings(changes, run_settings.seconds(limit), limit_each, pattern)
     plan = sweep_plan.plan(model, parts, reduced, chosen)
     rows: list[PointRow] = []
-    with engines.local(jobs) if executor is None else engines.given(executor) as engine:
+    made = engines.local(jobs) if executor is None else engines.given(executor)
+    with point_task.locked(pattern, plan.rows), made as engine:
         for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
             rows += found
     return _frame(plan, rows, bool(uncertain), engine.lost)

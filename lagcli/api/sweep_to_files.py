@@ -67,7 +67,7 @@ def steps(model: Model, asked: AskedSweep, request: SweepRequest) -> Iterator[Sw
     plan = _plan(model, asked, request)
     account = SweepAccount(plan.rows.results, asked.has_spreads)
     interrupts.leave()
-    with interrupts.unwinding(), interrupts.shielded(), _engine(request) as engine:
+    with interrupts.unwinding(), interrupts.shielded(), _tables_locked(plan), _engine(request) as engine:
         written = WrittenSweep(
             plan.rows,
             request,
@@ -152,6 +152,11 @@ def _table(points: str) -> point_sources.TableOfPoints:
         except read_table.UNREADABLE as error:
             raise BadRequest(f"--points {str(error).replace(path, _shown(points))}") from None
     return point_sources.TableOfPoints(names, rows, label)
+
+
+def _tables_locked(plan: sweep_plan.SweepPlan) -> contextlib.AbstractContextManager[object]:
+    with write_guard.writing(plan.task.tables or ""):
+        return point_task.locked(plan.task.tables, plan.rows)
 
 
 @contextlib.contextmanager

@@ -27,8 +27,9 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
+from lagcli.output.files import file_lock
 from lagcli.output.runs.simulation_run import SimulationRun
-from lagcli.output.sweeps.sweep_table import DONE, INVALID, STOPPED, PointRow
+from lagcli.output.sweeps.sweep_table import DONE, INVALID, STOPPED, PlannedRows, PointRow
 from lagcli.output.tables import sinks
 from lagcli.simulation.run_state import run_stop
 from lagcli.start import assembly
@@ -172,7 +173,7 @@ class _RunData:
     def results(self, run: SimulationRun) -> list[float]:
         """The reductions of the whole run, whose table is complete."""
         if self._sink is not None:
-            self._sink.commit()
+            self._sink.commit(planned=run.outcome.rows)
             self._sink = None
         rows = np.concatenate(self._blocks)
         columns = dict(zip(self._names, rows.T, strict=True))
@@ -235,6 +236,14 @@ def run_points(
         here = runner(task)
         rows = [here.run(number, point) for number, point in zip(numbers, points, strict=True)]
         return rows, time.perf_counter() - began
+
+
+def locked(tables: str | None, rows: PlannedRows) -> contextlib.AbstractContextManager[object]:
+    """A lock on the full tables of the points of a shard, where they are written. Raises `OSError`."""
+    if tables is None:
+        return contextlib.nullcontext()
+    part = f"part-{rows.part:05d}-of-{rows.parts:05d}"
+    return file_lock.FileLock(pathlib.Path(tables.replace("*", part)))
 
 
 def require_folder(tables: str) -> str:

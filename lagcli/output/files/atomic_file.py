@@ -7,7 +7,7 @@ import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from lagcli.output.files import interrupts
+from lagcli.output.files import file_lock, interrupts
 
 MOST_LINKS = 40  # links to links that are followed, as many as Linux follows
 PERMISSIONS = 0o777  # what is kept of a mode: a set-user-ID bit was given to the old content and its owner
@@ -20,7 +20,8 @@ class PendingFile:
 
     A link is followed, so that the file it names is replaced and the link stays. A target that is no regular
     file (a pipe, a device) cannot be replaced and is written in place. Raises OSError, with the name of the
-    target, where `destination` does and where the folder cannot be written.
+    target, where `destination` does, where another process has a `file_lock` on it and where the folder cannot be
+    written.
     """
 
     def __init__(self, target: Path) -> None:
@@ -29,6 +30,7 @@ class PendingFile:
         if self._in_place:
             self.path = self._target
             return
+        file_lock.require_free(self._target)
         # The name is cut because many file systems allow only 255 bytes in one.
         name = f".{self._target.name[:50]}.{os.urandom(4).hex()}.tmp"
         self.path = self._target.with_name(name)
@@ -38,7 +40,8 @@ class PendingFile:
             # 0o666 under the umask: the permissions of any new file, which tempfile.mkstemp would not give.
             os.close(os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         except OSError as error:
-            _begun.discard(self.path)
+            with contextlib.suppress(OSError):  # the folder takes nothing; the error that led here says so
+                self.discard()
             raise OSError(error.errno, error.strerror, str(target)) from error
 
     @property
@@ -97,9 +100,10 @@ def undone_by(undo: Callable[[], object]) -> Iterator[None]:
 
 
 def sweep() -> None:
-    """Remove the files aside whose writers were interrupted; for the end of a command."""
+    """Remove the files aside whose writers were interrupted, and their locks; for the end of a command."""
     while _begun:
         _begun.pop().unlink(missing_ok=True)
+    file_lock.release_all()
 
 
 interrupts.before_end(sweep)

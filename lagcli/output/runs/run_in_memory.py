@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import os
+import pathlib
 import time
 
 import numpy as np
@@ -12,6 +14,7 @@ import numpy.typing as npt
 
 from lagcli.output.checkpoint_file import CheckpointWriter
 from lagcli.output.figures.decimate import DecimatedRows
+from lagcli.output.files import file_lock
 from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import incident_table
 from lagcli.output.trajectory import SimulationStopped, Trajectory
@@ -26,8 +29,18 @@ def in_memory(
     """The table of a run, made since the time `began` of `time.perf_counter`.
 
     columns: patterns; checkpoint: a file to keep the state of the run in. Raises `SimulationStopped` with the table so
-    far where the integration cannot go on, `column_choice.UnknownColumn`, OSError.
+    far where the integration cannot go on, `column_choice.UnknownColumn`, OSError, where another run keeps its state in
+    that file too.
     """
+    with contextlib.ExitStack() as stack:
+        if checkpoint is not None:
+            stack.enter_context(file_lock.FileLock(pathlib.Path(checkpoint)))
+        return _in_memory(run, columns, checkpoint, began)
+
+
+def _in_memory(
+    run: SimulationRun, columns: str, checkpoint: str | os.PathLike[str] | None, began: float
+) -> Trajectory:
     table = _TableInMemory(run, columns)
     keeper = CheckpointWriter(checkpoint) if checkpoint is not None else None
     stop: run_stop.Stop | None = None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pathlib
 from collections.abc import Iterator
 
 from lagcli.frozen import frozen
 from lagcli.model import settings
-from lagcli.output.files import atomic_file, file_requests, formats
+from lagcli.output.files import atomic_file, file_lock, file_requests, formats, write_guard
 from lagcli.output.files.write_guard import BadRequest
 
 
@@ -78,6 +79,21 @@ class RunRequest:
         file_requests.require_writable(
             file_requests.model_file(model), self._files(), frozenset(("--checkpoint", "--resume"))
         )
+
+    def locked(self) -> contextlib.ExitStack:
+        """Locks on what a run writes for long: its checkpoint, and the tables with rows beside them. To be closed when
+        the run has ended. Raises `write_guard.WriteError` where somebody else writes one of them, or the checkpoint
+        that is read."""
+        with contextlib.ExitStack() as locks:
+            if self.checkpoint is not None or self.resume is not None:
+                for name in (self.checkpoint, self.file, self.events_file):
+                    if name is not None and atomic_file.is_replaced(pathlib.Path(name)):
+                        with write_guard.writing(name):
+                            locks.enter_context(file_lock.FileLock(pathlib.Path(name)))
+            if self.resume is not None:
+                with write_guard.writing(self.resume):
+                    file_lock.require_free(pathlib.Path(self.resume))
+            return locks.pop_all()
 
     def picked(self, names: tuple[str, ...], by_name: tuple[str, ...] = ()) -> list[int]:
         """The numbers of the columns to write. Raises `BadRequest`."""

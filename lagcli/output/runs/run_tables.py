@@ -104,11 +104,11 @@ class RunTables:
             with write_guard.writing(self._checkpoint):
                 self._keeper.take(point)
 
-    def complete(self) -> None:
-        """All rows are there."""
+    def complete(self, planned: int | None = None) -> None:
+        """All rows are there, so many as were `planned`, where that is known."""
         done: list[str] = []
         for each in self._tables:
-            each.complete()
+            each.complete(planned if each is self._rows else None)
             if each.file is not None:
                 done.append(each.file)
                 are = "is" if len(done) == 1 else "are"

@@ -146,10 +146,11 @@ class SafeTable:
             with write_guard.writing(os.fspath(self._rows.path)):
                 self._rows.write(self._plan.numbers(rows, texts))
 
-    def complete(self) -> None:
-        """All rows are there."""
+    def complete(self, planned: int | None = None) -> None:
+        """All rows are there, so many as were `planned`, where that is known."""
         with write_guard.writing(self._plan.file or "standard output"), self._patient():
-            self._sink.commit(durably=self._rows is not None or self._before is not None)
+            durably = self._rows is not None or self._before is not None
+            self._sink.commit(durably, planned)
 
     def leave_rows(self, is_complete: bool) -> None:
         """The last checkpoint is written: rows beside a complete table are needed no more, nor is what a run before
@@ -207,5 +208,5 @@ def write(plan: TablePlan, provenance: Mapping[str, object], rows: Floats, is_pa
         table.write(rows)
         if is_partial:
             return table.keep()
-        table.complete()
+        table.complete(len(rows))
     return ""

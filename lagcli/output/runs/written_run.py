@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import pathlib
@@ -48,8 +49,13 @@ class WrittenRun:
     a table goes to standard output.
     """
 
-    def __init__(self, run: SimulationRun, request: RunRequest) -> None:
-        """Raises `BadRequest` for columns and files that cannot be, and where rows of the run before would be lost."""
+    def __init__(
+        self, run: SimulationRun, request: RunRequest, locks: contextlib.ExitStack | None = None
+    ) -> None:
+        """locks: on its files, which are taken over, and given back at its end.
+
+        Raises `BadRequest` for columns and files that cannot be, and where rows of the run before would be lost.
+        """
         self._run, self._request = run, request
         if request.event_rows:
             run.add_event_rows()
@@ -61,11 +67,14 @@ class WrittenRun:
         self._table = run_tables.table(run, request, self._names)
         self._events = run_tables.events(run, request)
         self._first, self._happened = self._before()
+        # Rows of the run before are a part of its account, and of its table where that begins with them.
+        self._elsewhere = run.outcome.rows - (0 if self._first is None else self._first.rows.count)
         self._outcome = dataclasses.replace(run.outcome)  # of the rows that have been written
         self._reason = ""
         self.start, self.end = run.grid.start, run.grid.end
         self.is_stdout_taken = request.is_stdout_taken
         self.messages = () if request.quiet else tuple(self._beginning())
+        self._locks = contextlib.ExitStack() if locks is None else locks.pop_all()
 
     def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
         """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
@@ -139,7 +148,7 @@ class WrittenRun:
 
             decimated = DecimatedRows()
         interrupts.leave()
-        with interrupts.unwinding():
+        with self._locks, interrupts.unwinding():
             try:
                 yield from self._tables(decimated)
             except (interrupts.Interrupted, WriteError, OSError) as error:
@@ -178,7 +187,7 @@ class WrittenRun:
                     yield f"lagcli: interrupted; {saved_in}"
                 raise
             else:
-                tables.complete()
+                tables.complete(self._run.outcome.rows - self._elsewhere)
 
     def _rows(self, tables: RunTables, decimated: DecimatedRows | None) -> Iterator[float]:
         """Pass the blocks on as they come. Raises `run_stop.RunStop` where the run stops before its end.

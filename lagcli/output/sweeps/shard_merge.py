@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-from lagcli.output.files import write_guard
+from lagcli.output.files import file_lock, write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.sweeps import sweep_table
 from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
@@ -17,6 +17,7 @@ from lagcli.output.sweeps.sweep_table import PointRow, SweepTable
 from lagcli.output.tables import read_table
 
 MOST_LISTED = 5  # points that are named one by one
+UNSEEN = "note: these tables have no column `checksum`: a digit that was changed in them is not seen"
 
 
 class BadShards(ValueError):
@@ -25,15 +26,33 @@ class BadShards(ValueError):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class MergedRows:
-    """The rows of a whole sweep, in the order of its points, with the columns of their table."""
+    """The rows of a whole sweep, in the order of its points, with the columns of their table.
+
+    has_checksums: every row was compared with its own, which shards of older versions have not.
+    """
 
     columns: tuple[str, ...]
     rows: list[PointRow]
+    has_checksums: bool
 
 
 def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
-    """Put the tables of shards together into the file of a request. Raises `BadRequest`, `write_guard.WriteError`."""
+    """Put the tables of shards together into the file of a request.
+
+    Raises `BadRequest`, and `write_guard.WriteError`, for a file of these too that a sweep is writing.
+    """
     request.require_merge(paths)
+    with contextlib.ExitStack() as locks:
+        for path in paths:
+            with write_guard.writing(path):
+                file_lock.require_free(Path(path))
+        if request.target is not None:
+            with write_guard.writing(request.target):
+                locks.enter_context(file_lock.FileLock(Path(request.target)))
+        return _write(paths, request)
+
+
+def _write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
     try:
         found = merged(paths)
     except FileNotFoundError as error:
@@ -53,10 +72,11 @@ def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
         for rows in sweep_table.blocks(found.rows):
             table.write(rows)
         stack.pop_all()
-        table.commit()
+        table.commit(len(found.rows))
     account = SweepAccount([], False)
     account.take(found.rows)
-    return SweepEnding(account.code, (account.sentence(),), None)
+    notes = () if found.has_checksums else (UNSEEN,)
+    return SweepEnding(account.code, (*notes, account.sentence()), None)
 
 
 def merged(paths: Sequence[str]) -> MergedRows:
@@ -65,15 +85,17 @@ def merged(paths: Sequence[str]) -> MergedRows:
     Raises `BadShards`, `read_table.UnreadableTable`, `formats.UnknownFormat`, `MissingExtra`, OSError.
     """
     columns: tuple[str, ...] = ()
-    sweep, whence = "", ""
+    sweep, whence, is_checked = "", "", False
     rows: dict[int, PointRow] = {}
     for path in paths:
-        names, of, found = _read(path)
+        names, of, is_summed, found = _read(path)
         if of and sweep and of != sweep:
             raise BadShards(f"{path} is a shard of a different sweep than {whence}")
         if columns and names != columns:
             raise BadShards(f"{path} has other columns than {whence}")
-        columns, sweep, whence = names, of or sweep, path
+        if columns and is_summed != is_checked:
+            raise BadShards(f"{path} and {whence}: one of them has a column `{sweep_table.CHECKSUM}`")
+        columns, sweep, whence, is_checked = names, of or sweep, path, is_summed
         for row in found:
             if row.number in rows:
                 raise BadShards(f"{path}: the point {row.number} is in another file too")
@@ -89,11 +111,12 @@ def merged(paths: Sequence[str]) -> MergedRows:
         raise BadShards(
             f"{missing} of {total} points are missing: {listed}; have all shards run to their end?"
         )
-    return MergedRows(columns, [rows[number] for number in sorted(rows)])
+    return MergedRows(columns, [rows[number] for number in sorted(rows)], is_checked)
 
 
-def _read(path: str) -> tuple[tuple[str, ...], str, list[PointRow]]:
-    """The columns of the whole sweep, the cell that tells it, and the rows of a shard."""
+def _read(path: str) -> tuple[tuple[str, ...], str, bool, list[PointRow]]:
+    """The columns of the whole sweep, the cell that tells it, whether its rows have checksums, and the rows of a
+    shard."""
     table = read_table.opened(path)
     for name in (
         sweep_table.NUMBER,
@@ -104,8 +127,10 @@ def _read(path: str) -> tuple[tuple[str, ...], str, list[PointRow]]:
     ):
         if name not in table.columns:
             raise BadShards(f"{path}: it is no table of a shard: it has no column `{name}`")
-    columns = tuple(name for name in table.columns if name != sweep_table.SHARD)
+    of_shard = (sweep_table.SHARD, sweep_table.CHECKSUM)
+    columns = tuple(name for name in table.columns if name not in of_shard)
     cells = sorted(set(table.words(sweep_table.SHARD)))
     if len(cells) > 1 or not all(cell.rpartition(" ")[2].isdecimal() for cell in cells):
         raise BadShards(f"{path}: its rows are not of one sweep")
-    return columns, cells[0] if cells else "", sweep_table.rows(Path(path), table, 0)
+    is_summed = sweep_table.CHECKSUM in table.columns
+    return columns, cells[0] if cells else "", is_summed, sweep_table.rows(Path(path), table, 0)

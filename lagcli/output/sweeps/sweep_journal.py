@@ -6,6 +6,7 @@ from a whole one; rows stand in the order of their points, so that those that ar
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -35,7 +36,7 @@ class UnfinishedSweep(UnfitJournal):
 
 
 class SweepJournal:
-    """Takes the rows of a sweep. `count` of them are there already.
+    """Takes the rows of a sweep, which has a `FileLock` on its table. `count` of them are there already.
 
     resume: go on after the rows of the same sweep; without it there must be none. Raises `UnfitJournal`,
     `UnfinishedSweep`, OSError.
@@ -92,12 +93,14 @@ class SweepJournal:
         os.fsync(self._file.fileno())
 
     def rows(self) -> Iterator[PointRow]:
-        """The rows there are."""
+        """The rows there are. Raises OSError where the file has not all that were written."""
         with self.path.open("rb") as file:
             file.readline()
-            for _, line in zip(range(self.count), file, strict=False):
-                found = _parsed(line)
-                assert isinstance(found, list)
+            for index in range(self.count):
+                found = _parsed(file.readline())
+                if not isinstance(found, list):
+                    reason = f"row {index + 1} of the {self.count} that were written is not there"
+                    raise OSError(errno.EIO, reason, str(self.path))
                 number, point, results, status, message, t_end = found
                 yield PointRow(number, tuple(point), tuple(results), status, message, t_end)
 

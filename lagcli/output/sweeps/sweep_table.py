@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import hashlib
 import itertools
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,7 +26,9 @@ Floats = npt.NDArray[np.float64]
 DONE, INVALID, STOPPED = 0, 1, 3
 
 NUMBER, STATUS, MESSAGE, END = "point", "status", "message", "t_end"
-SHARD = "shard_of"  # of the table of a shard alone: which sweep it is a part of, and of how many points
+# Of the table of a shard alone: which sweep it is a part of, and of how many points; and the checksum of a row, by
+# which `--merge` sees a changed digit.
+SHARD, CHECKSUM = "shard_of", "checksum"
 ROWS_AT_ONCE = 4096  # rows that are turned into a block: some megabytes
 MOST_EXACT = 2.0**53  # whole numbers below it are numbers of their own
 
@@ -71,7 +75,7 @@ class PlannedRows:
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns of the table. Raises `ValueError` for two of one name."""
-        shard = [SHARD] if self.is_shard else []
+        shard = [SHARD, CHECKSUM] if self.is_shard else []
         found = (NUMBER, *self.names, *self.results, STATUS, MESSAGE, END, *shard)
         twice = [name for name in found if found.count(name) > 1] if len(set(found)) < len(found) else []
         if twice:
@@ -98,7 +102,7 @@ class PlannedRows:
 def texts(fmt: str, names: Sequence[str]) -> tuple[str, ...]:
     """The columns that are written as text; where a file holds plain text whole numbers are, to have no point."""
     whole = (NUMBER, STATUS) if fmt in formats.PLAIN else ()
-    return tuple(name for name in (*whole, MESSAGE, SHARD) if name in names)
+    return tuple(name for name in (*whole, MESSAGE, SHARD, CHECKSUM) if name in names)
 
 
 class SweepTable:
@@ -131,9 +135,11 @@ class SweepTable:
             MESSAGE: [row.message for row in rows],
             SHARD: [self._shard] * len(rows),
         }
+        if CHECKSUM in self._names:
+            cells[CHECKSUM] = [checksum(self._shard, row) for row in rows]
         block = np.array(
             [
-                [row.number, *row.point, *row.results, row.status, np.nan, row.t_end, np.nan][
+                [row.number, *row.point, *row.results, row.status, np.nan, row.t_end, np.nan, np.nan][
                     : len(self._names)
                 ]
                 for row in rows
@@ -143,9 +149,9 @@ class SweepTable:
         written = [cells[name] for name in self._names if name in self._texts]
         self._sink.write(block[:, numbers], written)
 
-    def commit(self) -> None:
-        """The table is complete. Raises OSError."""
-        self._sink.commit(durably=True)
+    def commit(self, planned: int) -> None:
+        """The table is complete, with so many rows. Raises OSError, where there are not so many too."""
+        self._sink.commit(durably=True, planned=planned)
 
     def keep_partial(self) -> Path | None:
         """Keep the rows so far in FILE.partial, and return that path; None for a stream."""
@@ -156,15 +162,33 @@ class SweepTable:
         self._sink.discard()
 
 
+def require_planned(rows: Sequence[PointRow], numbers: Iterator[int]) -> None:
+    """Raise OSError where these rows are not of the next of these points."""
+    for row in rows:
+        planned = next(numbers, None)
+        if row.number != planned:
+            raise OSError(
+                errno.EIO, f"the row of the point {row.number} stands where that of {planned} was planned"
+            )
+
+
 def blocks(rows: Iterable[PointRow]) -> Iterable[list[PointRow]]:
     """The rows in blocks that are written at once."""
     waiting = iter(rows)
     return iter(lambda: list(itertools.islice(waiting, ROWS_AT_ONCE)), [])
 
 
+def checksum(shard: str, row: PointRow) -> str:
+    """The checksum of a row of a shard, of all its numbers and words, whatever the format of its table is."""
+    numbers = [float(number) + 0.0 for number in (*row.point, *row.results, row.t_end)]  # no -0.0
+    text = json.dumps([shard, row.number, numbers, row.status, row.message])
+    return f"crc32 {zlib.crc32(text.encode()):08x}"
+
+
 def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
-    """The rows of the table in a file, whose points have so many numbers. Raises `table_format.UnreadableTable`."""
-    columns = [name for name in table.columns if name != SHARD]
+    """The rows of the table in a file, whose points have so many numbers. Raises `table_format.UnreadableTable`, for
+    the row of a shard too that is another than was written."""
+    columns = [name for name in table.columns if SHARD not in table.columns or name not in (SHARD, CHECKSUM)]
     numbers = [name for name in columns if name != MESSAGE]
     messages = table.words(MESSAGE)
     cells = table.take(numbers)
@@ -172,7 +196,14 @@ def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
         column = cells[:, numbers.index(name)]
         if not (np.abs(column) < MOST_EXACT).all() or (column % 1).any():  # nan neither
             raise table_format.bad(path, f"the column `{name}` holds a number that is not whole")
-    return [
+    found = [
         PointRow(int(row[0]), tuple(row[1 : 1 + names]), tuple(row[1 + names : -2]), int(row[-2]), message, row[-1])
         for row, message in zip(cells.tolist(), messages, strict=True)
     ]  # fmt: skip
+    if SHARD in table.columns and CHECKSUM in table.columns:
+        for row, shard, expected in zip(found, table.words(SHARD), table.words(CHECKSUM), strict=True):
+            if checksum(shard, row) != expected:
+                raise table_format.bad(
+                    path, f"the row of the point {row.number} was changed after it was written"
+                )
+    return found

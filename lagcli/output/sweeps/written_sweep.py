@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeAlias
 
-from lagcli.output.files import atomic_file, formats, interrupts, write_guard
+from lagcli.output.files import atomic_file, file_lock, formats, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.sweeps import sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
@@ -73,13 +73,18 @@ class WrittenSweep:
 
             yield from self._take_all(0, take)
             with interrupts.shielded(interrupts.PATIENCE):
-                table.commit()
+                table.commit(len(self._planned.numbers))
 
     def _to_file(self) -> Iterator[float | str]:
+        target = self._request.path
+        with contextlib.ExitStack() as stack:
+            with write_guard.writing(os.fspath(target)):
+                target.parent.mkdir(exist_ok=True)
+                stack.enter_context(file_lock.FileLock(target))
+            yield from self._to_locked(target)
+
+    def _to_locked(self, target: Path) -> Iterator[float | str]:
         request, planned = self._request, self._planned
-        target = request.path
-        with write_guard.writing(os.fspath(target)):
-            target.parent.mkdir(exist_ok=True)
         path = sweep_journal.path_of(target)
         if request.resume and self._is_complete(target):
             if not request.quiet:
@@ -95,7 +100,8 @@ class WrittenSweep:
             yield f"note: {journal.count} of {len(planned.numbers)} points are there of the sweep before"
         yield from self._journal_all(journal)
         with write_guard.writing(os.fspath(target)):
-            self._write(journal, target, SweepTable.commit, self._account.take)
+            count = len(planned.numbers)
+            self._write(journal, target, lambda table: table.commit(count), self._account.take)
             if request.resume and _is_silent(target, planned):
                 journal.end_with(target)
             else:
@@ -158,7 +164,9 @@ class WrittenSweep:
             raise BadRequest(str(error)) from None
         with contextlib.ExitStack() as stack:
             stack.callback(table.discard)
+            numbers = iter(planned.numbers)
             for rows in sweep_table.blocks(journal.rows()):
+                sweep_table.require_planned(rows, numbers)
                 table.write(rows)
                 seen(rows)
             stack.pop_all()

@@ -2,6 +2,7 @@
 
 import abc
 import contextlib
+import errno
 import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,8 +33,9 @@ class Sink(Protocol):
     def is_file(self) -> bool:
         """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
 
-    def commit(self, durably: bool = False) -> None:
-        """The table is complete: move it into place; ``durably``: return when it is on the disk."""
+    def commit(self, durably: bool = False, planned: int | None = None) -> None:
+        """The table is complete: move it into place; ``durably``: return when it is on the disk; ``planned``: the
+        number of its rows, where it is known: OSError where others were written."""
 
     def keep_partial(self) -> Path | None:
         """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
@@ -85,9 +87,10 @@ class _Base(abc.ABC):
     def __init__(self, columns: Sequence[str], texts: Sequence[str]) -> None:
         self._width, self._texts = len(columns) - len(texts), len(texts)
         self._ended = False
+        self._rows = 0
 
     @abc.abstractmethod
-    def commit(self, durably: bool = False) -> None: ...
+    def commit(self, durably: bool = False, planned: int | None = None) -> None: ...
 
     @abc.abstractmethod
     def discard(self) -> None: ...
@@ -115,7 +118,12 @@ class _Base(abc.ABC):
             raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
         if len(texts) != self._texts or any(len(cells) != len(rows) for cells in texts):
             raise ValueError(f"texts that do not fit {len(rows)} rows of {self._texts} columns of text")
+        self._rows += len(rows)
         return rows.astype(np.float64, copy=False)
+
+    def _require_all(self, planned: int | None) -> None:
+        if planned is not None and planned != self._rows:
+            raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
 
 
 class _FileSink(_Base):
@@ -132,8 +140,9 @@ class _FileSink(_Base):
     def is_file(self) -> bool:
         return not self._temporary.is_in_place
 
-    def commit(self, durably: bool = False) -> None:
+    def commit(self, durably: bool = False, planned: int | None = None) -> None:
         with self._ending():
+            self._require_all(planned)
             self._temporary.commit(durably)
 
     def keep_partial(self) -> Path:
@@ -186,10 +195,11 @@ class _StreamSink(_Base):
 
     is_file = False
 
-    def commit(self, durably: bool = False) -> None:
+    def commit(self, durably: bool = False, planned: int | None = None) -> None:
         self._must_be_open()
         self._put(self._header)
         self._flush()
+        self._require_all(planned)
         self._ended = True
 
     def keep_partial(self) -> None:
