@@ -50,6 +50,7 @@ class CheckpointWriter:
         self._table, self._events = table, events
         self._last: checkpoint.Checkpoint | None = None
         self._due: float | None = None
+        self.has_written = False
 
     def take(self, point: checkpoint.Checkpoint) -> None:
         """The run has come to a point. Raises OSError where the first one cannot be written."""
@@ -77,7 +78,7 @@ class CheckpointWriter:
             if rows is not None:
                 rows.rows.sync()
         atomic_file.write(self._path, checkpoint.encoded(self._last), durably=True)
-        self._last = None
+        self._last, self.has_written = None, True
         return True
 
 

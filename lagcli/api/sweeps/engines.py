@@ -11,6 +11,7 @@ import dataclasses
 import functools
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
@@ -75,6 +76,7 @@ def local(jobs: int) -> Iterator[Engine]:
     # Spawned on every system: what is forked from a process with threads may wait for ever.
     import multiprocessing
 
+    _begin_tracker()
     context = multiprocessing.get_context("spawn")
     # Workers end when the other end of this pipe is closed: what they still compute then is not wanted.
     wanted, end = context.Pipe(duplex=False)
@@ -91,6 +93,20 @@ def local(jobs: int) -> Iterator[Engine]:
         engine.executor.shutdown(wait=False, cancel_futures=True)
         end.close()
         wanted.close()
+
+
+def _begin_tracker() -> None:
+    """Start the process with which Python watches over the semaphores of workers, such that a terminal that hangs up
+    does not end it before the semaphores are gone: then it would print tracebacks. It ends with this process."""
+    if sys.platform == "win32":
+        return
+    from multiprocessing import resource_tracker
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

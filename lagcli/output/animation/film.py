@@ -87,11 +87,23 @@ def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
         writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
     with _look(), figure_page.any_sign():
         drawing = _Drawing(scene)
-        with writer.saving(drawing.figure, str(path), DPI):
+        # Not `saving` of matplotlib, which finishes a film that an interrupt has broken off too, and fails where it has
+        # no picture yet.
+        writer.setup(drawing.figure, str(path), DPI)
+        with matplotlib.rc_context({"savefig.bbox": None}), atomic_file.undone_by(lambda: _abandon(writer)):
             for frame in shown:
                 drawing.show(int(frame))
                 writer.grab_frame()
+            writer.finish()
     return len(shown)
+
+
+def _abandon(writer: animation.AbstractMovieWriter) -> None:
+    """End the program that writes a film, where there is one."""
+    process = getattr(writer, "_proc", None)
+    if process is not None:
+        process.kill()
+        process.communicate()
 
 
 @dataclasses.dataclass(slots=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.files import interrupts, write_guard
+from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.runs import safe_table
 from lagcli.output.runs.run_request import RunRequest
@@ -60,6 +60,7 @@ class RunTables:
         self._run, self._rows, self._events = run, rows, happened
         self._keeper: CheckpointWriter | None = None
         self._checkpoint = ""
+        self.complete_files: list[str] = []  # that stand in their place
         self.t_end = -math.inf  # time of the last row
 
     @property
@@ -105,17 +106,27 @@ class RunTables:
                 self._keeper.take(point)
 
     def complete(self, planned: int | None = None) -> None:
-        """All rows are there, so many as were `planned`, where that is known."""
-        done: list[str] = []
+        """All rows are there, so many as were `planned`, where that is known.
+
+        No file is replaced before all of them can be.
+        """
         for each in self._tables:
-            each.complete(planned if each is self._rows else None)
+            each.finish(planned if each is self._rows else None)
+        for each in self._tables:
+            each.complete()
             if each.file is not None:
-                done.append(each.file)
-                are = "is" if len(done) == 1 else "are"
-                interrupts.leave(f"lagcli: interrupted; {' and '.join(done)} {are} complete")
-        self._keep_checkpoint()
+                self.complete_files.append(each.file)
+                interrupts.leave(f"lagcli: interrupted; {completed(self.complete_files)}")
+        try:
+            self._keep_checkpoint()
+        finally:
+            for each in self._tables:
+                each.leave_rows(is_complete=True)
+
+    def abandon(self) -> None:
+        """The run has failed: leave no more than what a checkpoint needs."""
         for each in self._tables:
-            each.leave_rows(is_complete=True)
+            each.abandon(self._keeper is not None and self._keeper.has_written)
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is, and return where that is, if it is in files."""
@@ -129,6 +140,11 @@ class RunTables:
         if self._keeper is not None:
             with write_guard.writing(self._checkpoint):
                 self._keeper.write()
+
+
+def completed(files: Sequence[str]) -> str:
+    """The words on files that are complete."""
+    return f"{' and '.join(files)} {'is' if len(files) == 1 else 'are'} complete"
 
 
 def _ignore(block: Floats) -> None:
@@ -147,4 +163,6 @@ def opened(run: SimulationRun, rows: TablePlan | None, happened: TablePlan | Non
             None if plan is None else stack.enter_context(safe_table.opened(plan, whence))
             for plan in (rows, happened)
         ]
-        yield RunTables(run, tables[0], tables[1])
+        made = RunTables(run, tables[0], tables[1])
+        with atomic_file.undone_by(made.abandon):
+            yield made

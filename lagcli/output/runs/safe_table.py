@@ -119,6 +119,7 @@ class SafeTable:
         from lagcli.output.checkpoint_file import SyncedRows
         from lagcli.output.tables import row_file
 
+        self._before = first
         rows = row_file.path_of(plan.path)
         with write_guard.writing(os.fspath(rows)):
             if first is not None:
@@ -146,11 +147,16 @@ class SafeTable:
             with write_guard.writing(os.fspath(self._rows.path)):
                 self._rows.write(self._plan.numbers(rows, texts))
 
-    def complete(self, planned: int | None = None) -> None:
-        """All rows are there, so many as were `planned`, where that is known."""
+    def finish(self, planned: int | None = None) -> None:
+        """All rows are there, so many as were `planned`, where that is known; a file does not yet stand in its
+        place."""
         with write_guard.writing(self._plan.file or "standard output"), self._patient():
-            durably = self._rows is not None or self._before is not None
-            self._sink.commit(durably, planned)
+            self._sink.finish(planned)
+
+    def complete(self) -> None:
+        """Move the table into its place."""
+        with write_guard.writing(self._plan.file or "standard output"), self._patient():
+            self._sink.commit(durably=self._rows is not None or self._before is not None)
 
     def leave_rows(self, is_complete: bool) -> None:
         """The last checkpoint is written: rows beside a complete table are needed no more, nor is what a run before
@@ -164,6 +170,14 @@ class SafeTable:
             for left in (self._before.path, atomic_file.partial_of(self._plan.path)):
                 with write_guard.writing(os.fspath(left)):
                     left.unlink(missing_ok=True)
+
+    def abandon(self, has_checkpoint: bool) -> None:
+        """The run has failed: rows that no checkpoint speaks of are needed no more."""
+        if self._rows is not None:
+            if has_checkpoint or self._before is not None:
+                self._rows.close()
+            else:
+                self._rows.remove()
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is; where it is, as a part of a sentence, or nothing."""
@@ -208,5 +222,6 @@ def write(plan: TablePlan, provenance: Mapping[str, object], rows: Floats, is_pa
         table.write(rows)
         if is_partial:
             return table.keep()
-        table.complete(len(rows))
+        table.finish(len(rows))
+        table.complete()
     return ""

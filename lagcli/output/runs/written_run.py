@@ -7,7 +7,7 @@ import dataclasses
 import json
 import pathlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagcli.output.files import atomic_file, interrupts, json_text, write_guard
@@ -70,6 +70,7 @@ class WrittenRun:
         # Rows of the run before are a part of its account, and of its table where that begins with them.
         self._elsewhere = run.outcome.rows - (0 if self._first is None else self._first.rows.count)
         self._outcome = dataclasses.replace(run.outcome)  # of the rows that have been written
+        self._complete_files: Sequence[str] = ()
         self._reason = ""
         self.start, self.end = run.grid.start, run.grid.end
         self.is_stdout_taken = request.is_stdout_taken
@@ -155,20 +156,32 @@ class WrittenRun:
                 failed = self._account_of_ended(error)
                 if failed:
                     yield f"lagcli: {failed}"
+                if not isinstance(error, interrupts.Interrupted):
+                    yield from self._complete()
                 raise
             stats = run.stats
-            self._write_account(stats)
-            if decimated is not None:
-                yield from self._figure(decimated)
+            try:
+                self._write_account(stats)
+                if decimated is not None:
+                    yield from self._figure(decimated)
+            except WriteError:
+                yield from self._complete()
+                raise
             interrupts.check()
         digits = stats.accuracy.sentence if stats.accuracy is not None else ""
         tolerance_text = step_tolerance.sentence(run.model.simulation)
         yield RunEnding(stats, run.notes, tolerance_text, digits, self._reason)
 
+    def _complete(self) -> Iterator[str]:
+        """The files that stand in their place, where another one cannot be written."""
+        if self._complete_files:
+            yield f"lagcli: {run_tables.completed(self._complete_files)}"
+
     def _tables(self, decimated: DecimatedRows | None) -> Iterator[RunStep]:
         """Write the tables, and keep what is drawn."""
         request = self._request
         with run_tables.opened(self._run, self._table, self._events) as tables:
+            self._complete_files = tables.complete_files
             if request.checkpoint is not None:
                 tables.keep_checkpoints(request.checkpoint, self._first, self._happened)
             is_drawn = self._names == self._run.columns and self._first is not None
@@ -236,7 +249,7 @@ class WrittenRun:
             reason, code = f"interrupted by {signal.Signals(error.number).name}", INTERRUPTED
         elif isinstance(error, BrokenPipeError):
             reason = "the reader of the rows went away"
-        if code == NOT_WRITTEN and not self._request.to_stdout:
+        if code == NOT_WRITTEN and not self._request.to_stdout and not self._complete_files:
             outcome = Outcome()  # the file is as it was
         outcome.stopped = run.outcome.stopped
         if outcome.stopped is None and outcome.t_end != run.end:

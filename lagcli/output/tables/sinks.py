@@ -33,9 +33,12 @@ class Sink(Protocol):
     def is_file(self) -> bool:
         """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
 
+    def finish(self, planned: int | None = None) -> None:
+        """The table is complete, and a file of it still aside; ``planned``: the number of its rows, where it is known:
+        OSError where others were written."""
+
     def commit(self, durably: bool = False, planned: int | None = None) -> None:
-        """The table is complete: move it into place; ``durably``: return when it is on the disk; ``planned``: the
-        number of its rows, where it is known: OSError where others were written."""
+        """Finish the table, and move it into place; ``durably``: return when it is on the disk."""
 
     def keep_partial(self) -> Path | None:
         """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
@@ -89,6 +92,11 @@ class _Base(abc.ABC):
         self._ended = False
         self._rows = 0
 
+    def finish(self, planned: int | None = None) -> None:
+        self._must_be_open()
+        if planned is not None and planned != self._rows:
+            raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
+
     @abc.abstractmethod
     def commit(self, durably: bool = False, planned: int | None = None) -> None: ...
 
@@ -121,10 +129,6 @@ class _Base(abc.ABC):
         self._rows += len(rows)
         return rows.astype(np.float64, copy=False)
 
-    def _require_all(self, planned: int | None) -> None:
-        if planned is not None and planned != self._rows:
-            raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
-
 
 class _FileSink(_Base):
     def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str], make: Make) -> None:
@@ -132,6 +136,7 @@ class _FileSink(_Base):
         self._temporary = atomic_file.PendingFile(path)
         with atomic_file.undone_by(self._temporary.discard):
             self._writer = make(self._temporary.path, columns, texts)
+        self._is_finished = False
 
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         self._writer.write(self._checked(rows, texts), texts)
@@ -140,12 +145,20 @@ class _FileSink(_Base):
     def is_file(self) -> bool:
         return not self._temporary.is_in_place
 
+    def finish(self, planned: int | None = None) -> None:
+        with atomic_file.undone_by(self.discard):
+            super().finish(planned)
+            if not self._is_finished:
+                self._writer.finish()
+                self._is_finished = True
+
     def commit(self, durably: bool = False, planned: int | None = None) -> None:
+        self.finish(planned)
         with self._ending():
-            self._require_all(planned)
             self._temporary.commit(durably)
 
     def keep_partial(self) -> Path:
+        self.finish()
         with self._ending():
             return self._temporary.keep_partial()
 
@@ -162,10 +175,8 @@ class _FileSink(_Base):
 
     @contextlib.contextmanager
     def _ending(self) -> Iterator[None]:
-        """Complete the file, let it be moved, and leave nothing behind where one of them fails."""
-        self._must_be_open()
+        """Let the file be moved, and leave nothing behind where that fails."""
         with atomic_file.undone_by(self.discard):
-            self._writer.finish()
             yield
         self._ended = True
 
@@ -199,7 +210,7 @@ class _StreamSink(_Base):
         self._must_be_open()
         self._put(self._header)
         self._flush()
-        self._require_all(planned)
+        self.finish(planned)
         self._ended = True
 
     def keep_partial(self) -> None:
