@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import animation
 from PIL import Image
 
 import lagcli
 from lagcli.api import animate
 from lagcli.output.animation import film, nets
+from lagcli.output.files import interrupts
 from tests.helpers import in_process
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -130,6 +132,24 @@ def test_a_run_that_stops_leaves_the_file_and_writes_a_partial_page(tmp_path: pa
     partial = tmp_path / "page.html.partial"
     assert data_of(partial)["count"] == 1
     assert "page.html.partial" in err
+
+
+@pytest.mark.parametrize("pictures", [0, 2])
+def test_a_film_that_is_interrupted_is_none_and_no_bug(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, pictures: int
+) -> None:
+    grab, taken = animation.PillowWriter.grab_frame, []
+
+    def interrupted(self: animation.PillowWriter) -> None:
+        taken.append(1)
+        if len(taken) > pictures:
+            raise interrupts.Interrupted(1)
+        grab(self)
+
+    monkeypatch.setattr(animation.PillowWriter, "grab_frame", interrupted)
+    _, err, code = in_process.run("animate", PENDULUM, "-o", tmp_path / "film.gif")
+    assert (code, "bug" in err) == (129, False)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_gif_has_its_pictures(tmp_path: pathlib.Path) -> None:

@@ -1,5 +1,6 @@
 """Files that are written: never over an input, and as careful programs treat links, permissions and owners."""
 
+import errno
 import json
 import os
 import stat
@@ -8,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
+import lagcli
+from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file, file_requests, write_guard
-from lagcli.output.tables import sinks
-from tests.helpers import pendulum
+from lagcli.output.runs import written_run
+from lagcli.output.tables import csv_format, sinks
+from tests.helpers import in_process, pendulum
 from tests.helpers.in_process import command
 
 __all__ = ["command"]
@@ -356,3 +360,95 @@ def test_sweeping_leaves_what_is_finished_and_what_belongs_to_others(tmp_path):
         ".run.json.00000000.tmp", "one.json", "two.json.partial",
     ]  # fmt: skip
     assert json.dumps(sorted(map(str, atomic_file._begun))) == "[]"
+
+
+# Several files of one run.
+
+
+FILES = ("-o", "t.csv", "--events", "e.csv", "--checkpoint", "c.json", "--stats", "s.json")
+
+
+def full(*arguments, **options):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def ended(tmp_path, files=FILES):
+    """Exit code and stderr of a run in a folder with an old table, and the files that it leaves."""
+    (tmp_path / "m.yaml").write_text(PENDULUM)
+    (tmp_path / "t.csv").write_text("old")
+    done = in_process.completed(
+        "simulate", "m.yaml", "-q", "--duration", "0.2", "--samples", "5", *files, folder=tmp_path
+    )
+    return done, sorted(path.name for path in tmp_path.iterdir() if path.name != "m.yaml")
+
+
+def test_no_table_takes_its_place_where_another_cannot(tmp_path, monkeypatch):
+    finish = csv_format.CsvWriter.finish
+
+    def second(self):
+        if self._text._columns[1:2] == ("kind",):
+            full()
+        finish(self)
+
+    monkeypatch.setattr(csv_format.CsvWriter, "finish", second)
+    done, left = ended(tmp_path)
+    assert done.returncode == 74
+    assert done.stderr == f"lagcli: cannot write e.csv: {os.strerror(errno.ENOSPC)}\n"
+    assert (tmp_path / "t.csv").read_text() == "old"
+    assert left == ["c.json", "e.csv.rows", "s.json", "t.csv", "t.csv.rows"]  # to go on from
+
+
+def test_where_the_first_checkpoint_cannot_be_written_nothing_is_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint_file.CheckpointWriter, "write", full)
+    done, left = ended(tmp_path, FILES[:6])
+    assert done.returncode == 74
+    assert "cannot write c.json" in done.stderr
+    assert (left, (tmp_path / "t.csv").read_text()) == (["t.csv"], "old")
+
+
+def test_where_the_last_checkpoint_cannot_be_written_the_tables_are_named(tmp_path, monkeypatch):
+    write = checkpoint_file.CheckpointWriter.write
+    monkeypatch.setattr(
+        checkpoint_file.CheckpointWriter, "write", lambda self: full() if self.has_written else write(self)
+    )
+    done, left = ended(tmp_path)
+    assert done.returncode == 74
+    assert "t.csv and e.csv are complete" in done.stderr
+    assert "cannot write c.json" in done.stderr
+    assert left == ["c.json", "e.csv", "s.json", "t.csv"]
+    account = json.loads((tmp_path / "s.json").read_text())
+    assert (account["rows"], account["t_end"]) == (5, 0.2)
+
+
+def test_where_the_account_cannot_be_written_the_table_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(written_run, "_write_json", full)
+    done, left = ended(tmp_path, ("-o", "t.csv", "--stats", "s.json"))
+    assert done.returncode == 74
+    assert "lagcli: t.csv is complete" in done.stderr
+    assert "cannot write s.json" in done.stderr
+    assert left == ["t.csv"]
+
+
+def test_a_file_aside_that_cannot_be_closed_does_not_stay(tmp_path, monkeypatch):
+    close = os.close
+
+    def fails(number):
+        close(number)
+        full()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "close", fails)
+        with pytest.raises(OSError, match="No space"):
+            atomic_file.PendingFile(tmp_path / "t.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("rows", "is_told"), [(100_000_000, True), (50_000, False)])
+def test_the_size_of_a_large_table_is_told_before_it_is_written(tmp_path, monkeypatch, rows, is_told):
+    (tmp_path / "m.yaml").write_text(PENDULUM)
+    monkeypatch.setattr(sinks._FileSink, "write", full)
+    done = in_process.completed("simulate", "m.yaml", "--samples", rows, "-o", "t.csv", folder=tmp_path)
+    columns = len(lagcli.simulate(lagcli.loads(PENDULUM)).columns)
+    told = f"note: {rows} rows of {columns} columns are {8e-9 * rows * columns:.3g} GB of numbers"
+    assert (told in done.stderr) is is_told
+    assert "cannot write t.csv" in done.stderr

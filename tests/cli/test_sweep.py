@@ -1,6 +1,7 @@
 """`lagcli sweep`: points, rows, engines, files that outlive any end."""
 
 import csv
+import dataclasses
 import io
 import json
 import os
@@ -21,7 +22,7 @@ from lagcli import progress
 from lagcli.analysis.numeric_flag import undecided
 from lagcli.api.models import cache
 from lagcli.api.sweeps import drawn_points, reductions
-from lagcli.output.sweeps import sweep_journal
+from lagcli.output.sweeps import shard_merge, sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_table import PointRow
 from lagcli.output.tables import read_table
 from lagcli.pfaffian.exact import time_limit
@@ -506,6 +507,91 @@ def test_tables_that_are_not_the_shards_of_one_sweep_are_refused(
     assert refused.returncode == 2
     assert told in refused.stderr
     assert not merged.exists()
+
+
+def test_a_changed_digit_of_a_shard_is_refused(tmp_path: pathlib.Path) -> None:
+    """Any digit of any cell, but one that leaves the number what it is."""
+    parts = [tmp_path / f"part-{i}.csv" for i in (1, 2)]
+    for i, part in enumerate(parts, 1):
+        common = ("sweep", PENDULUM, "--over", "L=[1.1, -1, 0.1, 2]", *REDUCE, *SHORT)
+        assert run(*common, "--shard", f"{i}/2", "-o", str(part)).returncode in (0, 1)
+    names = [str(part) for part in parts]
+    expected = shard_merge.merged(names)
+    assert expected.has_checksums
+    text, merged = parts[0].read_text(), []
+    digits = [i for i, letter in enumerate(text) if letter.isdigit() and i > text.index("\n")]
+    for i in digits:
+        parts[0].write_text(text[:i] + str((int(text[i]) + 1) % 10) + text[i + 1 :])
+        try:
+            merged.append(repr(shard_merge.merged(names)) == repr(expected))
+        except (shard_merge.BadShards, *read_table.UNREADABLE):
+            continue
+    assert len(digits) > 100
+    assert all(merged)
+    assert len(merged) <= 4  # digits below the rounding of a number
+    parts[0].write_text(text.replace("0,", "9,", 1))
+    assert run("sweep", "--merge", *names, "-o", f"{tmp_path}/all.csv").returncode == 2
+    assert not (tmp_path / "all.csv").exists()
+
+
+@pytest.mark.parametrize("ending", ["csv", "tsv", "json", "npz", "parquet"])
+def test_a_row_that_was_changed_is_named_in_any_format(ending: str, tmp_path: pathlib.Path) -> None:
+    planned = sweep_table.PlannedRows({"a": 1}, ("L",), ("p",), 4, 2, 2)
+    rows = [
+        PointRow(1, (-0.0,), (0.1 + 0.2,), 0, "", 1e-300),
+        PointRow(3, (2.0,), (float("nan"),), 3, 'it says "no", and ends', float("nan")),
+    ]
+    path = tmp_path / f"part.{ending}"
+
+    def written(shown: list[PointRow]) -> list[PointRow]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sweep_table, "checksum", lambda shard, row: sums[row.number])
+            table = sweep_table.SweepTable(path, planned.columns, None, planned.shard_of)
+            table.write(shown)
+            table.commit(len(shown))
+        return sweep_table.rows(path, read_table.opened(path), 1)
+
+    sums = {row.number: sweep_table.checksum(planned.shard_of, row) for row in rows}
+    assert repr(written(rows)).replace("(-0.0,)", "(0.0,)") == repr(rows).replace("(-0.0,)", "(0.0,)")
+    for changed in (
+        dataclasses.replace(rows[0], point=(1e-17,)),
+        dataclasses.replace(rows[0], results=(0.3,)),
+        dataclasses.replace(rows[0], t_end=1.1e-300),
+        dataclasses.replace(rows[0], status=1),
+        dataclasses.replace(rows[0], message="x"),
+    ):
+        with pytest.raises(read_table.UnreadableTable, match="the row of the point 1 was changed after"):
+            written([changed, rows[1]])
+
+
+def test_shards_without_checksums_are_merged_with_a_note_and_never_beside_others(
+    tmp_path: pathlib.Path,
+) -> None:
+    paths = [tmp_path / "one.csv", tmp_path / "two.csv"]
+    for path, text in zip(paths, SHARDS, strict=True):
+        path.write_text(text)
+    done = run("sweep", "--merge", *map(str, paths))
+    assert done.returncode == 3
+    assert "no column `checksum`: a digit that was changed in them is not seen" in done.stderr
+    row = PointRow(1, (1.5, 6.0), (), 3, "stopped", 0.5)
+    paths[1].write_text(
+        SHARDS[1]
+        .replace("shard_of\n", "shard_of,checksum\n")
+        .replace("abc 3\n", f"abc 3,{sweep_table.checksum('abc 3', row)}\n")
+    )
+    mixed = run("sweep", "--merge", *map(str, paths))
+    assert mixed.returncode == 2
+    assert "one of them has a column `checksum`" in mixed.stderr
+
+
+def test_a_finished_shard_that_was_changed_is_run_again(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "part.csv"
+    common = ("sweep", PENDULUM, "--over", "L=[1, 2]", *SHORT, *REDUCE, "--shard", "1/2", "--resume")
+    assert run(*common, "-o", str(path)).returncode == 0
+    before = path.read_text()
+    path.write_text(before.replace("0,1.0,", "0,1.5,", 1))
+    assert "already" not in run(*common, "-o", str(path)).stderr
+    assert path.read_text() == before
 
 
 def test_a_sweep_of_which_nearly_all_is_missing_is_reported_at_once(tmp_path: pathlib.Path) -> None:

@@ -5,6 +5,8 @@ import multiprocessing
 import os
 import pathlib
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -115,3 +117,20 @@ def test_other_processes_of_the_caller_are_left_alone() -> None:
     finally:
         other.kill()
         other.join()
+
+
+def test_a_terminal_that_hangs_up_leaves_one_line(tmp_path: pathlib.Path) -> None:
+    """The process that watches over the semaphores of workers gets the signal too, and outlives it."""
+    target = tmp_path / "rows.csv"
+    command = [sys.executable, "-m", "lagcli", *COMMON[:3], "L=0.5:2:4000", *COMMON[4:], "--jobs", "2"]
+    process = subprocess.Popen(
+        [*command, "-o", str(target)], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    journal = sweep_journal.path_of(target)
+    while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") > 1):
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGHUP)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 129
+    assert told.startswith("lagcli: interrupted; ")
+    assert told.count("\n") == 1, told

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from lagcli.output.figures.decimate import DecimatedRows
 
 
+BYTES_OF_NUMBER = 8
+LARGE = 10**9  # bytes of a table of which the size is told before it is written
+
+
 class RunEnding(NamedTuple):
     """The end of a run, whose files are written: its account, remarks on it, the tolerance of its steps in words, a
     sentence on its digits, and why it stopped before its end; the last two may be nothing."""
@@ -108,6 +112,7 @@ class WrittenRun:
             from lagcli.start import assembly_moves
 
             yield from assembly_moves.moves(model, run.assembly).lines(model.units)
+        yield from self._size()
         if run.skipped_rows:
             yield (
                 f"note: {run.skipped_rows} rows are skipped: they are from before the state in {request.resume}"
@@ -119,6 +124,14 @@ class WrittenRun:
                 f" {len(run.columns)} columns from t = {self.start:g} to {self.end:g};"
                 f" {step_tolerance.sentence(model.simulation)}"
             )
+
+    def _size(self) -> Iterator[str]:
+        """The size of a large table, before it fills a disk."""
+        count, names = self._run.grid.count, len(self._names)
+        size = BYTES_OF_NUMBER * count * names
+        if self._table is not None and size > LARGE:
+            unit = "GB of numbers; --samples, --output-step and --columns ask for fewer"
+            yield f"note: {count} rows of {names} columns are {size / 10**9:.3g} {unit}"
 
     def _messages_before(self) -> Iterator[str]:
         from lagcli.output.runs import rows_before

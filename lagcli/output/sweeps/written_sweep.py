@@ -95,6 +95,12 @@ class WrittenSweep:
                 journal = SweepJournal(path, planned.provenance, request.resume)
             except sweep_journal.UnfitJournal as error:
                 raise BadRequest(f"--resume: {error}" if request.resume else str(error)) from None
+        with contextlib.closing(journal):
+            yield from self._to_table(journal, target)
+
+    def _to_table(self, journal: SweepJournal, target: Path) -> Iterator[float | str]:
+        """Bring the rows that are missing into the journal, and all of them into the table."""
+        request, planned = self._request, self._planned
         is_resumed = journal.count > 0
         if is_resumed and not request.quiet:
             yield f"note: {journal.count} of {len(planned.numbers)} points are there of the sweep before"
