@@ -8,7 +8,6 @@ from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.runs.run_request import RunRequest
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.runs.written_run import WrittenRun
 from lagcli.simulation.run_state import checkpoint
 
@@ -24,13 +23,8 @@ def begin(
     if row is not None and request.resume is not None:
         raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
     model = run_settings.of_options(model, settings, row)
-    with request.locked() as locks:
-        return WrittenRun(_prepared(model, request), request, locks)
-
-
-def _prepared(model: Model, request: RunRequest) -> SimulationRun:
     try:
-        return prepare_run.prepare(
+        run = prepare_run.prepare(
             model, model.simulation, request.resume, request.limit, request.digits, may_be_over=True
         )
     except checkpoint.CheckpointError as error:
@@ -39,3 +33,4 @@ def _prepared(model: Model, request: RunRequest) -> SimulationRun:
         raise BadRequest(f"--resume: there is no file {request.resume}") from None
     except OSError as error:
         raise BadRequest(f"--resume: cannot read {request.resume}: {error.strerror}") from None
+    return WrittenRun(run, request)

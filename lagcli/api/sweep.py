@@ -69,7 +69,7 @@ def sweep(
     except ModuleNotFoundError as error:
         raise ImportError("sweep() needs pandas: pip install pandas") from error
     # Other runs sweep over nothing.
-    from lagcli.api.sweeps import drawn_points, engines, point_task, reductions, sweep_plan
+    from lagcli.api.sweeps import drawn_points, point_task, reductions, sweep_plan
 
     model = as_model(model)
     changes = {
@@ -91,12 +91,18 @@ def sweep(
     pattern = None if tables is None else point_task.require_folder(os.fspath(tables))
     chosen = sweep_plan.SweepSettings(changes, run_settings.seconds(limit), limit_each, pattern)
     plan = sweep_plan.plan(model, parts, reduced, chosen)
+    with point_task.locked(pattern, plan.rows):
+        return _computed(plan, executor, jobs, bool(uncertain))
+
+
+def _computed(plan: SweepPlan, executor: Executor | None, jobs: int, spreads: bool) -> pandas.DataFrame:
+    from lagcli.api.sweeps import engines
+
     rows: list[PointRow] = []
-    made = engines.local(jobs) if executor is None else engines.given(executor)
-    with point_task.locked(pattern, plan.rows), made as engine:
+    with engines.local(jobs) if executor is None else engines.given(executor) as engine:
         for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
             rows += found
-    return _frame(plan, rows, bool(uncertain), engine.lost)
+    return _frame(plan, rows, spreads, engine.lost)
 
 
 def _points(

@@ -16,8 +16,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-MOST_NAME = 240  # bytes of a name that has room for what is added to it: file systems allow 255
-
 if sys.platform == "win32":
     import msvcrt
 
@@ -119,10 +117,10 @@ class FileLock:
 def path_of(target: Path) -> Path:
     """The file of the lock on a file, which is the same whatever links lead to it."""
     end = Path(os.path.realpath(target))
-    name = end.name
-    if len(os.fsencode(name)) > MOST_NAME:
-        name = f"{name[:50]}.{zlib.crc32(os.fsencode(name)):08x}"
-    return end.with_name(f".{name}.lock")
+    name = f".{end.name}.lock"
+    if len(os.fsencode(name)) > 255:  # which many file systems do not allow
+        name = f".{end.name[:50]}.{zlib.crc32(os.fsencode(name)):08x}.lock"
+    return end.with_name(name)
 
 
 def require_free(target: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
 import pathlib
@@ -27,8 +26,20 @@ if TYPE_CHECKING:
     from lagcli.output.figures.decimate import DecimatedRows
 
 
-BYTES_OF_NUMBER = 8
-LARGE = 10**9  # bytes of a table of which the size is told before it is written
+class WrittenRunParameters:
+    """Messages on a run before it is written.
+
+    The tests are of `tests/cli/test_outputs.py`.
+    """
+
+    __slots__ = ()
+
+    large: int = 10**9
+    """Bytes of the numbers of a table of which the size is told: a part of a usual disk that is missed. At 1e8 and
+    1e10 `test_the_size_of_a_large_table_is_told_before_it_is_written` fails."""
+
+
+PARAMETERS = WrittenRunParameters()
 
 
 class RunEnding(NamedTuple):
@@ -53,13 +64,9 @@ class WrittenRun:
     a table goes to standard output.
     """
 
-    def __init__(
-        self, run: SimulationRun, request: RunRequest, locks: contextlib.ExitStack | None = None
-    ) -> None:
-        """locks: on its files, which are taken over, and given back at its end.
-
-        Raises `BadRequest` for columns and files that cannot be, and where rows of the run before would be lost.
-        """
+    def __init__(self, run: SimulationRun, request: RunRequest) -> None:
+        """Raises `BadRequest` for columns and files that cannot be, and where rows of the run before would be lost;
+        `WriteError` for a file that another run or sweep is writing."""
         self._run, self._request = run, request
         if request.event_rows:
             run.add_event_rows()
@@ -70,7 +77,9 @@ class WrittenRun:
         self._names = tuple(everything[i] for i in self._picked)
         self._table = run_tables.table(run, request, self._names)
         self._events = run_tables.events(run, request)
-        self._first, self._happened = self._before()
+        with request.locked() as locks:
+            self._first, self._happened = self._before()
+            self._locks = locks.pop_all()
         # Rows of the run before are a part of its account, and of its table where that begins with them.
         self._elsewhere = run.outcome.rows - (0 if self._first is None else self._first.rows.count)
         self._outcome = dataclasses.replace(run.outcome)  # of the rows that have been written
@@ -79,7 +88,6 @@ class WrittenRun:
         self.start, self.end = run.grid.start, run.grid.end
         self.is_stdout_taken = request.is_stdout_taken
         self.messages = () if request.quiet else tuple(self._beginning())
-        self._locks = contextlib.ExitStack() if locks is None else locks.pop_all()
 
     def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
         """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
@@ -128,8 +136,8 @@ class WrittenRun:
     def _size(self) -> Iterator[str]:
         """The size of a large table, before it fills a disk."""
         count, names = self._run.grid.count, len(self._names)
-        size = BYTES_OF_NUMBER * count * names
-        if self._table is not None and size > LARGE:
+        size = 8 * count * names
+        if self._table is not None and size > PARAMETERS.large:
             unit = "GB of numbers; --samples, --output-step and --columns ask for fewer"
             yield f"note: {count} rows of {names} columns are {size / 10**9:.3g} {unit}"
 
