@@ -63,6 +63,8 @@ class FileLock:
                 try:
                     _lock(number)
                 except OSError as error:
+                    if error.errno in BUSY and is_new:
+                        continue  # somebody has looked at the new file before it was locked, or was faster
                     if error.errno in BUSY:
                         raise OSError(errno.EBUSY, WRITTEN, str(target)) from None
                     if not is_new:
@@ -89,17 +91,7 @@ class FileLock:
         if self not in _locks:
             return
         _locks.discard(self)
-        # The file goes while the lock is there: who opens it later makes a new one, and who has opened it before finds
-        # that it is gone. Windows removes no open file, and none that somebody else has opened meanwhile.
-        is_removed_open = sys.platform != "win32"
-        if is_removed_open and _is_at(self._path, self._number):
-            self._path.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # a file system without locks
-            _unlock(self._number)
-        os.close(self._number)
-        if not is_removed_open:
-            with contextlib.suppress(OSError):
-                self._path.unlink(missing_ok=True)
+        _give_back(self._path, self._number)
 
     def leave(self) -> None:
         """Close the file in a process that was forked: the lock is that of the process before."""
@@ -130,17 +122,35 @@ def require_free(target: Path) -> None:
         number = os.open(path, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
     except OSError:  # there is none
         return
+    status = os.fstat(number)
+    if (status.st_dev, status.st_ino) in {lock.identity for lock in list(_locks)}:
+        os.close(number)
+        return
     try:
-        status = os.fstat(number)
-        if (status.st_dev, status.st_ino) in {lock.identity for lock in list(_locks)}:
-            return
         _lock(number)
-        _unlock(number)
     except OSError as error:
+        os.close(number)
         reason = WRITTEN if error.errno in BUSY else _left(path)
         raise OSError(errno.EBUSY, reason, str(target)) from None
-    finally:
-        os.close(number)
+    _give_back(path, number)  # a kill has left the file
+
+
+def _give_back(path: Path, number: int) -> None:
+    """Unlock, close and remove the file of a lock.
+
+    It goes while the lock is there: who opens it later makes a new one, and who has opened it before finds that it is
+    gone. Windows removes no open file, and none that somebody else has opened meanwhile.
+    """
+    is_removed_open = sys.platform != "win32"
+    if is_removed_open and _is_at(path, number):
+        with contextlib.suppress(OSError):  # its folder takes nothing more
+            path.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):  # a file system without locks
+        _unlock(number)
+    os.close(number)
+    if not is_removed_open:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def release_all() -> None:
