@@ -18,6 +18,8 @@ Floats = npt.NDArray[np.float64]
 # Of functions that were bound before: entries of each argument; shape and entries of each result.
 _Layout = tuple[tuple[int, ...], tuple[tuple[tuple[int, int], int], ...]]
 _layouts: weakref.WeakKeyDictionary[ca.Function, _Layout] = weakref.WeakKeyDictionary()
+# The same functions with full results, of those that have a result with zeros by structure.
+_full: weakref.WeakKeyDictionary[ca.Function, ca.Function] = weakref.WeakKeyDictionary()
 
 
 def _layout(function: ca.Function) -> _Layout:
@@ -25,6 +27,24 @@ def _layout(function: ca.Function) -> _Layout:
     if known is None:
         made = tuple((function.size_out(i), function.nnz_out(i)) for i in range(function.n_out()))
         known = _layouts[function] = (tuple(function.nnz_in(i) for i in range(function.n_in())), made)
+    return known
+
+
+def _with_full_results(function: ca.Function) -> ca.Function:
+    """The same function, each result with all of its entries: what is zero by structure, as the multiplier of an open
+    contact is, differs from mode to mode, and the size of a result must not."""
+    if all(shape[0] * shape[1] == entries for shape, entries in _layout(function)[1]):
+        return function
+    known = _full.get(function)
+    if known is None:
+        # Loaded where there is a function of its own: this module is asked for before.
+        import casadi as ca
+
+        from lagcli.equations.sized_function import SizedFunction
+
+        inputs = function.mx_in()
+        results = [ca.densify(result) for result in function.call(inputs)]
+        known = _full[function] = SizedFunction(function.name(), inputs, results)
     return known
 
 
@@ -59,6 +79,8 @@ class BoundFunction:
         wanted: int | None = None,
         is_sparse: bool = False,
     ) -> None:
+        if not is_sparse:
+            function = _with_full_results(function)
         self._buffer, self.trigger = buffer(function)
         self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
@@ -71,9 +93,7 @@ class BoundFunction:
             assert array.size == taken[i], (function.name(), i)
             self._buffer.set_arg(i, memoryview(array.data))
         for i, (shape, entries) in enumerate(made[:wanted]):
-            # A buffer holds the entries of the pattern only: of a sparse result the indices would be lost.
-            assert is_sparse or entries == shape[0] * shape[1], (function.name(), i)
-            if is_sparse:
+            if is_sparse:  # a buffer holds the entries of the pattern only
                 shape = (entries, 1)
             array = given[i] if i < len(given) else np.zeros(shape if shape[1] > 1 else shape[0], order="F")
             assert array.size == shape[0] * shape[1], (function.name(), i)

@@ -57,3 +57,19 @@ def test_points_of_paths_and_their_controls_have_the_sizes_of_the_field():
     for points, controls in ((1, 2), (3, 1), (3, 3)):
         with pytest.raises(AssertionError, match=r"field|map"):
             steps.rate(np.ones((2, points)), np.ones((2, controls)))
+
+
+def test_results_that_are_zero_by_structure_are_written_in_full():
+    x = ca.SX.sym("x", 2)
+    outputs = [ca.SX(3, 1), ca.vertcat(x[0], ca.SX(1, 1), x[1]), ca.SX(2, 2), x]
+    function = SizedFunction("sparse", [x], outputs)
+    given = np.full(3, 7.0)
+    bound = BoundFunction(function, [np.array([1.0, 2.0])], given=[given])
+    bound.trigger()
+    zeros, mixed, square, own = bound.results
+    assert zeros is given
+    assert [zeros.tolist(), mixed.tolist(), own.tolist()] == [[0, 0, 0], [1, 0, 2], [1, 2]]
+    assert np.array_equal(square, np.zeros((2, 2)))
+    entries = BoundFunction(function, [np.array([1.0, 2.0])], is_sparse=True)
+    entries.trigger()
+    assert [part.size for part in entries.results] == [0, 2, 0, 2]
