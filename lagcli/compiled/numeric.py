@@ -24,11 +24,13 @@ from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
+from lagcli.equations import named_functions
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
 if TYPE_CHECKING:
     from lagcli.compiled.factored import Factored
+    from lagcli.compiled.force_switches import ForceSwitches
     from lagcli.equations.level_functions import LevelExpression
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
@@ -231,6 +233,16 @@ class NumericSystem:
         t, y, p = inputs = _inputs(self._way.projected)
         rate, lam = self.solved(t, y, p)
         return SizedFunction("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
+
+    @cached_property
+    def force_switches(self) -> ForceSwitches | None:
+        """See `force_switches.find`."""
+        if not named_functions.velocity_switches(self._system.model):
+            return None
+        # Most models have no such force.
+        from lagcli.compiled import force_switches
+
+        return force_switches.find(self._system)
 
     @cached_property
     def inertia(self) -> ca.Function:

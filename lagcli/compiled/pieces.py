@@ -46,27 +46,34 @@ ROUNDS = 2
 SWITCHES = {ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX}
 
 
+def ends(value: ca.SX, inputs: Sequence[ca.SX]) -> list[tuple[ca.SX, ca.SX]]:
+    """What vanishes at the ends of the pieces of a matrix of functions of some `inputs`, and what is positive where it
+    counts."""
+    found: list[tuple[ca.SX, ca.SX]] = []
+
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+        if op in (ca.OP_POW, ca.OP_CONSTPOW):
+            end = None if _is_natural(parts[1]) else parts[0]
+        else:
+            end = ENDS[op](*parts) if op in ENDS else None
+        if end is not None:
+            # atan2(y, x) is cut where y = 0 and x < 0.
+            found.append((end, -parts[1] if op == ca.OP_ATAN2 else ca.SX(1)))
+        return result
+
+    operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
+    return found
+
+
 class AnalyticPieces:
     """The ends of the pieces of a matrix of functions of some `inputs`, the first of which is the point."""
 
     def __init__(self, value: ca.SX, inputs: list[ca.SX]) -> None:
-        ends: list[ca.SX] = []
-        conditions: list[ca.SX] = []
-
-        def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-            if op in (ca.OP_POW, ca.OP_CONSTPOW):
-                end = None if _is_natural(parts[1]) else parts[0]
-            else:
-                end = ENDS[op](*parts) if op in ENDS else None
-            if end is not None and ca.depends_on(end, inputs[0]):
-                ends.append(end)
-                # atan2(y, x) is cut where y = 0 and x < 0.
-                conditions.append(-parts[1] if op == ca.OP_ATAN2 else ca.SX(1))
-            return result
-
-        operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
-        self.count = len(ends)
-        self._values = SizedFunction("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *ends, *conditions)])
+        found = ends(value, inputs)
+        moving = [(end, condition) for end, condition in found if ca.depends_on(end, inputs[0])]
+        self.count = len(moving)
+        values = [each[part] for part in range(2) for each in moving]
+        self._values = SizedFunction("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *values)])
 
     def end_between(self, path: Floats, *others: Floats) -> bool:
         """True if a path (points, N) may leave the piece that it begins on, by crossing an end or by touching it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -46,7 +46,7 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
     """The dynamics of a model without its constraints."""
     s = environment.symbols
     masses = environment.masses()
-    forces = _Forces(model, environment, masses)
+    forces = _Forces(model.forces, environment, masses)
     V = forces.potential()
     T_cartesian, T_dependent = (
         _kinetic(environment, masses, numbers) for numbers in (environment.cartesian, environment.dependent)
@@ -77,16 +77,22 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
     )
 
 
-class _Forces:
-    """The forces of a model over an environment, each evaluated over all pairs of a target and what acts on it."""
+def generalized(force: nouns.Force, environment: Environment) -> ca.SX:
+    """Q_j (n,) of one of the forces that a model declares (D.30)."""
+    alone = _Forces((force,), environment, environment.masses())
+    return ca.densify(alone.generalized() - ca.gradient(alone.potential(), environment.symbols.q))
 
-    def __init__(self, model: nouns.Model, environment: Environment, masses: ca.SX) -> None:
-        self._model, self._environment, self._masses = model, environment, masses
+
+class _Forces:
+    """Some forces of a model over an environment, each evaluated over all pairs of a target and what acts on it."""
+
+    def __init__(self, forces: Sequence[nouns.Force], environment: Environment, masses: ca.SX) -> None:
+        self._forces, self._environment, self._masses = forces, environment, masses
 
     def _on_particles(self, constant: bool) -> Iterator[tuple[Integers, Triple]]:
         """Particles (P,) with the forces declared on them, those that count as potentials or the others."""
         environment = self._environment
-        for force in self._model.forces:
+        for force in self._forces:
             if isinstance(force, nouns.ParticleForce) and force.constant == constant:
                 targets = force.action.targets
                 if targets.size == 0:
@@ -103,7 +109,7 @@ class _Forces:
     def potential(self) -> ca.SX:
         """V: declared potentials, and -F.r of every constant force."""
         V = ca.SX(0)
-        for force in self._model.forces:
+        for force in self._forces:
             if isinstance(force, nouns.Potential) and force.members.count:
                 algebra = self._environment.algebra(force.members.variables)
                 value = self._environment.scalar(force.expression, algebra)
@@ -128,7 +134,7 @@ class _Forces:
             rows = environment.rows_of(targets[pairs])
             for axis in range(3):
                 Q += scattered(taken(F[axis], pairs), rows + axis, n)
-        for force in self._model.forces:
+        for force in self._forces:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
                 targets = force.action.targets
                 algebra = environment.algebra(force.action.variables(force.members))
@@ -184,7 +190,7 @@ def _applied(
     if free is None:
         return ca.SX(0, 1)
     environment = Environment(model, true.symbols, fixed, free)
-    forces = _Forces(model, environment, environment.masses())
+    forces = _Forces(model.forces, environment, environment.masses())
     F = forces.applied() - ca.gradient(forces.potential(), ca.vertcat(*free[0]))
     symbols = [ca.vertcat(*part) for part in free]
     values = [ca.vertcat(*part) for part in (true.position(true.dependent), true.velocity(true.dependent))]

@@ -18,6 +18,9 @@ _JUMPS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh|min|max)\s*\(|\*\*(?!\s*[-+]?
 _LENGTHS = re.compile(r"\b(norm|distance)\s*\(")
 _QUOTIENTS = re.compile(r"/(?!\s*[\d.]+(?![\w.]))|\*\*\s*-")
 
+# A velocity, as far as its name tells.
+_VELOCITIES = re.compile(r"\bv\b|\.v[xyz]?\b|\brate\b")
+
 
 def have_angles(model: nouns.Model) -> bool:
     """True if an expression that holonomic rows are made of has `atan2` or `atan`."""
@@ -41,6 +44,18 @@ def may_jump(model: nouns.Model) -> bool:
     energies += [] if model.lagrangian is None else [model.lagrangian.text]
     energies += _shared(model)
     return _any(_JUMPS, energies) or (_any(_LENGTHS, energies) and _any(_QUOTIENTS, energies))
+
+
+def velocity_switches(model: nouns.Model) -> tuple[nouns.Force, ...]:
+    """The forces in which something may jump with a velocity."""
+
+    def may_jump(force: nouns.Force) -> bool:
+        expressions = force.force.parts if isinstance(force, nouns.ParticleForce) else (force.force,)
+        found = [expression.text for expression in expressions] + shared
+        return _any(_VELOCITIES, found) and (_any(_JUMPS, found) or _any(_QUOTIENTS, found))
+
+    shared = _shared(model)
+    return tuple(f for f in model.forces if not isinstance(f, nouns.Potential) and may_jump(f))
 
 
 def texts(model: nouns.Model) -> Iterator[str]:

@@ -40,8 +40,18 @@ def _contacts(stepper: Stepper) -> Event | None:
     return ContactEvent(stepper)
 
 
+def _sticking(stepper: Stepper) -> Event | None:
+    """Forces that switch in the velocities."""
+    switches = stepper.bound.enforced.plain.functions.numeric.force_switches
+    if switches is None:
+        return None
+    from lagcli.simulation.events.sticking_event import StickingEvent
+
+    return StickingEvent(stepper, switches)
+
+
 # In the order in which they are asked; the first that finds a step leaves none to the others.
-EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (_switches, SingularEvent, _impulses, _contacts)
+EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (_switches, SingularEvent, _impulses, _contacts, _sticking)
 
 
 def found(stepper: Stepper) -> tuple[Event, ...]:

@@ -7,7 +7,7 @@ from lagcli.frozen import frozen_value
 # Why a run stops, as codes for `lagcli explain`.
 SINGULAR, NO_SOLUTION = "singular-constraints", "no-solution-beyond"
 NOT_FINITE, TOO_SMALL = "not-finite", "step-too-small"
-CONTACT = "contact-undecided"
+CONTACT, STICKS = "contact-undecided", "motion-sticks"
 
 
 @frozen_value

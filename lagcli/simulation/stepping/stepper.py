@@ -347,9 +347,12 @@ class Stepper:
         self.statistics.notes = self._turns.settle(self.origin + self.t, bound.y[:n], p, notes)
 
     def _no_step(self, error: float, residual: float) -> StepFailure:
-        from lagcli.simulation.stepping import stop_diagnosis
+        from lagcli.simulation.stepping import sticking, stop_diagnosis
 
         bound, grid = self.bound, self.grid
+        switches = bound.enforced.plain.functions.numeric.force_switches
+        if switches is not None:
+            sticking.require_step(bound, switches, self.origin + self.t)
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
         if self._is_before_pole():
             return StepFailure(stop_diagnosis.POLE, NOT_FINITE)

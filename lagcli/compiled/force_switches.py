@@ -1,0 +1,99 @@
+"""Where forces may jump in the velocities, and the forces that do: what tells if a motion sticks there.
+
+A force that depends on velocities makes an acceleration, and with it the rate of what it switches on: the forces on
+both sides of a switch may push the motion onto it. Where none of that depends on velocities, rates are the same on both
+sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled import pieces
+from lagcli.equations import energy, named_functions, operation_rules
+from lagcli.equations.environment import Environment
+from lagcli.equations.sized_function import SizedFunction
+from lagcli.equations.symbols import FixedExponents
+from lagcli.equations.system import System
+from lagcli.frozen import frozen
+
+Floats = npt.NDArray[np.float64]
+
+
+@frozen
+class ForceSwitches:
+    """The K switches u of F forces that depend on velocities, each zero where it switches.
+
+    names: of the forces; coordinates: for each switch the entries of v that stand in it;
+    rates(t, y, y', p) -> u and du/dt, (K,) each;
+    drawn(t, h, y, y', new, new', p) -> (K,), 1 where |u| is about to vanish within a step from y, and shrinks at its
+    end too;
+    forces(t, q, v, p) -> Q_j of each force, one after the other (n F,), and by how much rounding may change them.
+    """
+
+    names: tuple[str, ...]
+    coordinates: tuple[tuple[int, ...], ...]
+    rates: ca.Function
+    drawn: ca.Function
+    forces: ca.Function
+
+
+def find(system: System) -> ForceSwitches | None:
+    """The switches of a system; None where no force has one that depends on velocities."""
+    found = list(_candidates(system))
+    s, p = system.symbols, system.p
+    inputs = [s.t, s.q, s.v, p]
+    unique: dict[int, ca.SX] = {}
+    for _, Q in found:
+        unique.update((end.element_hash(), end) for end, _ in pieces.ends(Q, inputs))
+    if not unique:
+        return None
+    ends = ca.vertcat(*unique.values())
+    u = ends[np.flatnonzero(ca.which_depends(ends, s.v, 1, True)).tolist()]
+    if not u.numel():
+        return None
+    pattern = ca.jacobian_sparsity(u, s.v)
+    coordinates = [tuple(pattern.T.row()[a:b]) for a, b in zip(*_columns(pattern.T), strict=True)]
+    rates = _rates(system, u)
+    Q = ca.vertcat(*(Q for _, Q in found))
+    forces = SizedFunction("forces", inputs, [Q, operation_rules.roundings(Q, inputs)])
+    return ForceSwitches(
+        tuple(name for name, _ in found), tuple(coordinates), rates, _drawn(rates), forces
+    )
+
+
+def _columns(pattern: ca.Sparsity) -> tuple[list[int], list[int]]:
+    starts = pattern.colind()
+    return starts[:-1], starts[1:]
+
+
+def _candidates(system: System) -> Iterator[tuple[str, ca.SX]]:
+    """The forces that may jump in the velocities by their texts: names, and Q_j (n,)."""
+    forces = named_functions.velocity_switches(system.model)
+    if not forces:
+        return
+    environment = Environment(system.model, system.symbols, FixedExponents(system.model))
+    for force in forces:
+        yield force.members.base, energy.generalized(force, environment)
+
+
+def _rates(system: System, u: ca.SX) -> ca.Function:
+    s, p, n = system.symbols, system.p, system.symbols.q.numel()
+    y, rate = ca.SX.sym("y", 2 * n + 1), ca.SX.sym("rate", 2 * n + 1)
+    slope = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, rate[: 2 * n]))
+    outputs = [ca.densify(x) for x in ca.substitute([u, slope], [s.q, s.v], [y[:n], y[n : 2 * n]])]
+    return SizedFunction("rates", [s.t, y, rate, p], outputs)
+
+
+def _drawn(rates: ca.Function) -> ca.Function:
+    size = rates.size1_in(1)
+    t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", rates.size1_in(3))
+    y, k, new, k_new = (ca.SX.sym(name, size) for name in ("y", "k", "new", "k_new"))
+    (u, slope), (u_new, slope_new) = rates(t, y, k, p), rates(t + h, new, k_new, p)
+    reaches = ca.logic_and(u * slope <= 0, ca.fabs(u) <= h * ca.fabs(slope))
+    drawn = ca.logic_and(reaches, u_new * slope_new < 0)
+    return SizedFunction("drawn", [t, h, y, k, new, k_new, p], [drawn])
