@@ -61,9 +61,7 @@ def find(system: System) -> ForceSwitches | None:
     rates = _rates(system, u)
     Q = ca.vertcat(*(Q for _, Q in found))
     forces = SizedFunction("forces", inputs, [Q, operation_rules.roundings(Q, inputs)])
-    return ForceSwitches(
-        tuple(name for name, _ in found), tuple(coordinates), rates, _drawn(rates), forces
-    )
+    return ForceSwitches(tuple(name for name, _ in found), tuple(coordinates), rates, _drawn(rates), forces)
 
 
 def _columns(pattern: ca.Sparsity) -> tuple[list[int], list[int]]:

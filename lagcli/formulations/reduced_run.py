@@ -135,7 +135,7 @@ def _rows(
             t = goal if last else t + taken
             if statistics.steps % controller.PARAMETERS.pace == 0:
                 pace_from, advanced = t, t - pace_from
-                if (grid.end - t) * controller.PARAMETERS.pace > controller.PARAMETERS.hopeless * advanced:
+                if controller.is_hopeless(advanced, grid.end - t, grid.step):
                     raise ReducedStop(
                         t,
                         f"the last {controller.PARAMETERS.pace} steps advanced by {advanced:.2g}: the run is too long",

@@ -7,6 +7,7 @@ import lagcli
 from lagcli.api.runs import run_settings
 from lagcli.model.model import Simulation
 from lagcli.simulation.scheme import dop853, dop853_tableau, step_tolerance
+from lagcli.simulation.stepping import stepper
 
 
 def driven(force, value=0, rate=0):
@@ -148,10 +149,43 @@ def test_tighter_tolerance_gives_a_smaller_error():
 
 def test_step_tolerance_is_tighter_than_the_asked_but_not_below_rounding():
     given = step_tolerance.of_steps(Simulation(rtol=1e-8, atol=1e-10))
-    assert given == pytest.approx([1e-10, 1e-12, 0, 0, 0, 0], rel=1e-12, abs=0)
+    assert given == pytest.approx([1e-10, 1e-12, 1e-16, 1e-17, 0, 0], rel=1e-12, abs=0)
     assert step_tolerance.of_steps(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx(
-        [1e-14, 1e-16, 0, 0, 0, 0], abs=0
+        [1e-14, 1e-16, 1e-16, 1e-17, 0, 0], abs=0
     )
+
+
+CHAIN = """lagcli: 1
+parameters: {N: 1000, ux: 0.47704624084763686, uy: 0.09950371902099893, uz: -0.8732272865606805}
+particles:
+  p[i]: {for: "i = 1..N", mass: 1, position: [i*ux, i*uy, i*uz]}
+forces: {w: {to: p, force: [0, 0, -9.81*m]}}
+holonomic:
+  hook: "norm(p[1]) = 1"
+  link[i]: {for: "i = 2..N", equation: "distance(p[i], p[i-1]) = 1"}
+"""
+
+
+def test_an_absolute_tolerance_below_rounding_counts_as_rounding(monkeypatch):
+    """Of a thousand links some entries are the rounding of others: they took steps of 1e-8 s, forever."""
+    advance = stepper.Stepper.advance
+
+    def counted(run, beyond=False):
+        assert run.statistics.steps + run.statistics.rejected < 1000
+        advance(run, beyond)
+
+    monkeypatch.setattr(stepper.Stepper, "advance", counted)
+    model = lagcli.loads(CHAIN)
+    run, own = (
+        lagcli.simulate(model, duration=0.001, samples=2, rtol=1e-15, atol=atol) for atol in (1e-17, None)
+    )
+    assert run.stats.steps < 100
+    assert run["p[1000].z"] == pytest.approx(own["p[1000].z"], rel=1e-14)
+    assert run["lambda.hook"] == pytest.approx(own["lambda.hook"], rel=1e-9)
+    # While the chain is straight it hangs on the hook with all of its weight along itself, and falls freely across.
+    assert run["lambda.hook"][0] == pytest.approx(-1000 * 9.81 * 0.8732272865606805, rel=1e-9)
+    fallen = run["p[1].z"][1] - run["p[1].z"][0]
+    assert fallen == pytest.approx(-9.81 / 2 * 0.001**2 * (1 - 0.8732272865606805**2), rel=0.01)
 
 
 def test_without_atol_a_part_of_the_sizes_takes_its_place():

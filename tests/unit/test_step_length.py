@@ -53,7 +53,13 @@ def test_a_step_far_too_long_is_shortened_little_by_little() -> None:
 
 @pytest.mark.parametrize(("end", "is_slow"), [(1e6, False), (1e7, True)])
 def test_a_run_that_would_take_days_is_too_slow(end: float, is_slow: bool) -> None:
-    found = StepController(ORDER, 1.0, 0.0).is_too_slow(1.0, end)
+    found = StepController(ORDER, 1.0, 0.0).is_too_slow(1.0, end, 0.0)
+    assert (found is not None) == is_slow
+
+
+@pytest.mark.parametrize(("row", "is_slow"), [(1e4, False), (1e5, True), (1e6, True)])
+def test_a_run_that_would_take_hours_to_its_next_row_is_too_slow(row: float, is_slow: bool) -> None:
+    found = StepController(ORDER, 1.0, 0.0).is_too_slow(1.0, 1e6, row)
     assert (found is not None) == is_slow
 
 

@@ -51,7 +51,13 @@ def _sticking(stepper: Stepper) -> Event | None:
 
 
 # In the order in which they are asked; the first that finds a step leaves none to the others.
-EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (_switches, SingularEvent, _impulses, _contacts, _sticking)
+EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (
+    _switches,
+    SingularEvent,
+    _impulses,
+    _contacts,
+    _sticking,
+)
 
 
 def found(stepper: Stepper) -> tuple[Event, ...]:

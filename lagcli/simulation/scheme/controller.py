@@ -40,6 +40,9 @@ class StepLengthParameters:
     hopeless: float = 1e10
     """So many steps would take days: the run stops.
     At 1e9 `test_a_run_that_would_take_days_is_too_slow` fails."""
+    rowless: float = 1e8
+    """Nor is a row waited for that is so many steps away: hours in which nothing is seen of the run.
+    `test_a_run_that_would_take_hours_to_its_next_row_is_too_slow` fails at 1e7 and 1e9."""
     rest: float = 1e-6
     """The first step where nothing moves and the scale of time is unknown, in units of time.
     At 1e-5 `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large` fails."""
@@ -88,10 +91,17 @@ class StepController:
         )
         return taken * part
 
-    def is_too_slow(self, t: float, end: float) -> float | None:
-        """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end."""
+    def is_too_slow(self, t: float, end: float, row: float) -> float | None:
+        """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end, or to the
+        next row; row: the time between two of them."""
         advanced, self.pace_from = t - self.pace_from, t
-        return advanced if (end - t) * PARAMETERS.pace > PARAMETERS.hopeless * advanced else None
+        return advanced if is_hopeless(advanced, end - t, row) else None
+
+
+def is_hopeless(advanced: float, left: float, row: float) -> bool:
+    """True if a run is too slow of which the last `pace` steps advanced by so much; left: the time up to its end."""
+    most = max(left / PARAMETERS.hopeless, min(left, row) / PARAMETERS.rowless)
+    return most * PARAMETERS.pace > advanced
 
 
 def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:

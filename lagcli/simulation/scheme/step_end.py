@@ -206,11 +206,12 @@ def scales(
     balanced = PARAMETERS.balanced * lasting * forced
     # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.
     blur = h * blurred
+    kept = ca.vertcat(units * (lasting * balanced + h * blur), units * (balanced + blur))
     floors = ca.vertcat(
         units * (part * h * speed + rounding * q + lasting * balanced + h * blur),
         units * (part * speed + rounding * q / h + balanced + blur),
     )
-    return rtol * largest + atol + floors + tolerances.TINY
+    return rtol * largest + ca.fmax(atol + kept, floors) + tolerances.TINY
 
 
 def _largest(estimate: Expression, scale: Expression) -> Expression:

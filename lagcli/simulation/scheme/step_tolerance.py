@@ -70,15 +70,17 @@ COUNT, UNIT = 6, 2**-53
 
 
 def of_steps(settings: Simulation, balanced: float = 0.0, blurred: float = 0.0) -> Floats:
-    """(rtol, atol, part, rounding, balanced, blurred): the error of a step is compared with rtol |y| + atol, plus these
-    parts of sizes. Either atol or the parts are zero. balanced: the acceleration of `RestingForces`, the rounding of
+    """(rtol, atol, part, rounding, balanced, blurred): the error of a step is compared with rtol |y| plus atol, or what
+    these parts of sizes come to where that is more. Without `atol` it is zero; with it the parts are those of rounding,
+    below which no step can be held. balanced: the acceleration of `RestingForces`, the rounding of
     which is allowed; blurred: that of the rounding of the forces, at the start of the run; 0 where it does
     not count.
     """
     rtol = max(settings.rtol / PARAMETERS.tightening, min(settings.rtol, PARAMETERS.finest))
     tightened = rtol / settings.rtol
     if settings.atol is not None:
-        return np.array([rtol, settings.atol * tightened, 0.0, 0.0, balanced, blurred])
+        known = settings.atol * tightened, PARAMETERS.least, PARAMETERS.rounding
+        return np.array([rtol, *known, balanced, blurred])
     part = max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol))
     return np.array([rtol, 0.0, part, PARAMETERS.rounding, balanced, blurred])
 

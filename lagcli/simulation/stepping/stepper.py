@@ -323,7 +323,7 @@ class Stepper:
         self.settle()
         if self.statistics.steps % LENGTH.pace == 0 and not was_still:
             end = self.grid.end
-            advanced = control.is_too_slow(self.t, end)
+            advanced = control.is_too_slow(self.t, end, self.grid.step)
             if advanced is not None:
                 from lagcli.simulation.stepping import stop_diagnosis
 

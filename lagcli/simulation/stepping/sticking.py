@@ -67,7 +67,9 @@ def _turned(bound: BoundStep, begin: Approach, h: float) -> Approach:
     return Approach(t, y, np.array(bound.numeric.rhs(t, y, bound.p)).ravel())
 
 
-def _rates(bound: BoundStep, switches: ForceSwitches, t: float, y: Floats, k: Floats) -> tuple[Floats, Floats]:
+def _rates(
+    bound: BoundStep, switches: ForceSwitches, t: float, y: Floats, k: Floats
+) -> tuple[Floats, Floats]:
     u, slope = switches.rates(t, y, k, bound.p[: switches.rates.size1_in(3)])
     return np.array(u).ravel(), np.array(slope).ravel()
 
@@ -101,9 +103,7 @@ def _jumping(bound: BoundStep, switches: ForceSwitches, sides: _Sides) -> list[s
     return list(dict.fromkeys(switches.names[i] for i in np.flatnonzero(jumps)))
 
 
-def _sentence(
-    system: System, switches: ForceSwitches, switch: int, forces: list[str], sides: _Sides
-) -> str:
+def _sentence(system: System, switches: ForceSwitches, switch: int, forces: list[str], sides: _Sides) -> str:
     names, n = system.model.coordinate_names, system.symbols.q.numel()
     (_, before), (_, after) = sides.states[1:3]
     middle, change = (before + after) / 2, np.abs(after - before)
