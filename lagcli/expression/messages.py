@@ -204,6 +204,7 @@ def _instead_of_result(subject: str, written: str) -> str:
         return (
             "a force that depends on a constraint force, such as friction mu*N, does virtual work (D.11) and is not"
             " supported. Where N is known beforehand write its formula: m*g on a level floor, m*g*cos(alpha) on a"
-            f" slope. Else only friction of given size, such as -c*v, can be declared; {record}"
+            " slope, with `tanh(v/1e-3)` for its direction: with `sign(v)` a run stops where the body comes to rest."
+            f" Else only friction of given size, such as -c*v, can be declared; {record}"
         )
     return f"constraint forces follow from the laws and the forces, and may not enter them; {record}"

@@ -48,6 +48,7 @@ def _codes_in_source() -> set[str]:
         run_stop.NOT_FINITE,
         run_stop.TOO_SMALL,
         run_stop.CONTACT,
+        run_stop.STICKS,
         run_account.INTERRUPTED,
         run_account.NOT_WRITTEN,
     }

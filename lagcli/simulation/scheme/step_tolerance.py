@@ -70,16 +70,15 @@ COUNT, UNIT = 6, 2**-53
 
 
 def of_steps(settings: Simulation, balanced: float = 0.0, blurred: float = 0.0) -> Floats:
-    """(rtol, atol, part, rounding, balanced, blurred): the error of a step is compared with rtol |y| plus atol, or what
-    these parts of sizes come to where that is more. Without `atol` it is zero; with it the parts are those of rounding,
-    below which no step can be held. balanced: the acceleration of `RestingForces`, the rounding of
-    which is allowed; blurred: that of the rounding of the forces, at the start of the run; 0 where it does
-    not count.
+    """(rtol, atol, part, rounding, balanced, blurred): the error of a step is compared with rtol |y| + atol, plus these
+    parts of sizes. Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below that of
+    positions: no step can be held closer. balanced: the acceleration of `RestingForces`, the rounding of which is
+    allowed; blurred: that of the rounding of the forces, at the start of the run; 0 where it does not count.
     """
     rtol = max(settings.rtol / PARAMETERS.tightening, min(settings.rtol, PARAMETERS.finest))
     tightened = rtol / settings.rtol
     if settings.atol is not None:
-        known = settings.atol * tightened, PARAMETERS.least, PARAMETERS.rounding
+        known = settings.atol * tightened, 0.0, PARAMETERS.rounding
         return np.array([rtol, *known, balanced, blurred])
     part = max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol))
     return np.array([rtol, 0.0, part, PARAMETERS.rounding, balanced, blurred])
