@@ -49,7 +49,7 @@ def may_jump(model: nouns.Model) -> bool:
 def velocity_switches(model: nouns.Model) -> tuple[nouns.Force, ...]:
     """The forces in which something may jump with a velocity."""
 
-    def may_jump(force: nouns.Force) -> bool:
+    def may_jump(force: nouns.ParticleForce | nouns.GeneralizedForce) -> bool:
         expressions = force.force.parts if isinstance(force, nouns.ParticleForce) else (force.force,)
         found = [expression.text for expression in expressions] + shared
         return _any(_VELOCITIES, found) and (_any(_JUMPS, found) or _any(_QUOTIENTS, found))

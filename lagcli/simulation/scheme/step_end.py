@@ -38,9 +38,6 @@ class StepEndParameters:
     jump: int = 1024
     """A step of so many roundings of the time may hold a jump.
     `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump` fails at 102 and 10240."""
-    crossing: int = 128
-    """And of so many where t does not occur: its rounding is no error then, and no step is shorter by much.
-    `test_a_jump_without_t_lies_within_a_hundred_roundings_of_the_time` fails at 12 and 1280."""
     negligible: float = 1e-9
     """The part of a speed that is nothing there. `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump`
     fails at 1e-10 and 1e-8."""
@@ -127,14 +124,11 @@ def ended(
     part = ca.if_else(q < PARAMETERS.enforced * h * h * a, v / (v + PARAMETERS.enforced * h * a + tiny), 1)
     status = ca.vertcat(part * status[0], status[1:])
     # The doubles around t may be so far apart that the state is not known better.
-    near_t = PARAMETERS.time_rounding * ca.fabs(t + h)
-    # Where t does not occur its rounding is no error, but for a jump that lies within it.
-    roundings = PARAMETERS.jump if numeric.has_time else PARAMETERS.crossing
-    counted = _within(near_t, h, (y, k, k_new), roundings) - (0 if numeric.has_time else 1)
-    noise = near_t * counted * ca.fabs(k_new - k)
+    near_t = PARAMETERS.time_rounding * ca.fabs(t + h) if numeric.has_time else 0.0
+    noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
     noise = noise + _amplified(numeric.n, status[1], sizes, h)
     # Rows that move are where they are at one of these times.
-    blur = near_t * ca.fabs(k_new) if numeric.has_time else 0.0 * k
+    blur = near_t * ca.fabs(k_new)
     form = y.numel(), len(estimates), combined
     judge = _judge(ca.SX, *form) if y.numel() <= PARAMETERS.written_out else _judge(ca.MX, *form)
     return StepEnd(
@@ -151,7 +145,7 @@ def _amplified(n: int, smallest_angle: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
     return gained * ca.vertcat(h * units, units, 0)
 
 
-def _within(near_t: ca.MX, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX], roundings: int) -> ca.MX:
+def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX]) -> ca.MX:
     """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump.
 
     A jump changes velocities by next to nothing in such a step, or is what sets a body at rest in motion. A pole does
@@ -161,7 +155,7 @@ def _within(near_t: ca.MX, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX], roundin
     n = y.numel() // 2
     gained, speed = h * ca.mmax(ca.fabs(k_new - k)[n : 2 * n]), ca.mmax(ca.fabs(y[n : 2 * n]))
     is_jump = ca.logic_or(gained <= PARAMETERS.negligible * speed, speed <= PARAMETERS.negligible * gained)
-    return 1 + is_jump * near_t * roundings**2 / h
+    return 1 + is_jump * near_t * PARAMETERS.jump**2 / h
 
 
 def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:

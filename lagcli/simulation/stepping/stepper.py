@@ -119,6 +119,9 @@ class Stepper:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
         self.bound.t[0], self.bound.k[:] = self.t, k
+        # Where t occurs, a step has its stages at times that are told apart; without, a jump may be crossed in one
+        # rounding.
+        self._fewest = 64 if self.bound.numeric.has_time else 1
 
     def state(self) -> RunState:
         """The run to go on from, but for its last row: as a longer one would be where the end has cut the last step."""
@@ -186,7 +189,7 @@ class Stepper:
             if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN and self._let_go(last):
                 continue
             grow = 1.0
-            if t + smaller / 64 == t:
+            if t + smaller / self._fewest == t or t + smaller >= reached:
                 raise self._no_step(error, status[3])
             if is_cut:
                 shorter = smaller
