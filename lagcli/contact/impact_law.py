@@ -12,14 +12,20 @@ contact forces of accelerations.
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.contact import complementarity, load_sharing
 from lagcli.contact.least_distance import EPS, ContradictoryRows, Floats, UndecidedRows
 from lagcli.contact.load_sharing import Flags
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import Sparse
+from lagcli.linear.metric_rows import LocalRows, Sparse, stacked
+
+Numbers = npt.NDArray[np.intp]
 
 
 class ImpactParameters:
@@ -96,11 +102,11 @@ def impact(
     """
     (B, b), (G, g_t, e) = equalities, contacts
     rows = TouchingRows(metric, B, G)
-    before = rows.G @ v + g_t
-    terms = np.abs(rows.G) @ np.abs(v) + np.abs(g_t)
-    push = _push(rows, -(rows.B @ v + b), least_after(before, e) - before, PARAMETERS.safe * EPS * terms)
+    before = rows.G.times(v) + g_t
+    terms = _sizes(rows.G, v) + np.abs(g_t)
+    push = _push(rows, -(rows.B.times(v) + b), least_after(before, e) - before, PARAMETERS.safe * EPS * terms)
     after = v + push.change
-    speeds = rows.G @ after + g_t
+    speeds = rows.G.times(after) + g_t
     energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
     return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
 
@@ -135,11 +141,16 @@ def forces(
     """
     (B, gamma_B), (G, gamma) = equalities, contacts
     rows, free = TouchingRows(metric, B, G), metric.solved(h)
-    rounding = PARAMETERS.safe * EPS * (np.abs(rows.G) @ np.abs(free) + np.abs(gamma))
-    push = _push(rows, gamma_B - rows.B @ free, gamma - rows.G @ free, rounding)
+    rounding = PARAMETERS.safe * EPS * (_sizes(rows.G, free) + np.abs(gamma))
+    push = _push(rows, gamma_B - rows.B.times(free), gamma - rows.G.times(free), rounding)
     a = free + push.change
-    slack = np.where(push.contacts > 0, 0.0, rows.G @ a - gamma)
+    slack = np.where(push.contacts > 0, 0.0, rows.G.times(a) - gamma)
     return LawResult(a, push.equality, push.contacts, push.unique, slack)
+
+
+def _sizes(G: LocalRows, x: Floats) -> Floats:
+    """|G| |x| (k,)."""
+    return LocalRows(ca.fabs(G.B)).times(np.abs(x))
 
 
 def _push(rows: TouchingRows, c: Floats, d: Floats, rounding: Floats) -> Push:
@@ -165,33 +176,33 @@ class Push:
 class TouchingRows:
     """Equality rows B (C, n) and contacts G (k, n) at one configuration, sparse; `metric` leaves no coordinate out.
 
-    Nothing of size n x n is built; rows are dense here.
+    Nothing of size n x n is built. Rows that have no coordinate of the metric in common, and none with others between
+    them, do not act on each other: each such block is solved alone, dense.
     """
 
     def __init__(self, metric: Metric, B: Sparse, G: Sparse) -> None:
         self.metric = metric
-        self.B, self.G = np.array(B), np.array(G)
-        white = np.vstack([np.array(metric.whitened(B)), np.array(metric.whitened(G))])
-        lengths = np.linalg.norm(white, axis=1)
-        self._lengths = np.where(lengths > 0, lengths, 1.0)
-        self._unit = white / self._lengths[:, None]
-        left, sigma, right = np.linalg.svd(self._unit[: self.equalities], full_matrices=False)
-        is_independent = sigma > load_sharing.PARAMETERS.dependent
-        self._left, self._sigma, self._right = (
-            left[:, is_independent],
-            sigma[is_independent],
-            right[is_independent],
-        )
+        self.B, self.G = LocalRows(B), LocalRows(G)
+        white = LocalRows(stacked(metric.whitened(B), metric.whitened(G)))
+        self._lengths = white.divisors
+        self._unit = LocalRows(ca.DM(white.B.sparsity(), ca.DM(white.values / self._lengths[white.row])))
 
     @property
     def equalities(self) -> int:
         """Equality rows, C."""
-        return int(self.B.shape[0])
+        return self.B.count
 
     @property
     def count(self) -> int:
         """Contacts, k."""
-        return int(self.G.shape[0])
+        return self.G.count
+
+    @cached_property
+    def blocks(self) -> list[Numbers]:
+        """The rows that act on each other, those of each block in their order."""
+        pattern = ca.sparsify(self._unit.B).sparsity()
+        _, order, ends = ca.mtimes(pattern, pattern.T).scc()
+        return [np.sort(np.array(order[i:j], dtype=np.intp)) for i, j in itertools.pairwise(ends)]
 
     def push(self, c: Floats, d: Floats, rounding: Floats) -> Push:
         """The push with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary.
@@ -200,20 +211,57 @@ class TouchingRows:
         together, contacts >= 0. Raises `ContradictoryRows` with the contacts that cannot all be obeyed, and
         `UndecidedRows`.
         """
-        C, lengths = self.equalities, self._lengths
-        c, d, rounding = c / lengths[:C], d / lengths[C:], rounding / lengths[C:]
-        contacts = self._unit[C:]
-        base = self._right.T @ ((self._left.T @ c) / self._sigma)
+        C, lengths, unit = self.equalities, self._lengths, self._unit
+        asked, rounding = np.concatenate([c, d]) / lengths, rounding / lengths[C:]
+        if not (np.isfinite(asked).all() and np.isfinite(unit.values).all()):
+            raise UndecidedRows("not finite")
+        # Of a row alone this is the push.
+        mu, unique = np.maximum(asked, 0.0), np.ones(asked.size, dtype=bool)
+        mu[:C] = asked[:C]
+        for rows in self.blocks:
+            contacts = rows[rows >= C] - C
+            if rows.size > 1 or not unit.norms[rows].any():
+                dense = np.array(unit.B[rows.tolist(), self._touched(rows)])
+                block = ContactBlock(dense, rows.size - contacts.size)
+                try:
+                    mu[rows], unique[rows] = block.push(asked[rows], rounding[contacts])
+                except ContradictoryRows as error:
+                    raise ContradictoryRows(tuple(int(contacts[row]) for row in error.rows)) from None
+        terms = unit.values * mu[unit.row]
+        whitened = np.bincount(unit.column, terms, minlength=int(unit.B.shape[1]))
+        change = self.metric.unwhitened(np.asarray(whitened, dtype=float))
+        return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
+
+    def _touched(self, rows: Numbers) -> list[int]:
+        """The coordinates of some rows."""
+        return np.unique(self._unit.column[np.isin(self._unit.row, rows)]).tolist()
+
+
+class ContactBlock:
+    """Rows of length one (C + k, m), dense, the equality rows first: a row of zeros holds nothing."""
+
+    def __init__(self, unit: Floats, equalities: int) -> None:
+        self._unit, self._count = unit, equalities
+        left, sigma, right = np.linalg.svd(unit[:equalities], full_matrices=False)
+        is_independent = sigma > load_sharing.PARAMETERS.dependent
+        self._left, self._sigma, self._right = (
+            left[:, is_independent],
+            sigma[is_independent],
+            right[is_independent],
+        )
+
+    def push(self, asked: Floats, rounding: Floats) -> tuple[Floats, Flags]:
+        """The weights (C + k,) of the rows, as `TouchingRows.push`, and which are unique."""
+        C, contacts = self._count, self._unit[self._count :]
+        base = self._right.T @ ((self._left.T @ asked[:C]) / self._sigma)
         bare = self._bare(contacts)
-        found = complementarity.solve(bare, d - contacts @ base, rounding)
+        found = complementarity.solve(bare, asked[C:] - contacts @ base, rounding)
         mu = np.concatenate([np.zeros(C), found.multipliers])
         mu[:C] = self._weights(base - self._right.T @ (self._right @ (contacts.T @ mu[C:])))
         rows = np.concatenate([np.ones(C, dtype=bool), found.holds])
         unique = np.ones(rows.size, dtype=bool)
         mu[rows], unique[rows] = load_sharing.shared(self._unit[rows], mu[rows], C)
-        mu = self._refined(mu, np.concatenate([c, d]))
-        change = self.metric.unwhitened(self._unit.T @ mu)
-        return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
+        return self._refined(mu, asked), unique
 
     def _bare(self, contacts: Floats) -> Floats:
         """The contacts (k, n) with the equality rows projected out; zero where nothing is left but rounding."""
@@ -229,7 +277,7 @@ class TouchingRows:
 
     def _refined(self, mu: Floats, asked: Floats) -> Floats:
         """mu with the rows that hold met to rounding: what they are missing is asked for again."""
-        rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self.equalities))
+        rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self._count))
         left, sigma, _ = np.linalg.svd(self._unit[rows], full_matrices=False)
         left = (
             left[:, sigma > load_sharing.PARAMETERS.dependent]
@@ -239,5 +287,5 @@ class TouchingRows:
         for _ in range(PARAMETERS.refinements):
             missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)
             mu[rows] += left @ (left.T @ missing)
-        mu[self.equalities :] = np.maximum(mu[self.equalities :], 0.0)
+        mu[self._count :] = np.maximum(mu[self._count :], 0.0)
         return mu

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.contact import impact_law
+from lagcli.contact import complementarity, impact_law
 from lagcli.contact.impact_law import EnergyCreated, LawError, LawResult
 from lagcli.linear.metric import Metric
 
@@ -297,3 +297,85 @@ simulation: {duration: 3}
     assert stop.value.t == pytest.approx(1, abs=1e-9)
     run = lagcli.simulate(lagcli.loads(text.replace("LAW", "(2 + cos(x))*rate(y)**2/2")))
     assert run.stats.impacts == 1
+
+
+def separate_and_joined(seed: int) -> tuple[Touching, list[list[int]]]:
+    """Three bodies that share no coordinate, the first with an equality row and the second with a coupled M, in an
+    order of their own; and the contacts of each."""
+    rng = np.random.default_rng(seed)
+    M, G, B = np.eye(9), np.zeros((7, 9)), np.zeros((1, 9))
+    M[3:6, 3:6] += 0.5 * np.ones((3, 3))
+    B[0, :3] = rng.standard_normal(3)
+    bodies = [[0, 3], [1, 4, 6], [2, 5]]
+    for first, contacts in zip((0, 3, 6), bodies, strict=True):
+        # Coordinates of the first two are coupled by B and M: each contact may touch one of them alone.
+        for number, j in enumerate(contacts):
+            G[j, first + number] = rng.uniform(0.5, 2.0)
+    G[5, 6] = rng.uniform(0.5, 2.0)
+    order = rng.permutation(9)
+    return touching(M[np.ix_(order, order)], G[:, order], B[:, order]), bodies
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_contacts_of_bodies_that_do_not_touch_are_solved_apart_and_as_if_together(monkeypatch, seed):
+    rows, bodies = separate_and_joined(seed)
+    rng = np.random.default_rng(seed)
+    # All contacts approach; the one coordinate of the equality row that none touches meets it.
+    v, e = -rng.uniform(0.5, 1.5, 9), rng.uniform(0.0, 1.0, 7)
+    free = np.flatnonzero((rows.B[0] != 0) & (np.abs(rows.G).sum(axis=0) == 0))[0]
+    v[free] -= rows.B[0] @ v / rows.B[0, free]
+    solve, sizes = complementarity.solve, []
+
+    def counted(*args):
+        sizes.append(args[1].size)
+        return solve(*args)
+
+    monkeypatch.setattr(complementarity, "solve", counted)
+    found = impact(rows, v, e)
+    assert sorted(sizes) == sorted(len(contacts) for contacts in bodies)
+    check(rows, v, np.zeros(1), found)
+    # The whole law by its own conditions, and by one dense problem of all rows.
+    white = np.vstack([rows.B, rows.G]) @ np.linalg.inv(np.linalg.cholesky(rows.M)).T
+    lengths = np.linalg.norm(white, axis=1)
+    before = rows.G @ v
+    asked = np.concatenate([np.zeros(1), -e * np.minimum(before, 0.0) - before]) / lengths
+    mu, unique = impact_law.ContactBlock(white / lengths[:, None], 1).push(asked, np.zeros(7))
+    impulses = np.concatenate([found.of_equalities, found.of_contacts])
+    assert impulses == pytest.approx(mu / lengths, rel=1e-12, abs=1e-12)
+    assert (found.unique == unique).all()
+    rest = found.slack + e * np.minimum(before, 0.0)
+    assert (rest >= -1e-12).all()
+    assert found.of_contacts * rest == pytest.approx(0.0, abs=1e-12)
+
+
+def test_contacts_alone_on_their_bodies_ask_for_no_problem_at_all(monkeypatch):
+    monkeypatch.setattr(complementarity, "solve", None)
+    mass, v = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), np.array([-1.0, 2.0, 0.0, -3.0, -0.5, 1.0])
+    rows = touching(np.diag(mass), np.eye(6))
+    found = impact(rows, v, 0.5)
+    closing = np.minimum(v, 0.0)
+    assert found.x == pytest.approx(np.where(v < 0, -0.5 * v, v), rel=1e-15)
+    assert found.of_contacts == pytest.approx(-1.5 * mass * closing, rel=1e-15)
+    assert found.unique.all()
+    assert found.energy == pytest.approx(-0.375 * float(mass @ closing**2), rel=1e-14)
+    forces = rows.forces(-9.81 * mass, np.zeros(0), np.zeros(6))
+    assert forces.of_contacts == pytest.approx(9.81 * mass, rel=1e-15)
+    assert forces.x == pytest.approx(0.0, abs=1e-14)
+
+
+def test_contacts_that_contradict_each_other_are_named_among_all():
+    # On the third coordinate two contacts close in on a body from both sides; the others are free.
+    G = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
+    with pytest.raises(LawError) as error:
+        impact(touching(np.eye(3), G), np.zeros(3), 0.0, g_t=np.array([0.0, -1.0, 0.0, -1.0]))
+    assert error.value.contacts == (1, 3)
+
+
+def test_a_contact_without_a_gradient_holds_nothing_and_one_that_has_to_is_named():
+    G = np.array([[1.0, 0.0], [0.0, 0.0]])
+    found = impact(touching(np.eye(2), G), np.array([-1.0, 0.0]), 0.0)
+    assert found.of_contacts.tolist() == [1.0, 0.0]
+    assert found.unique.tolist() == [True, False]
+    with pytest.raises(LawError) as error:
+        impact(touching(np.eye(2), G), np.array([-1.0, 0.0]), 0.0, g_t=np.array([0.0, -1.0]))
+    assert error.value.contacts == (1,)

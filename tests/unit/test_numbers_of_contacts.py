@@ -16,7 +16,7 @@ from lagcli.contact import (
     zero_search,
 )
 from lagcli.contact.few_contacts import FewContacts, Response
-from lagcli.contact.impact_law import EnergyCreated, Exchange, TouchingRows
+from lagcli.contact.impact_law import ContactBlock, EnergyCreated, Exchange
 from lagcli.contact.least_distance import ContradictoryRows
 from lagcli.contact.zero_search import first_crossing
 from lagcli.linear.metric import Metric
@@ -206,13 +206,13 @@ def test_an_impact_may_gain_nine_digits_less_than_goes_through_it(gain, is_creat
 
 @pytest.mark.parametrize(("left", "moves"), [(3e-8, False), (3e-7, True)])
 def test_a_contact_of_which_equality_rows_leave_seven_digits_less_cannot_move(left, moves):
-    rows = TouchingRows(Metric.unit(2), ca.DM([[1.0, 0.0]]), ca.DM([[1.0, left]]))
-    assert bool(rows._bare(rows._unit[1:]).any()) is moves
+    unit = np.array([[1.0, 0.0], [1.0, left]])
+    assert bool(ContactBlock(unit, 1)._bare(unit[1:]).any()) is moves
 
 
 def test_rows_of_an_impact_are_met_to_rounding_after_two_refinements():
-    rows = TouchingRows(Metric.unit(2), ca.DM(0, 2), ca.DM([[1.0, 0.0], [0.6, 0.8]]))
-    mu = rows._refined(np.array([1.001, 2.001]), rows._unit @ (rows._unit.T @ np.array([1.0, 2.0])))
+    unit = np.array([[1.0, 0.0], [0.6, 0.8]])
+    mu = ContactBlock(unit, 0)._refined(np.array([1.001, 2.001]), unit @ (unit.T @ np.array([1.0, 2.0])))
     assert mu == pytest.approx([1.0, 2.0], rel=1e-14)
 
 
