@@ -150,7 +150,7 @@ def forces(
 
 def _sizes(G: LocalRows, x: Floats) -> Floats:
     """|G| |x| (k,)."""
-    return LocalRows(ca.fabs(G.B)).times(np.abs(x))
+    return np.asarray(np.bincount(G.row, np.abs(G.values * x[G.column]), minlength=G.count))
 
 
 def _push(rows: TouchingRows, c: Floats, d: Floats, rounding: Floats) -> Push:
@@ -183,9 +183,9 @@ class TouchingRows:
     def __init__(self, metric: Metric, B: Sparse, G: Sparse) -> None:
         self.metric = metric
         self.B, self.G = LocalRows(B), LocalRows(G)
-        white = LocalRows(stacked(metric.whitened(B), metric.whitened(G)))
-        self._lengths = white.divisors
-        self._unit = LocalRows(ca.DM(white.B.sparsity(), ca.DM(white.values / self._lengths[white.row])))
+        self._white = LocalRows(metric.whitened(stacked(B, G)))
+        self._lengths = self._white.divisors
+        self._unit = self._white.values / self._lengths[self._white.row]
 
     @property
     def equalities(self) -> int:
@@ -198,11 +198,23 @@ class TouchingRows:
         return self.G.count
 
     @cached_property
-    def blocks(self) -> list[Numbers]:
-        """The rows that act on each other, those of each block in their order."""
-        pattern = ca.sparsify(self._unit.B).sparsity()
-        _, order, ends = ca.mtimes(pattern, pattern.T).scc()
-        return [np.sort(np.array(order[i:j], dtype=np.intp)) for i, j in itertools.pairwise(ends)]
+    def blocks(self) -> list[tuple[Numbers, Floats]]:
+        """The rows that act on each other, those of each block in their order, and of length one, dense."""
+        white = self._white
+        there = np.flatnonzero(self._unit)
+        row, column = white.row[there], white.column[there]
+        pattern = ca.Sparsity.triplet(*white.B.shape, row.tolist(), column.tolist())
+        _, order, firsts = ca.mtimes(pattern, pattern.T).scc()
+        found = [np.sort(np.array(order[i:j], dtype=np.intp)) for i, j in itertools.pairwise(firsts)]
+        of_row = np.empty(white.count, dtype=np.intp)
+        of_row[order] = np.repeat(np.arange(len(found)), np.diff(firsts))
+        by_block = np.argsort(of_row[row], kind="stable")
+        ends = np.searchsorted(of_row[row][by_block], np.arange(len(found) + 1))
+        entries = (by_block[first:end] for first, end in itertools.pairwise(ends))
+        return [
+            (rows, _dense(rows, (row[taken], column[taken], self._unit[there[taken]])))
+            for rows, taken in zip(found, entries, strict=True)
+        ]
 
     def push(self, c: Floats, d: Floats, rounding: Floats) -> Push:
         """The push with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary.
@@ -211,30 +223,33 @@ class TouchingRows:
         together, contacts >= 0. Raises `ContradictoryRows` with the contacts that cannot all be obeyed, and
         `UndecidedRows`.
         """
-        C, lengths, unit = self.equalities, self._lengths, self._unit
+        C, lengths, white = self.equalities, self._lengths, self._white
         asked, rounding = np.concatenate([c, d]) / lengths, rounding / lengths[C:]
-        if not (np.isfinite(asked).all() and np.isfinite(unit.values).all()):
+        if not (np.isfinite(asked).all() and np.isfinite(self._unit).all()):
             raise UndecidedRows("not finite")
         # Of a row alone this is the push.
         mu, unique = np.maximum(asked, 0.0), np.ones(asked.size, dtype=bool)
         mu[:C] = asked[:C]
-        for rows in self.blocks:
-            contacts = rows[rows >= C] - C
-            if rows.size > 1 or not unit.norms[rows].any():
-                dense = np.array(unit.B[rows.tolist(), self._touched(rows)])
-                block = ContactBlock(dense, rows.size - contacts.size)
+        for rows, unit in self.blocks:
+            if rows.size > 1 or not unit.any():
+                contacts = rows[rows >= C] - C
+                block = ContactBlock(unit, rows.size - contacts.size)
                 try:
                     mu[rows], unique[rows] = block.push(asked[rows], rounding[contacts])
                 except ContradictoryRows as error:
                     raise ContradictoryRows(tuple(int(contacts[row]) for row in error.rows)) from None
-        terms = unit.values * mu[unit.row]
-        whitened = np.bincount(unit.column, terms, minlength=int(unit.B.shape[1]))
+        whitened = np.bincount(white.column, self._unit * mu[white.row], minlength=int(white.B.shape[1]))
         change = self.metric.unwhitened(np.asarray(whitened, dtype=float))
         return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
 
-    def _touched(self, rows: Numbers) -> list[int]:
-        """The coordinates of some rows."""
-        return np.unique(self._unit.column[np.isin(self._unit.row, rows)]).tolist()
+
+def _dense(rows: Numbers, entries: tuple[Numbers, Numbers, Floats]) -> Floats:
+    """Rows, by their numbers, over the coordinates that their entries (row, column, value) touch."""
+    row, column, value = entries
+    touched, at = np.unique(column, return_inverse=True)
+    dense = np.zeros((rows.size, touched.size))
+    dense[np.searchsorted(rows, row), at] = value
+    return dense
 
 
 class ContactBlock:
