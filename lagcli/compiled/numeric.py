@@ -18,6 +18,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
     from lagcli.compiled.factored import Factored
     from lagcli.compiled.force_switches import ForceSwitches
     from lagcli.equations.level_functions import LevelExpression
+
+Floats = npt.NDArray[np.float64]
 
 # Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
 # so that two quadratic steps reach rounding.
@@ -49,9 +53,13 @@ THROWN = 1e-7
 class NumericSystem:
     """Compiled functions of one system, each built when it is first asked for: a count needs no step."""
 
-    def __init__(self, system: System, parts: shared.Parts | None = None) -> None:
-        self._system = system
+    def __init__(
+        self, system: System, parts: shared.Parts | None = None, switched: NumericSystem | None = None
+    ) -> None:
+        self._system, self._switched = system, switched
         self._parts = parts or shared.build(system)
+        # By their selections; None where switches do not pay.
+        self._all_closed: dict[Selection, NumericSystem | None] = {}
         self.n: int = system.symbols.q.numel()
         self.recent = RecentAnswers()
 
@@ -79,6 +87,32 @@ class NumericSystem:
         """The system stepped with these independent rows."""
         return NumericSystem(self._system, self._parts.keeping(selection))
 
+    def switching(self, selection: Selection) -> NumericSystem:
+        """The system stepped with these independent rows, by functions that it shares with other sets of closed
+        contacts where it can: they take the `switches` at the end of p."""
+        whole = selection.switched(self._parts.B.shape[0])
+        if whole is None:
+            return self.keeping(selection)
+        if whole not in self._all_closed:
+            parts = self._parts.switched(whole)
+            every = None if parts is None else NumericSystem(self._system, parts)
+            # Switches stand in expanded factors alone.
+            self._all_closed[whole] = every if every and isinstance(every._way, Expanded) else None
+        return NumericSystem(self._system, self._parts.keeping(selection), self._all_closed[whole])
+
+    @property
+    def stepped(self) -> NumericSystem:
+        """The system whose functions make the steps: this one, or one that it shares with other sets of contacts."""
+        return self._switched or self
+
+    @property
+    def switches(self) -> Floats:
+        """1 of contacts that are closed and 0 of others (K,), where the functions of steps take them; else none."""
+        if self._switched is None:
+            return np.zeros(0)
+        C = self._parts.B.shape[0]
+        return np.isin(np.arange(C, self.selection.count), self.closed_rows).astype(float)
+
     @cached_property
     def _way(self) -> Expanded | Factored:
         parts = self._parts
@@ -92,7 +126,7 @@ class NumericSystem:
     @property
     def rhs(self) -> ca.Function:
         """rhs(t, y, p) -> y' (2n + 1,)."""
-        return self._way.rhs
+        return self.stepped._way.rhs
 
     @property
     def stage(self) -> ca.Function | None:
@@ -101,7 +135,8 @@ class NumericSystem:
 
         None where S is factored numerically: another solution at each stage would cost too much.
         """
-        return self._way.stage if isinstance(self._way, Expanded) else None
+        way = self.stepped._way
+        return way.stage if isinstance(way, Expanded) else None
 
     @cached_property
     def project(self) -> ca.Function:
@@ -111,6 +146,8 @@ class NumericSystem:
         all of y' is.
         A state that g = 0 threw far off counts as not projected: it is on another branch.
         """
+        if self._switched is not None:
+            return self._switched.project
         t, y, p = inputs = _inputs(self._way.projection)
         projected, rate, _, status, sizes = self._way.projection(t, self._projected(t, y, p), p)
         residual = status[0]
@@ -126,6 +163,8 @@ class NumericSystem:
 
         These are position drift, velocity drift, Jacobi energy and its part without velocities.
         """
+        if self._switched is not None:
+            return self._switched.record
         t, y, p = inputs = _inputs(self._way.projected)
         projected, rate, lam = self._way.projected(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, projected, p, lam)
@@ -205,6 +244,8 @@ class NumericSystem:
     @cached_property
     def solved(self) -> ca.Function:
         """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
+        if self._switched is not None:
+            return self._switched.solved
         t, y, p = inputs = _inputs(self._way.projected)
         _, rate, lam = self._way.projected(t, y, p)
         return SizedFunction("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
@@ -230,6 +271,8 @@ class NumericSystem:
     @cached_property
     def events_at(self) -> ca.Function:
         """events_at(t, y, p) -> `when` of the declared events (E,) at a state."""
+        if self._switched is not None:
+            return self._switched.events_at
         t, y, p = inputs = _inputs(self._way.projected)
         rate, lam = self.solved(t, y, p)
         return SizedFunction("events_at", inputs, [self.event_values(t, y, rate, lam, p)])

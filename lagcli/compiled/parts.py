@@ -28,6 +28,10 @@ TINY = 1e-300
 ROUNDED = 1e-6
 # At rest the rounding of velocities counts as this part of those that the forces would make over the size of q.
 RESTING = 1e-6
+# So many contacts have few sets: each has functions of its own.
+FEW_CONTACTS = 4
+# A step adds up the stages of each number of the state, and so many multiplications for each cost no more than that.
+STAGES = 12
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
 
@@ -41,6 +45,7 @@ class Parts:
     the start, and the gradient by q. They enter the projection of positions and nothing else.
     contacts: the K rows after the C of B; those that are closed act as holonomic ones do.
     selection: the independent rows among all C + K; lambda is that of these rows, unless said otherwise.
+    switches (K,), at the end of p, or none: contacts whose switch is 0 are open all the same.
     """
 
     t: ca.SX
@@ -60,6 +65,7 @@ class Parts:
     contacts: ContactRows
     selection: Selection
     cartesian: int
+    switches: ca.SX
 
     @cached_property
     def force(self) -> ca.Function:
@@ -95,9 +101,27 @@ class Parts:
         return solvers.solver(self.M)
 
     @cached_property
+    def acting(self) -> ContactRows:
+        """The contacts, with rows of zeros in place of those that are switched off."""
+        contacts, on = self.contacts, self.switches
+        if not on.numel():
+            return contacts
+        rows = np.asarray(contacts.G.sparsity().row(), dtype=np.int64).tolist()
+        G = ca.SX(contacts.G.sparsity(), ca.if_else(ca.vec(on[rows]), ca.vec(contacts.G.nz[:]), 0))
+        g, g_t, gamma = (
+            ca.if_else(on, ca.densify(value), 0) for value in (contacts.g, contacts.g_t, contacts.gamma)
+        )
+        return dataclasses.replace(contacts, g=g, G=G, g_t=g_t, gamma=gamma)
+
+    @cached_property
     def S(self) -> ca.SX:
-        """S = B M^-1 B^T of the independent rows."""
-        return self.B_independent @ self.inertia(self.B_independent.T)
+        """S = B M^-1 B^T of the independent rows; of rows that are switched off that of rows of length one, across all
+        others."""
+        S = self.B_independent @ self.inertia(self.B_independent.T)
+        if not self.switches.numel():
+            return S
+        equalities = len(self.selection.independent) - self.switches.numel()
+        return S + ca.diag(ca.vertcat(ca.SX(equalities, 1), 1 - self.switches))
 
     @cached_property
     def S_enforced(self) -> ca.SX:
@@ -128,17 +152,17 @@ class Parts:
     @cached_property
     def B_independent(self) -> ca.SX:
         """The independent rows of B."""
-        return self.of(self.selection.independent, self.B, self.contacts.G)
+        return self.of(self.selection.independent, self.B, self.acting.G)
 
     @cached_property
     def b_independent(self) -> ca.SX:
         """b of the independent rows."""
-        return self.of(self.selection.independent, self.b, self.contacts.g_t)
+        return self.of(self.selection.independent, self.b, self.acting.g_t)
 
     @cached_property
     def gamma_independent(self) -> ca.SX:
         """gamma of the independent rows."""
-        return self.of(self.selection.independent, self.gamma, self.contacts.gamma)
+        return self.of(self.selection.independent, self.gamma, self.acting.gamma)
 
     @property
     def _independent_holonomic(self) -> list[int]:
@@ -147,13 +171,13 @@ class Parts:
     @cached_property
     def enforced(self) -> ca.SX:
         """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero."""
-        f = self.of(self._independent_holonomic, self.f, self.contacts.g)
+        f = self.of(self._independent_holonomic, self.f, self.acting.g)
         return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
     def B_enforced(self) -> ca.SX:
         """Their gradients by q."""
-        B = self.of(self._independent_holonomic, self.B_holonomic, self.contacts.G)
+        B = self.of(self._independent_holonomic, self.B_holonomic, self.acting.G)
         return ca.vertcat(B, self.dg) if self.g.numel() else B
 
     @property
@@ -164,6 +188,22 @@ class Parts:
     def keeping(self, selection: Selection) -> Parts:
         """The parts stepped with other independent rows."""
         return dataclasses.replace(self, selection=selection)
+
+    def switched(self, selection: Selection) -> Parts | None:
+        """The parts with all contacts of a selection, and switches at the end of p; None where the factors of S would
+        cost more than the steps do without them, or where there are few sets of contacts."""
+        K = self.contacts.count
+        if K <= FEW_CONTACTS:
+            return None
+        B = self.of(selection.independent, self.B, self.contacts.G)
+        pattern = ca.mtimes(B.sparsity(), self.inertia(B.T).sparsity())
+        most = STAGES * self.y.numel()
+        if pattern.nnz() > most or solvers.operations(ca.SX(pattern)) > most:
+            return None
+        switches = ca.SX.sym("switch", K)
+        return dataclasses.replace(
+            self, selection=selection, switches=switches, p=ca.vertcat(self.p, switches)
+        )
 
     @cached_property
     def multipliers(self) -> ca.Function:
@@ -230,7 +270,9 @@ def build(system: System) -> Parts:
     open_ = Selection(tuple(range(C)), inactive=tuple(range(C, C + contacts.count)))
     cartesian = v.numel() - len(system.model.generalized_names)
     equations = (f, B, b, gamma, M, h, power)
-    return Parts(t, y, system.p, v, *equations, is_small, nothing, no_rows, contacts, open_, cartesian)
+    return Parts(
+        t, y, system.p, v, *equations, is_small, nothing, no_rows, contacts, open_, cartesian, nothing
+    )
 
 
 def _level(chart: LevelExpression, a: ca.SX, b: ca.SX) -> ca.SX:
@@ -263,7 +305,7 @@ def position_residual(parts: Parts) -> ca.SX:
 def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
     """f, closed contacts and g, and their gradients."""
     every = [*range(parts.f.numel()), *parts.closed]
-    f, B = parts.of(every, parts.f, parts.contacts.g), parts.of(every, parts.B_holonomic, parts.contacts.G)
+    f, B = parts.of(every, parts.f, parts.acting.g), parts.of(every, parts.B_holonomic, parts.acting.G)
     return (ca.vertcat(f, parts.g), ca.vertcat(B, parts.dg)) if parts.g.numel() else (f, B)
 
 
@@ -311,7 +353,13 @@ def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) 
 
 def rank_margin(parts: Parts, smallest_angle: ca.SX | float) -> ca.SX:
     """(2,): the smallest angle, and the least diagonal entry of S."""
-    smallest_diagonal = ca.mmin(ca.diag(parts.S)) if parts.selection.independent else 1.0
+    diagonal = ca.diag(parts.S)
+    if parts.switches.numel():
+        # Rows that are switched off vanish no more.
+        diagonal = ca.vertcat(
+            diagonal[: -parts.switches.numel()], diagonal[-parts.switches.numel() :] / parts.switches
+        )
+    smallest_diagonal = ca.mmin(diagonal) if parts.selection.independent else 1.0
     return ca.densify(ca.vertcat(smallest_angle, smallest_diagonal))
 
 
@@ -337,7 +385,7 @@ def velocity_residual(parts: Parts) -> ca.SX:
     every = [*range(parts.B.shape[0]), *parts.closed]
     if not every:
         return ca.SX(0)
-    B, b = parts.of(every, parts.B, parts.contacts.G), parts.of(every, parts.b, parts.contacts.g_t)
+    B, b = parts.of(every, parts.B, parts.acting.G), parts.of(every, parts.b, parts.acting.g_t)
     empty = np.bincount(B.sparsity().row(), minlength=B.shape[0]) == 0
     return ca.mmax(ca.fabs(B @ parts.v + b) / (_row_norms(B) + ca.DM(empty.astype(float))))
 

@@ -56,6 +56,14 @@ class Selection:
         independent = tuple(i for i in self.independent if i < rows)
         return Selection(independent, dependencies, tuple(range(rows, self.count)))
 
+    def switched(self, rows: int) -> Selection | None:
+        """The selection with all contacts closed, of which switches choose this one; None where all are open, or some
+        depend on others."""
+        open_ = self.opened(rows)
+        if self.idle or self.dependencies != open_.dependencies or self.independent == open_.independent:
+            return None
+        return Selection((*open_.independent, *range(rows, self.count)), open_.dependencies)
+
     @property
     def indeterminate(self) -> frozenset[int]:
         """Rows whose multipliers are not unique: those that take part in a dependency, a row that vanishes in its

@@ -23,8 +23,7 @@ from lagcli.simulation.closed_contacts.contact_mode import ContactMode
 from lagcli.simulation.events import contact_crossings
 from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
-from lagcli.simulation.events.step_watch import StateAhead
-from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.events.step_watch import StateAhead, StepWatch
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Kind
 from lagcli.simulation.run_state.run_stop import StepFailure
@@ -77,14 +76,13 @@ class ContactChanges:
         chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
-    def noise(self, functions: WatchFunctions, count: int) -> Floats:
+    def noise(self, watch: StepWatch) -> Floats:
         """The noise of gaps and multipliers that are watched, and room for that of events (W,)."""
-        noise = np.zeros(count)
+        noise = np.zeros(watch.functions.kinds.numbers.size)
         if self._count:
             gaps, forces = self.noises()
-            first = len(functions.open_)
-            noise[:first] = gaps[functions.open_]
-            noise[first : first + len(functions.enforced)] = forces[functions.enforced]
+            contacts = watch.functions.contacts
+            noise[: contacts.size] = np.where(watch.is_open, gaps[contacts], forces[contacts])
         return noise
 
     def noises(self) -> tuple[Floats, Floats]:
@@ -107,11 +105,12 @@ class ContactChanges:
         if deep:
             raise self._jump(*max((float(-here.g[j]), j) for j in deep))
 
-    def require_open(self, contacts: list[int], g: Floats) -> None:
-        """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
-        their gaps: their walls jump."""
-        here = self.here()
-        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.touching_gap[j]]
+    def require_open(self, watch: StepWatch, w: Floats) -> None:
+        """Raise `StepFailure` where open contacts are violated at a switch, by the watched values w (W,): their walls
+        jump."""
+        here, contacts = self.here(), watch.functions.contacts
+        opened = [(i, int(contacts[i])) for i in np.flatnonzero(watch.is_open)]
+        deep = [(float(-w[i]), j) for i, j in opened if w[i] < -2 * here.touching_gap[j]]
         if deep:
             raise self._jump(*max(deep))
 

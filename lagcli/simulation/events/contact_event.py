@@ -12,6 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
@@ -53,7 +54,7 @@ class ContactEvent(Event):
         self._system = stepper.bound.enforced.system
         self._changes = ContactChanges(stepper)
         stepper.found.keeps_stages = True
-        self._functions: dict[object, WatchFunctions] = {}
+        self._functions: dict[NumericSystem, WatchFunctions] = {}
         self._watch: StepWatch | None = None
         # Of the step that was found: functions that cross zero at its end, a state beyond it.
         self._hits: tuple[int, ...] = ()
@@ -116,7 +117,7 @@ class ContactEvent(Event):
         run, watch = self._stepper, self._current()
         before, after = watch.begin(), watch.end(run.found.reached)
         if self._system.contacts.count:
-            self._changes.require_open(watch.functions.open_, after)
+            self._changes.require_open(watch, after)
         E = self._system.event_values.numel()
         if E:
             sides = before[-E:], after[-E:]
@@ -162,13 +163,11 @@ class ContactEvent(Event):
         kinds, curve = watch.functions.kinds, SingularStepWatch(watch.functions, run, singular_step)
         # Multipliers may have a pole at the instant: contacts that are released are looked for beside it.
         are_watched = kinds.is_event.copy()
-        are_watched[: len(watch.functions.open_)] = True
+        are_watched[: watch.is_open.size] = watch.is_open
         indices = np.flatnonzero(are_watched)
-        rounding = self._changes.noise(watch.functions, kinds.numbers.size)
-        lift_off, noise = (
-            singular_step_watch.first_lift_off(curve, watch.functions, rounding),
-            rounding[indices],
-        )
+        rounding = self._changes.noise(watch)
+        lift_off = singular_step_watch.first_lift_off(curve, np.flatnonzero(~watch.is_open), rounding)
+        noise = rounding[indices]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding())[indices]
         noise[kinds.is_event[indices]] = rounding[kinds.is_event[indices]]
@@ -200,10 +199,10 @@ class ContactEvent(Event):
     def _current(self) -> StepWatch:
         run = self._stepper
         if self._watch is None or not self._watch.is_of(run):
-            selection = run.bound.enforced.selection, run.bound.enforced.invariant_values
-            if selection not in self._functions:
-                self._functions[selection] = WatchFunctions(run.bound.numeric, run.method, self._system)
-            self._watch = StepWatch(self._functions[selection], run)
+            numeric = run.bound.numeric
+            if numeric.stepped not in self._functions:
+                self._functions[numeric.stepped] = WatchFunctions(numeric, run.method, self._system)
+            self._watch = StepWatch(self._functions[numeric.stepped], run)
         return self._watch
 
     def _search(self, watch: StepWatch, limit: float) -> None:
@@ -213,7 +212,7 @@ class ContactEvent(Event):
         is_last = found.reached == run.grid.end
         if is_last and kinds.has_events:
             indices = np.union1d(indices, np.flatnonzero(kinds.is_event))
-        noise = self._changes.noise(watch.functions, kinds.numbers.size)[indices]
+        noise = self._changes.noise(watch)[indices]
         numbers = kinds.numbers[indices]
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
         if not indices.size:

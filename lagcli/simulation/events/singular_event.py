@@ -103,8 +103,9 @@ class SingularEvent(Event):
         from lagcli.simulation.singularity import singularity_step
 
         run, bound = self._stepper, self._stepper.bound
-        plain = bound.enforced.plain.functions.numeric
-        project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), bound.enforced.p])
+        enforced = bound.enforced.plain
+        plain = enforced.functions.numeric
+        project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), enforced.parameters])
         found = singularity_step.across(plain, project, self._point, run.predicted)
         run.statistics.evaluations += project.used
         if not isinstance(found, singularity_step.Crossing):

@@ -88,12 +88,12 @@ class LiftOff(NamedTuple):
     beyond: float
 
 
-def first_lift_off(curve: SingularStepWatch, functions: WatchFunctions, rounding: Floats) -> LiftOff | None:
-    """The first lift of the closed contacts among the functions (W,) that are watched, with their rounding (W,)."""
-    instant, opened = curve.instant, len(functions.open_)
-    if not (functions.enforced and instant > 0):
+def first_lift_off(curve: SingularStepWatch, indices: Indices, rounding: Floats) -> LiftOff | None:
+    """The first lift of closed contacts, by their indices among the functions (W,) that are watched, whose rounding
+    is given (W,)."""
+    instant = curve.instant
+    if not (indices.size and instant > 0):
         return None
-    indices = np.arange(opened, opened + len(functions.enforced))
     noise = rounding[indices]
     before = [0.0, *(part * instant for part in PARTS[:-1])]
     behind = [instant + part * (1.0 - instant) for part in PARTS]

@@ -24,10 +24,13 @@ EPS = float(np.finfo(float).eps)
 
 
 class StepWatch:
-    """w (W,) of `WatchFunctions` along a step of a run."""
+    """w (W,) of `WatchFunctions` along a step of a run; is_open: of their `contacts`."""
 
     def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
         self.functions, self.run, self._bound = functions, run, run.bound
+        numeric = run.bound.numeric
+        lying, first = [*numeric.closed_rows, *numeric.idle_rows], functions.kinds.first_contact
+        self.is_open = ~np.isin(first + functions.contacts, np.array(lying, dtype=np.intp))
         t, x = np.zeros(1), np.zeros(1)
         self._at, self._state = t, x
         self._t, self._x = cells(t), cells(x)

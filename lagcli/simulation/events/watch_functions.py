@@ -7,6 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_bounds, zero_search
@@ -15,6 +16,8 @@ from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.scheme.step_end import Compiled
+
+Numbers = npt.NDArray[np.intp]
 
 LARGEST = float(np.finfo(float).max)
 # The hull of a step is made wider by this part of itself on all sides.
@@ -28,35 +31,44 @@ DIRECTIONS = {"up": zero_search.UP, "down": zero_search.DOWN, "both": zero_searc
 
 
 class WatchFunctions:
-    """Functions w (W,) for one set of closed contacts, in this order: g of the contacts `open_`, lambda of those
-    `closed`, -load of those that lie `idle`, `when` of the events."""
+    """Functions w (W,) in this order: of `contacts` g where they are open, lambda of those that are closed, -load of
+    those that lie idle; `when` of the events.
+
+    The functions are of one set of closed contacts, or of all sets of which switches choose.
+    """
 
     def __init__(self, numeric: NumericSystem, method: Method, system: System) -> None:
         C, K = len(system.rows.rows), system.contacts.count
         self._numeric, self._method, self._system = numeric, method, system
-        self.closed = [i - C for i in numeric.closed_rows]
-        self.idle = [i - C for i in numeric.idle_rows]
-        self.enforced = [*self.closed, *self.idle]
-        self.open_ = sorted(set(range(K)) - set(self.enforced))
+        self._closed = [i - C for i in numeric.closed_rows]
+        self._idle = [i - C for i in numeric.idle_rows]
+        self._open = sorted(set(range(K)) - {*self._closed, *self._idle})
+        self._has_switches = numeric.switches.size > 0
+        order = range(K) if self._has_switches else [*self._open, *self._closed, *self._idle]
+        self.contacts = np.array(order, dtype=np.intp)
         self._first = C
         self._events = numeric.event_values.numel_out(0)
 
     @cached_property
     def kinds(self) -> WatchKinds:
         """See `WatchKinds`."""
-        return WatchKinds(self._system, self.open_, self.enforced)
+        return WatchKinds(self._system, self.contacts)
 
     @cached_property
     def watched(self) -> Compiled:
         """watched(t, y, p) -> w (W,)."""
         size, parameters = step_end.sizes_of(self._numeric)
         t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
-        values = [self._numeric.gaps(t, y, p)[self.open_]] if self.open_ else []
-        if self.closed or self._events:
+        own = p[: self._numeric.gaps.size1_in(2)]
+        values = [self._numeric.gaps(t, y, own)[self._open]] if self._open else []
+        if self._closed or self._events:
             rate, lam = self._numeric.solved(t, y, p)
-            values += [lam[[self._first + j for j in self.closed]]] if self.closed else []
-            values += [-self._numeric.loads(t, y, p, lam)] if self.idle else []
-            values += [self._numeric.event_values(t, y, rate, lam, p)] if self._events else []
+            values += [lam[[self._first + j for j in self._closed]]] if self._closed else []
+            values += [-self._numeric.loads(t, y, own, lam)] if self._idle else []
+            if self._has_switches:
+                gaps = self._numeric.gaps(t, y, own)
+                values = [ca.if_else(p[own.numel() :], lam[self._first :], gaps)]
+            values += [self._numeric.event_values(t, y, rate, lam, own)] if self._events else []
         return SizedFunction("watched", [t, y, p], [ca.densify(ca.vertcat(*values))])
 
     @cached_property
@@ -91,7 +103,7 @@ class WatchFunctions:
         The quintic curve of `screen` lies in the hull of its control points, which is made wider by a part of itself;
         none of the gaps, by interval arithmetic, is zero there. None where more than gaps is watched.
         """
-        if self.closed or self._events or not self.open_:
+        if self._closed or self._events or not self._open:
             return None
         n = self._numeric.n
         t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", self._numeric.rhs.size1_in(2))
@@ -127,7 +139,7 @@ class WatchFunctions:
         values = [value for value, _ in nodes]
         slopes = [slope for _, slope in nodes]
         # Contacts that are on the wrong side are no clear ones; an event may begin on either side.
-        contacts = len(self.open_) + len(self.enforced)
+        contacts = self.contacts.size
         side = ca.MX.ones(contacts, 1)
         if self._events:
             side = ca.vertcat(side, ca.sign(values[0][contacts:]))
@@ -150,14 +162,14 @@ class WatchFunctions:
         )
         clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - bound
         arguments = [t, h, y, k, new, k_new, p]
-        gaps = self._numeric.gaps(t + h, new, p)
+        gaps = self._numeric.gaps(t + h, new, p[: self._numeric.gaps.size1_in(2)])
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
         screen = SizedFunction("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
         return self._written_out(screen)
 
     def _written_out(self, function: Compiled) -> Compiled:
         """A function as one graph, which costs a fraction, where it only asks for gaps and is no large one."""
-        if self.closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
+        if self._closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
             return function
         return SizedFunction(function.expand())
 
@@ -192,18 +204,19 @@ def _cubic(x: float, i: int, j: int, values: Sequence[ca.MX], slopes: Sequence[c
 
 
 class WatchKinds:
-    """The kinds of the functions w (W,) of `WatchFunctions`, of the contacts that are open, and of those that are
-    enforced.
+    """The kinds of the functions w (W,) of `WatchFunctions`, of contacts and of events.
 
-    numbers (W,): of their rows, and of events after all rows, from `first_event` on; direction (W,): as `zero_search`
+    numbers (W,): of their rows, contacts from `first_contact` on, and of events after all rows, from `first_event` on;
+    direction (W,): as `zero_search`
     takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their index in w.
     """
 
-    def __init__(self, system: System, open_: Sequence[int], enforced: Sequence[int]) -> None:
+    def __init__(self, system: System, watched: Numbers) -> None:
         C, events = len(system.rows.rows), system.model.events
-        self.first_event, count = C + system.contacts.count, system.event_values.numel()
+        self.first_contact, self.first_event = C, C + system.contacts.count
+        count = system.event_values.numel()
         self.has_events = count > 0
-        contacts = [C + j for j in (*open_, *enforced)]
+        contacts = (C + watched).tolist()
         self.numbers = np.array(
             [*contacts, *range(self.first_event, self.first_event + count)], dtype=np.intp
         )

@@ -60,9 +60,9 @@ Tried = frozenset[tuple[int, int]]  # integrals and their charts
 class RunFunctions:
     """Compiled functions of a system, with those of a method built when a run first asks for them."""
 
-    def __init__(self, numeric: NumericSystem) -> None:
+    def __init__(self, numeric: NumericSystem, schemes: dict[str, Scheme] | None = None) -> None:
         self.numeric = numeric
-        self._schemes: dict[str, Scheme] = {}
+        self._schemes = {} if schemes is None else schemes
 
     def scheme(self, method: Method) -> Scheme:
         """The compiled step and dense output of a method."""
@@ -81,12 +81,14 @@ class Integrals:
     def __init__(self, system: System, plain: RunFunctions, found: tuple[FirstIntegral, ...]) -> None:
         self.found = found
         self.system, self._plain = system, plain
+        self._first_plain = plain.numeric
         self._first = np.cumsum([0, *(len(f.charts) for f in found)]).tolist()
         self._charts = level_functions.charts(system, [chart for f in found for chart in f.charts])
         self._built: dict[tuple[int | None, ...], RunFunctions] = {}
         self.selection = plain.numeric.selection
         # What was built for each selection; not the integrals themselves, which would hold each other.
         self._by_selection = {self.selection: (plain, self._built)}
+        self._schemes: dict[NumericSystem, dict[str, Scheme]] = {}
 
     def hold_for(self, system: System) -> bool:
         """True if all that was built holds for other values of parameters too."""
@@ -105,7 +107,9 @@ class Integrals:
         if selection == self.selection:
             return self
         if selection not in self._by_selection:
-            self._by_selection[selection] = RunFunctions(self._plain.numeric.keeping(selection)), {}
+            numeric = self._first_plain.switching(selection)
+            schemes = self._schemes.setdefault(numeric.stepped, {})
+            self._by_selection[selection] = RunFunctions(numeric, schemes), {}
         other = copy.copy(self)
         other.selection = selection
         other._plain, other._built = self._by_selection[selection]
@@ -272,11 +276,11 @@ class EnforcedInvariants:
 
     @property
     def parameters(self) -> Floats:
-        """p with the constants of the levels: what the functions take."""
+        """p with the switches of contacts and the constants of the levels: what the functions take."""
         constants = [
             x for level in self.invariant_values if level is not None for x in (level.above, level.below)
         ]
-        return np.concatenate([self.p, constants])
+        return np.concatenate([self.p, self.functions.numeric.switches, constants])
 
 
 def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str, ...]]:

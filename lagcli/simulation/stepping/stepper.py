@@ -284,10 +284,9 @@ class Stepper:
     def _let_go(self, is_last: bool) -> bool:
         """After a step whose projection failed though it is right: leave the integrals that are the reason, if any."""
         bound, t, h = self.bound, self.t, self.bound.h[0]
-        plain = bound.enforced.plain.functions.scheme(self.method)
-        y, k = bound.y, bound.k
-        arguments = [np.array([t]), np.array([h]), y, k, self.tolerance, bound.enforced.p]
-        step = BoundFunction(plain.step, arguments, wanted=3)
+        plain, y, k = bound.enforced.plain, bound.y, bound.k
+        arguments = [np.array([t]), np.array([h]), y, k, self.tolerance, plain.parameters]
+        step = BoundFunction(plain.functions.scheme(self.method).step, arguments, wanted=3)
         step.trigger()
         self.statistics.evaluations += self.method.evaluations
         new, _, (error, moved, _, residual, _, _, everything, _) = step.results

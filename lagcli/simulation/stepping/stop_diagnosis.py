@@ -173,7 +173,7 @@ def _wall(enforced: EnforcedInvariants, here: initial.State, beyond: initial.Sta
     closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
     if not closed:
         return ""
-    y, p = np.concatenate([here.q, here.v, [0.0]]), enforced.parameters
+    y, p = np.concatenate([here.q, here.v, [0.0]]), enforced.parameters[: numeric.gaps.size1_in(2)]
     sides = [np.array(numeric.gaps(t, y, p)).ravel()[closed] for t in (here.t, beyond.t)]
     change = np.abs(sides[1] - sides[0])
     worst = int(np.argmax(change))
