@@ -28,12 +28,28 @@ TINY = 1e-300
 ROUNDED = 1e-6
 # At rest the rounding of velocities counts as this part of those that the forces would make over the size of q.
 RESTING = 1e-6
-# So many contacts have few sets: each has functions of its own.
-FEW_CONTACTS = 4
-# A step adds up the stages of each number of the state, and so many multiplications for each cost no more than that.
-STAGES = 12
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
+
+
+class SwitchParameters:
+    """Contacts of which all sets share the functions of a step.
+
+    The tests are of `tests/unit/test_switched_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    few: int = 4
+    """So many contacts have few sets: each has functions of its own.
+    `test_few_contacts_have_functions_for_each_set` fails at 0 and 40."""
+    stages: int = 12
+    """A step adds up so many stages of each number of the state: the multiplications of one factorization may be as
+    many. `test_contacts_whose_factors_would_cost_more_than_a_step_have_functions_for_each_set` fails at 1 and
+    120."""
+
+
+PARAMETERS = SwitchParameters()
 
 
 @frozen
@@ -192,15 +208,15 @@ class Parts:
     def switched(self, selection: Selection) -> Parts | None:
         """The parts with all contacts of a selection, and switches at the end of p; None where the factors of S would
         cost more than the steps do without them, or where there are few sets of contacts."""
-        K = self.contacts.count
-        if K <= FEW_CONTACTS:
+        count = self.contacts.count
+        if count <= PARAMETERS.few:
             return None
         B = self.of(selection.independent, self.B, self.contacts.G)
         pattern = ca.mtimes(B.sparsity(), self.inertia(B.T).sparsity())
-        most = STAGES * self.y.numel()
+        most = PARAMETERS.stages * self.y.numel()
         if pattern.nnz() > most or solvers.operations(ca.SX(pattern)) > most:
             return None
-        switches = ca.SX.sym("switch", K)
+        switches = ca.SX.sym("switch", count)
         return dataclasses.replace(
             self, selection=selection, switches=switches, p=ca.vertcat(self.p, switches)
         )

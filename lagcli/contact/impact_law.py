@@ -12,20 +12,14 @@ contact forces of accelerations.
 from __future__ import annotations
 
 import dataclasses
-import itertools
-from functools import cached_property
 
-import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli.contact import complementarity, load_sharing
 from lagcli.contact.least_distance import EPS, ContradictoryRows, Floats, UndecidedRows
 from lagcli.contact.load_sharing import Flags
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, Sparse, stacked
-
-Numbers = npt.NDArray[np.intp]
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked
 
 
 class ImpactParameters:
@@ -183,9 +177,8 @@ class TouchingRows:
     def __init__(self, metric: Metric, B: Sparse, G: Sparse) -> None:
         self.metric = metric
         self.B, self.G = LocalRows(B), LocalRows(G)
-        self._white = LocalRows(metric.whitened(stacked(B, G)))
-        self._lengths = self._white.divisors
-        self._unit = self._white.values / self._lengths[self._white.row]
+        rows = MetricRows(stacked(B, G), metric)
+        self._lengths, self._unit = rows.lengths, LocalRows(rows.unit)
 
     @property
     def equalities(self) -> int:
@@ -197,25 +190,6 @@ class TouchingRows:
         """Contacts, k."""
         return self.G.count
 
-    @cached_property
-    def blocks(self) -> list[tuple[Numbers, Floats]]:
-        """The rows that act on each other, those of each block in their order, and of length one, dense."""
-        white = self._white
-        there = np.flatnonzero(self._unit)
-        row, column = white.row[there], white.column[there]
-        pattern = ca.Sparsity.triplet(*white.B.shape, row.tolist(), column.tolist())
-        _, order, firsts = ca.mtimes(pattern, pattern.T).scc()
-        found = [np.sort(np.array(order[i:j], dtype=np.intp)) for i, j in itertools.pairwise(firsts)]
-        of_row = np.empty(white.count, dtype=np.intp)
-        of_row[order] = np.repeat(np.arange(len(found)), np.diff(firsts))
-        by_block = np.argsort(of_row[row], kind="stable")
-        ends = np.searchsorted(of_row[row][by_block], np.arange(len(found) + 1))
-        entries = (by_block[first:end] for first, end in itertools.pairwise(ends))
-        return [
-            (rows, _dense(rows, (row[taken], column[taken], self._unit[there[taken]])))
-            for rows, taken in zip(found, entries, strict=True)
-        ]
-
     def push(self, c: Floats, d: Floats, rounding: Floats) -> Push:
         """The push with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary.
 
@@ -223,33 +197,23 @@ class TouchingRows:
         together, contacts >= 0. Raises `ContradictoryRows` with the contacts that cannot all be obeyed, and
         `UndecidedRows`.
         """
-        C, lengths, white = self.equalities, self._lengths, self._white
+        C, lengths, unit = self.equalities, self._lengths, self._unit
         asked, rounding = np.concatenate([c, d]) / lengths, rounding / lengths[C:]
-        if not (np.isfinite(asked).all() and np.isfinite(self._unit).all()):
+        if not (np.isfinite(asked).all() and np.isfinite(unit.values).all()):
             raise UndecidedRows("not finite")
         # Of a row alone this is the push.
         mu, unique = np.maximum(asked, 0.0), np.ones(asked.size, dtype=bool)
         mu[:C] = asked[:C]
-        for rows, unit in self.blocks:
-            if rows.size > 1 or not unit.any():
+        for rows, dense in unit.blocks():
+            if rows.size > 1 or not dense.any():
                 contacts = rows[rows >= C] - C
-                block = ContactBlock(unit, rows.size - contacts.size)
+                block = ContactBlock(dense, rows.size - contacts.size)
                 try:
                     mu[rows], unique[rows] = block.push(asked[rows], rounding[contacts])
                 except ContradictoryRows as error:
                     raise ContradictoryRows(tuple(int(contacts[row]) for row in error.rows)) from None
-        whitened = np.bincount(white.column, self._unit * mu[white.row], minlength=int(white.B.shape[1]))
-        change = self.metric.unwhitened(np.asarray(whitened, dtype=float))
+        change = self.metric.unwhitened(unit.combined(mu))
         return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
-
-
-def _dense(rows: Numbers, entries: tuple[Numbers, Numbers, Floats]) -> Floats:
-    """Rows, by their numbers, over the coordinates that their entries (row, column, value) touch."""
-    row, column, value = entries
-    touched, at = np.unique(column, return_inverse=True)
-    dense = np.zeros((rows.size, touched.size))
-    dense[np.searchsorted(rows, row), at] = value
-    return dense
 
 
 class ContactBlock:

@@ -6,6 +6,7 @@ matrix, and only rows that may be dependent are looked at densely.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric
 
 Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
 Sparse = ca.DM  # a matrix of numbers
 
 
@@ -113,6 +115,34 @@ class LocalRows:
     def times(self, v: Floats) -> Floats:
         """B v, (C,)."""
         return self._summed(self.values * v[self.column])
+
+    def combined(self, weights: Floats) -> Floats:
+        """B^T weights, (n,)."""
+        terms = self.values * weights[self.row]
+        return np.asarray(np.bincount(self.column, terms, minlength=int(self.B.shape[1])), dtype=float)
+
+    def blocks(self) -> list[tuple[Indices, Floats]]:
+        """The rows that have coordinates in common, directly or by rows between them: those of each block in their
+        order, and their entries, dense over the coordinates that they touch."""
+        there = np.flatnonzero(self.values)
+        row, column, values = self.row[there], self.column[there], self.values[there]
+        pattern = ca.Sparsity.triplet(*self.B.shape, row.tolist(), column.tolist())
+        _, order, firsts = ca.mtimes(pattern, pattern.T).scc()
+        number = np.empty(self.count, dtype=np.intp)
+        number[order] = np.repeat(np.arange(len(firsts) - 1), np.diff(firsts))
+        by_block = np.argsort(number[row], kind="stable")
+        ends = np.searchsorted(number[row][by_block], np.arange(len(firsts)))
+        found: list[tuple[Indices, Floats]] = []
+        for k, (first, end) in enumerate(itertools.pairwise(ends)):
+            rows, taken = (
+                np.sort(np.array(order[firsts[k] : firsts[k + 1]], dtype=np.intp)),
+                by_block[first:end],
+            )
+            touched, at = np.unique(column[taken], return_inverse=True)
+            dense = np.zeros((rows.size, touched.size))
+            dense[np.searchsorted(rows, row[taken]), at] = values[taken]
+            found.append((rows, dense))
+        return found
 
     def largest(self, sizes: Floats) -> Floats:
         """The largest of the sizes (n,) that each row touches with an entry that is not zero, (C,)."""
@@ -295,9 +325,7 @@ class MetricRows:
         """
         weights, rows = self.weights(residual, damping), self._entries
         # Summed in the order of CasADi's product, without its conversions, which cost several times the sum.
-        terms = rows.values * weights[rows.row]
-        step = np.asarray(np.bincount(rows.column, terms, minlength=self.unit.shape[1]), dtype=float)
-        return -self._metric.unwhitened(step)
+        return -self._metric.unwhitened(rows.combined(weights))
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
