@@ -205,13 +205,12 @@ class TouchingRows:
         mu, unique = np.maximum(asked, 0.0), np.ones(asked.size, dtype=bool)
         mu[:C] = asked[:C]
         for rows, dense in unit.blocks():
-            if rows.size > 1 or not dense.any():
-                contacts = rows[rows >= C] - C
-                block = ContactBlock(dense, rows.size - contacts.size)
-                try:
-                    mu[rows], unique[rows] = block.push(asked[rows], rounding[contacts])
-                except ContradictoryRows as error:
-                    raise ContradictoryRows(tuple(int(contacts[row]) for row in error.rows)) from None
+            contacts = rows[rows >= C] - C
+            block = ContactBlock(dense, rows.size - contacts.size)
+            try:
+                mu[rows], unique[rows] = block.push(asked[rows], rounding[contacts])
+            except ContradictoryRows as error:
+                raise ContradictoryRows(tuple(int(contacts[row]) for row in error.rows)) from None
         change = self.metric.unwhitened(unit.combined(mu))
         return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
 

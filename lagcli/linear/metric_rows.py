@@ -6,7 +6,6 @@ matrix, and only rows that may be dependent are looked at densely.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from functools import cached_property
 
@@ -123,7 +122,8 @@ class LocalRows:
 
     def blocks(self) -> list[tuple[Indices, Floats]]:
         """The rows that have coordinates in common, directly or by rows between them: those of each block in their
-        order, and their entries, dense over the coordinates that they touch."""
+        order, and their entries, dense over the coordinates that they touch. A row that has its coordinates for itself
+        is left out, one that vanishes is a block."""
         there = np.flatnonzero(self.values)
         row, column, values = self.row[there], self.column[there], self.values[there]
         pattern = ca.Sparsity.triplet(*self.B.shape, row.tolist(), column.tolist())
@@ -133,11 +133,9 @@ class LocalRows:
         by_block = np.argsort(number[row], kind="stable")
         ends = np.searchsorted(number[row][by_block], np.arange(len(firsts)))
         found: list[tuple[Indices, Floats]] = []
-        for k, (first, end) in enumerate(itertools.pairwise(ends)):
-            rows, taken = (
-                np.sort(np.array(order[firsts[k] : firsts[k + 1]], dtype=np.intp)),
-                by_block[first:end],
-            )
+        for k in np.flatnonzero((np.diff(firsts) > 1) | (np.diff(ends) == 0)).tolist():
+            rows = np.sort(np.array(order[firsts[k] : firsts[k + 1]], dtype=np.intp))
+            taken = by_block[ends[k] : ends[k + 1]]
             touched, at = np.unique(column[taken], return_inverse=True)
             dense = np.zeros((rows.size, touched.size))
             dense[np.searchsorted(rows, row[taken]), at] = values[taken]
