@@ -24,6 +24,7 @@ from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
+from lagcli.equations import narrow_functions
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
@@ -62,6 +63,13 @@ class NumericSystem:
         """True if t occurs in what moves the system. Where it does not, the motion from a start is the same at any
         time."""
         return self._parts.has_time
+
+    @cached_property
+    def has_narrow_functions(self) -> bool:
+        """True if a function of place that moves the system may be narrow, see `narrow_functions`."""
+        count = len(self._system.rows.rows)
+        has_contacts = any(row >= count for row in self.selection.present)
+        return narrow_functions.are_any(self._system.model, has_contacts)
 
     @cached_property
     def has_linear_momenta(self) -> bool:

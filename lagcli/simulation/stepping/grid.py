@@ -11,8 +11,9 @@ from lagcli.model.model import Simulation
 
 # A last interval shorter than this part of the step is rounding, and no interval.
 GRID_ROUNDOFF = 1e-9
-# Where t stands in a function together with coordinates, nothing is known beforehand, and there are as many witnesses
-# for each row.
+# Where t stands in a function together with coordinates, or a function of place may be narrow, nothing is known
+# beforehand, and there are as many witnesses for each row. A step over as many rows has stages no farther apart than two
+# rows are: without t it needs none.
 MORE = 4
 # The repeated run of an error estimate has at least LEAST for each row, and others between rows than the first one, at
 # this part of their distance.
@@ -82,15 +83,21 @@ def of_run(settings: Simulation) -> Grid:
 class Witnesses:
     """The times of the rows of a grid, and others between them at equal distances, as far as a model needs them.
 
-    is_again: for a run that repeats another.
+    has_narrow: a function of place may be narrow; is_again: for a run that repeats another.
     """
 
-    def __init__(self, grid: Grid, functions: TimeFunctions | None, is_again: bool = False) -> None:
+    def __init__(
+        self, grid: Grid, functions: TimeFunctions | None, has_narrow: bool = False, is_again: bool = False
+    ) -> None:
         self._grid, self._parts, self._shift = grid, 0, SHIFT if is_again else 0.0
+        self._longest = 0.0
         if functions is not None:
             self._parts = MORE if functions.is_mixed else 0 if functions.is_bounded else 1
-            if is_again:
-                self._parts = max(LEAST, 2 * self._parts + 1)
+        if has_narrow and self._parts < MORE:
+            self._longest = 0.0 if self._parts or is_again else MORE * grid.step
+            self._parts = MORE
+        if is_again and (self._parts or functions is not None):
+            self._parts = max(LEAST, 2 * self._parts + 1)
 
     @property
     def is_any(self) -> bool:
@@ -98,9 +105,9 @@ class Witnesses:
         return self._parts > 0
 
     def inside(self, t: float, reached: float) -> Iterator[float]:
-        """The times of rows strictly between two times."""
+        """The times of rows strictly between two times, none where the stages of a step between them are witnesses."""
         grid, parts = self._grid, self._parts
-        if not parts or not grid.step:
+        if not parts or not grid.step or reached - t <= self._longest:
             return
         after = t + OFFSET * math.ulp(t)
         row = max(0, grid.first(after) - 1)

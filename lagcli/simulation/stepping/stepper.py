@@ -95,7 +95,7 @@ class Stepper:
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
-        self._witnesses = Witnesses(grid, timed, is_again)
+        self._timed, self._is_again = timed, is_again
         self._turns = Turns(enforced.system)
         self.t, self.row_time = state.t, math.inf
         self._bind(enforced, state.y, state.k)
@@ -117,6 +117,8 @@ class Stepper:
 
     def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats) -> None:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
+        has_narrow = enforced.functions.numeric.has_narrow_functions
+        self._witnesses = Witnesses(self.grid, self._timed, has_narrow, self._is_again)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
         self.bound.t[0], self.bound.k[:] = self.t, k
 

@@ -1,0 +1,191 @@
+"""Whether the laws of a model may hold a narrow feature of place: a wall, a step or a range of a force that is not felt
+from afar.
+
+A step sees forces at its stages only. A polynomial, a sine or the inverse square of a distance is seen at any of them.
+`exp(-((x - 5)/0.1)**2)`, `tanh`, `max(0, ...)` or the twelfth power of an inverse distance is nothing to rounding
+outside its range, and a step may lead over all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lagcli.expression import evaluate, tree
+from lagcli.frozen import frozen_value
+from lagcli.model import model as nouns
+
+# What grows, waves or falls off too slowly to be narrow by itself. Quotients and powers are judged by their orders.
+_WIDE = frozenset(("sin", "cos", "sqrt", "sinh", "cosh", "asin", "acos", "atan2", "log"))
+# The order of an inverse square.
+_FALL = -2
+_EXPONENTIAL = frozenset(("sinh", "cosh"))
+
+
+@frozen_value
+class Growth:
+    """The order with which a value grows with the motion, None where it does not depend on it; number: of a literal."""
+
+    order: float | None = None
+    number: float | None = None
+
+
+_CONSTANT, _MOTION = Growth(), Growth(1.0)
+
+
+class _Narrow(Exception):
+    """A narrow function was met."""
+
+
+def are_any(model: nouns.Model, has_contacts: bool) -> bool:
+    """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
+    of the one-sided rows too, one of which is closed."""
+    names = _Names(model)
+    try:
+        for step in model.order:
+            if isinstance(step, str):
+                names.define(step)
+        for particle in model.particles:
+            for part in particle.position.parts:
+                names.look(part.tree, particle.members.variables)
+        if model.lagrangian is not None:
+            names.look(model.lagrangian.tree, {})
+        for law in (*model.holonomic, *model.differential, *(model.inequality if has_contacts else ())):
+            names.look(law.equation.tree, law.members.variables)
+        own = names.on_a_particle()
+        for force in model.forces:
+            variables = force.members.variables
+            if isinstance(force, nouns.ParticleForce):
+                for part in force.force.parts:
+                    own.look(part.tree, variables)
+            else:
+                names.look(
+                    (force.expression if isinstance(force, nouns.Potential) else force.force).tree, variables
+                )
+    except _Narrow:
+        return True
+    return False
+
+
+class _Names:
+    """The values of names."""
+
+    def __init__(self, model: nouns.Model) -> None:
+        self._meanings = {d.name: d.expression.tree for d in model.definitions}
+        self._particles = {particle.members.base for particle in model.particles}
+        self._known: dict[str, evaluate.Value[Growth]] = {name: _CONSTANT for name in ("t", "pi", "dt")}
+        for parameter in model.parameters:
+            is_vector = isinstance(parameter.value, tuple)
+            self._known[parameter.name] = (_CONSTANT,) * 3 if is_vector else _CONSTANT
+
+    def on_a_particle(self) -> _Names:
+        """The values in the force of a particle, where `m`, `r` and `v` are its own."""
+        names = object.__new__(_Names)
+        names._meanings, names._particles = self._meanings, (self._particles - {"m"}) | {"r", "v"}
+        names._known = {name: value for name, value in self._known.items() if name not in ("r", "v")}
+        names._known["m"] = _CONSTANT
+        return names
+
+    def define(self, name: str) -> None:
+        """Evaluate a definition after those it uses."""
+        self._known[name] = self.look(self._meanings[name], {})
+
+    def look(self, node: tree.Node, variables: Mapping[str, object]) -> evaluate.Value[Growth]:
+        """The value of an expression. Raises `_Narrow`."""
+        algebra = _Algebra(self, variables)
+        sides = (node.left, node.right) if isinstance(node, tree.Relation) else (node,)
+        for side in sides:
+            value = evaluate.value(side, algebra)
+            for part in value if isinstance(value, tuple) else (value,):
+                _require_wide(part)
+        return value
+
+    def value(self, name: str, member: str) -> evaluate.Value[Growth]:
+        """The value of a name, or of a component or another member of it."""
+        if name in self._known:
+            value = self._known[name]
+            return value[0] if member and isinstance(value, tuple) else value
+        if member == "m":
+            return _CONSTANT
+        is_vector = name in self._particles and member in ("", "v", "a")
+        return (_MOTION,) * 3 if is_vector else _MOTION
+
+
+def _require_wide(value: Growth) -> None:
+    """Raise `_Narrow` for what falls off faster than an inverse square: nothing is left of it at a thousand times its
+    range."""
+    if value.order is not None and value.order < _FALL:
+        raise _Narrow
+
+
+class _Algebra:
+    """`evaluate.Algebra` of orders."""
+
+    def __init__(self, names: _Names, variables: Mapping[str, object]) -> None:
+        self._names, self._variables = names, variables
+
+    def number(self, node: tree.Number) -> Growth:
+        """The value of a literal."""
+        return Growth(None, float(node.text))
+
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[Growth]:
+        """The value a name stands for."""
+        if isinstance(node, tree.Name):
+            return _CONSTANT if node.name in self._variables else self._names.value(node.name, "")
+        return self._names.value(node.owner, node.member)
+
+    def special(self, node: tree.Call) -> evaluate.Value[Growth]:
+        """Rates and differentials."""
+        argument = node.arguments[0]
+        if node.function == "d":
+            return evaluate.value(argument, self)
+        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
+        return self.atom(argument)
+
+    def add(self, node: tree.Node, left: Growth, sign: int, right: Growth) -> Growth:
+        """left + sign right."""
+        _require_wide(left)
+        _require_wide(right)
+        orders = [value.order for value in (left, right) if value.order is not None]
+        if not orders:
+            return _CONSTANT
+        return Growth(max([*orders, 0.0] if len(orders) == 1 else orders))
+
+    def negate(self, node: tree.Node, value: Growth) -> Growth:
+        """-value."""
+        return Growth(value.order, None if value.number is None else -value.number)
+
+    def multiply(self, node: tree.Node, left: Growth, right: Growth) -> Growth:
+        """left right."""
+        if left.order is None or right.order is None:
+            return _CONSTANT if left.order is right.order else Growth(left.order or right.order or 0.0)
+        return Growth(left.order + right.order)
+
+    def divide(self, node: tree.Node, left: Growth, right: Growth) -> Growth:
+        """left / right."""
+        if right.order is None:
+            is_number = left.number is not None and right.number is not None
+            return Growth(left.order, left.number / right.number if is_number and right.number else None)
+        return Growth((left.order or 0.0) - right.order)
+
+    def power(self, node: tree.Node, base: Growth, exponent: Growth) -> Growth:
+        """base ** exponent; what is no number may be anything."""
+        if base.order is None and exponent.order is None:
+            return _CONSTANT
+        # A wave to a high power is a row of peaks.
+        if exponent.number is None or (base.order == 0.0 and exponent.number > -_FALL):
+            raise _Narrow
+        return Growth((base.order or 0.0) * exponent.number)
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[Growth, ...]) -> Growth:
+        """A scalar function."""
+        orders = [value.order for value in arguments if value.order is not None]
+        for value in arguments:
+            _require_wide(value)
+        if not orders:
+            return _CONSTANT
+        if name not in _WIDE:
+            raise _Narrow
+        if name == "sqrt":
+            return Growth(orders[0] / 2)
+        return Growth(math.inf if name in _EXPONENTIAL else 0.0)
