@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.bound_function import BoundFunction
+from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
@@ -238,16 +238,20 @@ class Stepper:
 
     def _unseen(self, reached: float, taken: float) -> float:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
-        rows, defect = self.rows, self.rows.defect
+        rows, defect, t, origin = self.rows, self.rows.defect, self.t, self.origin
         assert defect is not None, "a run with witnesses compares"
-        for at in self._witnesses.inside(self.t, reached):
+        trigger, off, count = defect.trigger, cells(defect.results[0]), 0
+        unseen = math.inf
+        for at in self._witnesses.inside(t, reached):
             self.make_dense()
-            rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
-            defect.trigger()
-            self.statistics.evaluations += 1
-            if defect.results[0][0] > FORGIVEN:
-                return at
-        return math.inf
+            rows.at[0], rows.x[0] = origin + at, (at - t) / taken
+            trigger()
+            count += 1
+            if off[0] > FORGIVEN:
+                unseen = at
+                break
+        self.statistics.evaluations += count
+        return unseen
 
     def find_work(self, taken: float) -> None:
         """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
