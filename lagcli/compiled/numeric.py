@@ -65,6 +65,12 @@ class NumericSystem:
         return self._parts.has_time
 
     @cached_property
+    def is_conservative(self) -> bool:
+        """True if the Jacobi energy stays: no force without potential, no row that moves, no time."""
+        power, rates = self._system.dynamics.power, ca.densify(self._system.rows.b)
+        return not self.has_time and bool(power.is_zero()) and bool(rates.is_zero())
+
+    @cached_property
     def has_narrow_functions(self) -> bool:
         """True if a function of place that moves the system may be narrow, see `narrow_functions`."""
         count = len(self._system.rows.rows)
@@ -271,6 +277,16 @@ class NumericSystem:
         units = operation_rules.roundings(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, units, parts.M).packed
         return SizedFunction("roundings", self._inputs, [ca.densify(packed)])
+
+    @cached_property
+    def energy_terms(self) -> ca.Function:
+        """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
+        from lagcli.equations import operation_rules
+
+        symbols = self._system.symbols
+        inputs = [symbols.t, symbols.q, symbols.v, self._system.p]
+        units = operation_rules.roundings(ca.densify(self._system.dynamics.jacobi), inputs)
+        return SizedFunction("energy_terms", inputs, [ca.densify(units)])
 
     @property
     def force(self) -> ca.Function:
