@@ -1,4 +1,4 @@
-"""A warning where a conservative run does not keep its energy: then it is no motion of the model, whatever it looks like.
+"""A warning where a conservative run does not keep its energy: then it is no motion of the model.
 
 The balance is a witness that no step looks at. Where nothing but forces with a potential acts and no row moves, the
 energy stays to the tolerance of the run; what is far more is a force that steps have passed over, or errors that have
@@ -32,8 +32,9 @@ class EnergyParameters:
     __slots__ = ()
 
     tolerances: float = 1e3
-    """What is off by so many tolerances is no error of a run that is right: that grows with the number of steps, each of
-    which has a hundredth of one. `test_an_energy_is_not_kept_from_a_thousand_tolerances_on` fails at 100 and 10000."""
+    """What is off by so many tolerances is no error of a run that is right: that grows with the number of steps, of
+    which each has a hundredth of one.
+    `test_an_energy_is_not_kept_from_a_thousand_tolerances_on` fails at 100 and 10000."""
 
 
 PARAMETERS = EnergyParameters()
@@ -82,7 +83,9 @@ class EnergyError:
         )
 
 
-def found(numeric: NumericSystem, settings: Simulation, start: State, report: RunReport) -> EnergyError | None:
+def found(
+    numeric: NumericSystem, settings: Simulation, start: State, report: RunReport
+) -> EnergyError | None:
     """The error of the energy of a run so far, from this start, where it is not kept; None where it is, and where it
     need not be: with an impact, a force without potential, or a row that moves."""
     counted, extremes = report.statistics, report.extremes

@@ -9,7 +9,7 @@ outside its range, and a step may lead over all of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from lagcli.expression import evaluate, tree
 from lagcli.frozen import frozen_value
@@ -40,31 +40,34 @@ class _Narrow(Exception):
 def are_any(model: nouns.Model, has_contacts: bool) -> bool:
     """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
     of the one-sided rows too, one of which is closed."""
-    names = _Names(model)
     try:
-        for step in model.order:
-            if isinstance(step, str):
-                names.define(step)
-        for particle in model.particles:
-            for part in particle.position.parts:
-                names.look(part.tree, particle.members.variables)
-        if model.lagrangian is not None:
-            names.look(model.lagrangian.tree, {})
-        for law in (*model.holonomic, *model.differential, *(model.inequality if has_contacts else ())):
-            names.look(law.equation.tree, law.members.variables)
-        own = names.on_a_particle()
-        for force in model.forces:
-            variables = force.members.variables
-            if isinstance(force, nouns.ParticleForce):
-                for part in force.force.parts:
-                    own.look(part.tree, variables)
-            else:
-                names.look(
-                    (force.expression if isinstance(force, nouns.Potential) else force.force).tree, variables
-                )
+        for names, node, variables in _laws(model, has_contacts):
+            names.look(node, variables)
     except _Narrow:
         return True
     return False
+
+
+def _laws(model: nouns.Model, has_contacts: bool) -> Iterator[tuple[_Names, tree.Node, Mapping[str, object]]]:
+    """What moves a model, with the names and the index variables in it. Raises `_Narrow` for a definition."""
+    names = _Names(model)
+    for step in model.order:
+        if isinstance(step, str):
+            names.define(step)
+    if model.lagrangian is not None:
+        yield names, model.lagrangian.tree, {}
+    for particle in model.particles:
+        yield from ((names, part.tree, particle.members.variables) for part in particle.position.parts)
+    for law in (*model.holonomic, *model.differential, *(model.inequality if has_contacts else ())):
+        yield names, law.equation.tree, law.members.variables
+    own = names.on_a_particle()
+    for force in model.forces:
+        variables = force.members.variables
+        if isinstance(force, nouns.ParticleForce):
+            yield from ((own, part.tree, variables) for part in force.force.parts)
+        else:
+            expression = force.expression if isinstance(force, nouns.Potential) else force.force
+            yield names, expression.tree, variables
 
 
 class _Names:
@@ -73,7 +76,7 @@ class _Names:
     def __init__(self, model: nouns.Model) -> None:
         self._meanings = {d.name: d.expression.tree for d in model.definitions}
         self._particles = {particle.members.base for particle in model.particles}
-        self._known: dict[str, evaluate.Value[Growth]] = {name: _CONSTANT for name in ("t", "pi", "dt")}
+        self._known: dict[str, evaluate.Value[Growth]] = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
         for parameter in model.parameters:
             is_vector = isinstance(parameter.value, tuple)
             self._known[parameter.name] = (_CONSTANT,) * 3 if is_vector else _CONSTANT

@@ -218,8 +218,16 @@ class SimulationRun:
         floors = self._floors
         kinds = zip(KINDS, self._run.reference.columns_of_kinds, strict=True)
         zero = frozenset(k for k, at in kinds if floors.are_zero(at))
-        energy = self._energy_error
-        return dataclasses.replace(found, zero=zero, energy_error=0.0 if energy is None else energy.part)
+        energy, parted = self._energy_error, found.parted
+        # Beside dependent rows, which the notes name, runs go apart by their rounding.
+        if (
+            parted is not None
+            and parted[1] >= found.t
+            and run_remarks.is_amplified(self._system, self._run.report)
+        ):
+            parted = None
+        energy_error = 0.0 if energy is None else energy.part
+        return dataclasses.replace(found, zero=zero, parted=parted, energy_error=energy_error)
 
     @property
     def skipped_rows(self) -> int:

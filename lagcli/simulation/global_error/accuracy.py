@@ -48,7 +48,8 @@ class Accuracy:
         triples = zip(KINDS, self.errors, self.scales, strict=True)
         most = self.energy_error
         return {
-            k: None if k in self.zero else _digits(max(error, most * scale), scale) for k, error, scale in triples
+            k: None if k in self.zero else _digits(max(error, most * scale), scale)
+            for k, error, scale in triples
         }
 
     @property

@@ -12,8 +12,8 @@ from lagcli.model.model import Simulation
 # A last interval shorter than this part of the step is rounding, and no interval.
 GRID_ROUNDOFF = 1e-9
 # Where t stands in a function together with coordinates, or a function of place may be narrow, nothing is known
-# beforehand, and there are as many witnesses for each row. A step over as many rows has stages no farther apart than two
-# rows are: without t it needs none.
+# beforehand, and there are as many witnesses for each row. A step over as many rows has stages no farther apart than
+# two rows are, about: without t it needs none.
 MORE = 4
 # The repeated run of an error estimate has at least LEAST for each row, and others between rows than the first one, at
 # this part of their distance.
