@@ -38,6 +38,7 @@ SHAPES: dict[str, tuple[str, Slope]] = {
     "rational": ("1/(1 + (U)**2)**4", lambda u: -8 * u / (1 + u * u) ** 5),
     "lorentz": ("1/(1 + (U)**2)", lambda u: -2 * u / (1 + u * u) ** 2),
     "compact": ("max(0, 1 - (U)**2)**4", lambda u: -8 * u * max(0.0, 1 - u * u) ** 3),
+    "flat": ("max(0, 1 - (U)**2)**2", lambda u: -4 * u * max(0.0, 1 - u * u)),
     "peaks": ("cos((U)/20)**400", lambda u: -20 * math.cos(u / 20) ** 399 * math.sin(u / 20)),
 }
 # The same as forces, -W dV/dx.
@@ -84,6 +85,7 @@ FEATURES = [
     ("gauss", 0.6, 0.1, 57.7, "free"),
     ("gauss", -1.5, 0.1, 43.4, "free"),
     ("compact", -1.5, 0.2, 61.9, "free"),
+    ("flat", 0.6, 0.05, 50.3, "free"),
     ("sech", 1.7, 0.15, 50.3, "free"),
     ("step", 0.4, 0.16, 50.3, "free"),
     ("step", -0.4, 0.15, 47.5, "free"),
@@ -119,11 +121,13 @@ def test_a_particle_feels_what_is_narrow(
     expected = np.concatenate([before, expected])
     # The fourth derivative of a compact bump jumps.
     assert np.abs(expected[:, 1] - 1).max() > 0.1  # it is met
-    assert np.abs(run["a.x"] - expected[:, 0]).max() < (2e-7 if shape == "compact" else 1e-8)
+    assert np.abs(run["a.x"] - expected[:, 0]).max() < (2e-7 if shape in ("compact", "flat") else 1e-8)
     # In the middle of a feature speeds change by 1 in its width.
     assert np.abs(run["a.vx"] - expected[:, 1]).max() < 1e-8 / width
     if kind != "force":
-        assert np.abs(run["energy"] - run["energy"][0]).max() < (2e-8 if shape == "compact" else 1e-10)
+        assert np.abs(run["energy"] - run["energy"][0]).max() < (
+            2e-8 if shape in ("compact", "flat") else 1e-10
+        )
     if kind in ("wire", "floor"):
         assert np.abs(run["lambda.wz"] - 2 * 9.81).max() < 1e-12
         assert np.abs(run["R.a.z"] - 2 * 9.81).max() < 1e-12
@@ -317,7 +321,7 @@ def test_no_model_of_the_gallery_has_witnesses_by_its_forces() -> None:
 LOST = """\
 lagcli: 1
 particles: {a: {mass: 1, position: [0, 0, 0], velocity: [1, 0, 0]}}
-forces: {step: {potential: "0.1*tanh((a.x - 50.3)/0.1)"}}
+forces: {step: {potential: "0.1*tanh((a.x - 56.3)/0.1)"}}
 simulation: {duration: 100, samples: 3}
 """
 

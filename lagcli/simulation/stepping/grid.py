@@ -104,10 +104,14 @@ class Witnesses:
         """True if there are any at all."""
         return self._parts > 0
 
-    def inside(self, t: float, reached: float) -> Iterator[float]:
-        """The times of rows strictly between two times, none where the stages of a step between them are witnesses."""
+    def inside(self, t: float, reached: float, is_growing: bool = False) -> Iterator[float]:
+        """The times of rows strictly between two times, none where the stages of a step between them are witnesses.
+
+        is_growing: the step is far shorter than its error lets it be: no force has set its length.
+        """
         grid, parts = self._grid, self._parts
-        if not parts or not grid.step or reached - t <= self._longest:
+        longest = min(self._longest, grid.step) if is_growing else self._longest
+        if not parts or not grid.step or reached - t <= longest:
             return
         after = t + OFFSET * math.ulp(t)
         row = max(0, grid.first(after) - 1)

@@ -230,19 +230,19 @@ class Stepper:
         if error < 1.0 and projected and math.isfinite(everything):
             if not is_witnessed:
                 return error, 0.0
-            unseen = self._unseen(reached, taken)
+            unseen = self._unseen(reached, taken, self.control.grown(taken, error, math.inf) > 2 * taken)
             return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
         # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
         is_known = math.isfinite(error) and error >= 1.0 and projected
         return error, self.control.smaller(taken, error, is_known)
 
-    def _unseen(self, reached: float, taken: float) -> float:
+    def _unseen(self, reached: float, taken: float, is_growing: bool) -> float:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
         rows, defect, t, origin = self.rows, self.rows.defect, self.t, self.origin
         assert defect is not None, "a run with witnesses compares"
         trigger, off, count = defect.trigger, cells(defect.results[0]), 0
         unseen = math.inf
-        for at in self._witnesses.inside(t, reached):
+        for at in self._witnesses.inside(t, reached, is_growing):
             self.make_dense()
             rows.at[0], rows.x[0] = origin + at, (at - t) / taken
             trigger()
