@@ -15,6 +15,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
 from lagcli.start.initial import State
 
@@ -33,7 +34,6 @@ MOST_LISTED = 6  # instants reported one by one
 LEFT = 1e-8
 # Conditions that are off by less than this part of the largest are not named.
 MAIN = 0.1
-UNIT = float(np.finfo(float).eps) / 2
 
 
 def remarks(system: System, report: RunReport) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ def amplified(report: RunReport) -> float:
     At an angle of the rows to dependent ones positions are moved across by their rounding over the angle, which is that
     much over the angle again of what depends on it.
     """
-    return UNIT / max(report.rank_margin, UNIT) ** 2
+    return step_tolerance.UNIT / max(report.rank_margin, step_tolerance.UNIT) ** 2
 
 
 def is_amplified(system: System, report: RunReport) -> bool:

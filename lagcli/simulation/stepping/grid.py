@@ -83,21 +83,22 @@ def of_run(settings: Simulation) -> Grid:
 class Witnesses:
     """The times of the rows of a grid, and others between them at equal distances, as far as a model needs them.
 
-    has_narrow: a function of place may be narrow; is_again: for a run that repeats another.
+    is_again: for a run that repeats another.
     """
 
-    def __init__(
-        self, grid: Grid, functions: TimeFunctions | None, has_narrow: bool = False, is_again: bool = False
-    ) -> None:
-        self._grid, self._parts, self._shift = grid, 0, SHIFT if is_again else 0.0
-        self._longest = 0.0
+    def __init__(self, grid: Grid, functions: TimeFunctions | None, is_again: bool = False) -> None:
+        self._grid, self._shift, self._is_again = grid, SHIFT if is_again else 0.0, is_again
+        self._has_time, self._of_time = functions is not None, 0
         if functions is not None:
-            self._parts = MORE if functions.is_mixed else 0 if functions.is_bounded else 1
-        if has_narrow and self._parts < MORE:
-            self._longest = 0.0 if self._parts or is_again else MORE * grid.step
-            self._parts = MORE
-        if is_again and (self._parts or functions is not None):
-            self._parts = max(LEAST, 2 * self._parts + 1)
+            self._of_time = MORE if functions.is_mixed else 0 if functions.is_bounded else 1
+        self.choose(False)
+
+    def choose(self, has_narrow: bool) -> None:
+        """Take as many as are needed from now on; has_narrow: where a function of place may be narrow."""
+        parts = MORE if has_narrow else self._of_time
+        is_asked = parts > 0 or self._has_time
+        self._parts = max(LEAST, 2 * parts + 1) if self._is_again and is_asked else parts
+        self._longest = 0.0 if self._of_time or self._is_again else MORE * self._grid.step
 
     @property
     def is_any(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.bound_function import BoundFunction, cells
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
@@ -95,7 +95,7 @@ class Stepper:
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
-        self._timed, self._is_again = timed, is_again
+        self._witnesses = Witnesses(grid, timed, is_again)
         self._turns = Turns(enforced.system)
         self.t, self.row_time = state.t, math.inf
         self._bind(enforced, state.y, state.k)
@@ -117,8 +117,7 @@ class Stepper:
 
     def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats) -> None:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
-        has_narrow = enforced.functions.numeric.has_narrow_functions
-        self._witnesses = Witnesses(self.grid, self._timed, has_narrow, self._is_again)
+        self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
         self.bound.t[0], self.bound.k[:] = self.t, k
 
@@ -238,20 +237,16 @@ class Stepper:
 
     def _unseen(self, reached: float, taken: float, is_growing: bool) -> float:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
-        rows, defect, t, origin = self.rows, self.rows.defect, self.t, self.origin
+        rows, defect = self.rows, self.rows.defect
         assert defect is not None, "a run with witnesses compares"
-        trigger, off, count = defect.trigger, cells(defect.results[0]), 0
-        unseen = math.inf
-        for at in self._witnesses.inside(t, reached, is_growing):
+        for at in self._witnesses.inside(self.t, reached, is_growing):
             self.make_dense()
-            rows.at[0], rows.x[0] = origin + at, (at - t) / taken
-            trigger()
-            count += 1
-            if off[0] > FORGIVEN:
-                unseen = at
-                break
-        self.statistics.evaluations += count
-        return unseen
+            rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
+            defect.trigger()
+            self.statistics.evaluations += 1
+            if defect.results[0][0] > FORGIVEN:
+                return at
+        return math.inf
 
     def find_work(self, taken: float) -> None:
         """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
