@@ -72,8 +72,9 @@ def _laws(model: nouns.Model, has_contacts: bool) -> Iterator[tuple[_Names, tree
         yield names, model.lagrangian.tree, {}
     for particle in model.particles:
         yield from ((names, part.tree, particle.members.variables) for part in particle.position.parts)
-    for law in (*model.holonomic, *model.differential, *(model.inequality if has_contacts else ())):
-        yield names, law.equation.tree, law.members.variables
+    for law in model.laws:
+        if has_contacts or not isinstance(law, nouns.Inequality):
+            yield names, law.equation.tree, law.members.variables
     own = names.on_a_particle()
     for force in model.forces:
         variables = force.members.variables
@@ -181,8 +182,9 @@ class _OrderAlgebra:
     def divide(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
         """left / right."""
         if right.order is None:
-            is_number = left.number is not None and right.number is not None
-            return MotionOrder(left.order, left.number / right.number if is_number and right.number else None)
+            if left.number is None or not right.number:
+                return MotionOrder(left.order)
+            return MotionOrder(None, left.number / right.number)
         return MotionOrder((left.order or 0.0) - right.order)
 
     def power(self, node: tree.Node, base: MotionOrder, exponent: MotionOrder) -> MotionOrder:

@@ -245,7 +245,9 @@ simulation: {{duration: 100, samples: 1001}}
 def test_digits_of_a_narrow_wall_are_those_of_the_wall() -> None:
     run = lagcli.simulate(lagcli.loads(particle("gauss", 1.7, 0.05)), digits=True)
     assert run["a.vx"][-1] == pytest.approx(-1, abs=1e-11)
-    assert 8 < run.digits["r"] < 13
+    digits = run.digits["r"]
+    assert digits is not None
+    assert 8 < digits < 13
     assert np.abs(run["err.v"][-1]) < 1e-9
 
 
@@ -398,10 +400,12 @@ def test_the_digits_beside_a_pole_of_velocities_are_those_it_leaves(left: float)
     x = (1 + run.t[-1]) / 2
     speed = -x / 2 / math.sqrt((1 - x) * (1 + x))
     off = abs(run["a.vz"][-1] / speed - 1)
-    assert run.digits["v"] is not None
-    assert off < 10 ** (1 - run.digits["v"])
-    assert "zero to rounding" not in run.stats.accuracy.sentence
-    assert "did not see a force" not in run.stats.accuracy.sentence
+    digits, accuracy = run.digits["v"], run.stats.accuracy
+    assert digits is not None
+    assert accuracy is not None
+    assert off < 10 ** (1 - digits)
+    assert "zero to rounding" not in accuracy.sentence
+    assert "did not see a force" not in accuracy.sentence
     told = [note for note in run.notes if "dependent ones" in note]
     assert bool(told) == (left < 1e-9)
     if told:
