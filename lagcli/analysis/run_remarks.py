@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.analysis import energy_warning
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
 from lagcli.start.initial import State
 
@@ -35,12 +37,13 @@ MAIN = 0.1
 
 
 def remarks(system: System, report: RunReport) -> tuple[str, ...]:
-    """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, integrals
-    that were not enforced all the time."""
+    """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, rows that
+    are nearly dependent at its end, integrals that were not enforced all the time."""
     return (
         *_shared(system, report.selection),
         *_shared_at_times(system, report.selection, report.indeterminate),
         *_passed(system, report.crossings),
+        *_nearly_dependent(system, report),
         *report.statistics.notes,
     )
 
@@ -96,6 +99,31 @@ def _passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
     return (
         f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
         f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)",
+    )
+
+
+def amplified(report: RunReport) -> float:
+    """The part of velocities and multipliers that the rounding of positions may make at the time reached.
+
+    At an angle of the rows to dependent ones positions are moved across by their rounding over the angle, which is that
+    much over the angle again of what depends on it.
+    """
+    return step_tolerance.UNIT / max(report.rank_margin, step_tolerance.UNIT) ** 2
+
+
+def is_amplified(system: System, report: RunReport) -> bool:
+    """True if that is far more than the tolerance allows."""
+    return amplified(report) > energy_warning.PARAMETERS.tolerances * system.model.simulation.rtol
+
+
+def _nearly_dependent(system: System, report: RunReport) -> tuple[str, ...]:
+    """A sentence on rows that are nearly dependent at the time reached."""
+    if not is_amplified(system, report):
+        return ()
+    return (
+        f"at t = {report.t:.9g} the rows are within {report.rank_margin:.1g} of dependent ones: whatever the tolerance,"
+        f" the rounding of positions may move velocities and multipliers there by {min(amplified(report), 1.0):.1g} of"
+        " their size",
     )
 
 

@@ -26,7 +26,7 @@ from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
-from lagcli.equations import named_functions
+from lagcli.equations import named_functions, narrow_functions
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
@@ -72,6 +72,19 @@ class NumericSystem:
         """True if t occurs in what moves the system. Where it does not, the motion from a start is the same at any
         time."""
         return self._parts.has_time
+
+    @cached_property
+    def is_conservative(self) -> bool:
+        """True if the Jacobi energy stays: no force without potential, no row that moves, no time."""
+        power, rates = self._system.dynamics.power, ca.densify(self._system.rows.b)
+        return not self.has_time and bool(power.is_zero()) and bool(rates.is_zero())
+
+    @cached_property
+    def has_narrow_functions(self) -> bool:
+        """True if a function of place that moves the system may be narrow, see `narrow_functions`."""
+        count = len(self._system.rows.rows)
+        has_contacts = any(row >= count for row in self.selection.present)
+        return narrow_functions.are_any(self._system.model, has_contacts)
 
     @cached_property
     def has_linear_momenta(self) -> bool:
@@ -318,6 +331,16 @@ class NumericSystem:
         units = operation_rules.roundings(ca.densify(parts.h), self._inputs)
         packed = shared.sizes(parts, parts.v, units, parts.M).packed
         return SizedFunction("roundings", self._inputs, [ca.densify(packed)])
+
+    @cached_property
+    def energy_terms(self) -> ca.Function:
+        """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
+        from lagcli.equations import operation_rules
+
+        symbols = self._system.symbols
+        inputs = [symbols.t, symbols.q, symbols.v, self._system.p]
+        units = operation_rules.roundings(ca.densify(self._system.dynamics.jacobi), inputs)
+        return SizedFunction("energy_terms", inputs, [ca.densify(units)])
 
     @property
     def force(self) -> ca.Function:

@@ -12,6 +12,7 @@ from lagcli.output.tables import provenance
 from lagcli.output.tables.provenance import Provenance
 
 if TYPE_CHECKING:
+    from lagcli.analysis.energy_warning import RunWarning
     from lagcli.equations.system import System
     from lagcli.simulation.global_error.accuracy import Accuracy
     from lagcli.simulation.run_in_blocks import RunReport
@@ -54,7 +55,8 @@ class Stats:
     time of the last one; provenance: model, program and settings behind it; accuracy: the estimate of the errors,
     where it was asked for; assembled: what assembly changed in the start, where it was asked for; rtol and atol:
     the tolerances, atol None where it is a part of the sizes of the motion; impacts, releases, accumulations:
-    numbers of such, by contact; largest_penetration: the largest -g over all rows, in units of g.
+    numbers of such, by contact; largest_penetration: the largest -g over all rows, in units of g; warnings: why the
+    rows are not to be trusted.
     """
 
     steps: int
@@ -81,6 +83,7 @@ class Stats:
     releases: int = 0
     accumulations: int = 0
     largest_penetration: float = 0.0
+    warnings: tuple[RunWarning, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """The object written by `--stats`."""

@@ -63,7 +63,7 @@ class Floors:
     Of rows of a table with all `columns`: G, the largest of h, M a, the parts lambda_i B_i of the reaction, and the
     inertial forces of motion in a curve, each as the length of force / sqrt(mass). What is below FORCE_ROUNDOFF of it
     cannot be told from zero: lambda_i sqrt(B_i M^-1 B_i^T), R_j / sqrt(M_jj), and v_j sqrt(M_jj) where sqrt(2 T), with
-    G times the time, takes its place.
+    what G makes in the time, takes its place: a force that is large at one row alone, as beside a pole, makes nothing.
     """
 
     def __init__(self, system: System, numeric: NumericSystem, p: Floats, columns: Sequence[str]) -> None:
@@ -79,10 +79,10 @@ class Floors:
         self._dependent = [(k, indices[f"R.{name}.{axis}"]) for k, name in dependent for axis in "xyz"]
         self._masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
         n = len(names)
-        self._force = self._motion = self._extent = 0.0
+        self._force = self._motion = self._extent = self._impulse = 0.0
         self._inertia, self._lengths = np.zeros(n), np.full(len(self._lam), np.inf)
         self._largest = np.zeros(len(columns))
-        self._times = (np.inf, -np.inf)
+        self._times, self._last = (np.inf, -np.inf), (np.inf, 0.0)
 
     def take(self, rows: Floats) -> None:
         """More rows (k, columns) of the table."""
@@ -108,7 +108,9 @@ class Floors:
         lengths = np.sqrt(np.bincount(B.row, weights=(B.values / root[B.column]) ** 2, minlength=lam.size))
         forces = [float(np.linalg.norm(part / root)) for part in parts] + np.abs(lam * lengths).tolist()
         moving, extent = float(np.linalg.norm(v * root)), float(np.linalg.norm(q * root))
-        self._force = max(self._force, *forces)
+        largest, (before, known) = max(forces), self._last
+        self._force, self._last = max(self._force, largest), (float(t), largest)
+        self._impulse += min(known, largest) * max(0.0, float(t) - before)
         self._motion, self._extent = max(self._motion, moving), max(self._extent, extent)
         self._inertia = np.maximum(self._inertia, root)
         self._lengths = np.minimum(self._lengths, np.where(lengths > 0, lengths, np.inf))
@@ -122,7 +124,8 @@ class Floors:
         found[self._lam] = np.where(np.isfinite(self._lengths), FORCE_ROUNDOFF * G / self._lengths, 0.0)
         found[self._R] = FORCE_ROUNDOFF * G * self._inertia
         with np.errstate(divide="ignore", invalid="ignore"):
-            speed = FORCE_ROUNDOFF * (self._motion + G * lasting) / self._inertia
+            impulse = self._impulse + curved * lasting
+            speed = FORCE_ROUNDOFF * (self._motion + impulse) / self._inertia
         found[self._v] = np.where(self._inertia > 0, speed, 0.0)
         for k, extent in self._dependent:
             found[extent] = FORCE_ROUNDOFF * G * np.sqrt(self._masses[k])

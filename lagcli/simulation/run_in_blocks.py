@@ -35,7 +35,7 @@ class RunReport:
     indeterminate: rows whose multipliers, or impulses, are not unique or were not at some time; statistics: as they
     stood then; solve_seconds: wall time, of a repeated run too; largest_penetration: the largest -g_j over all rows and
     ends of steps, in units of g_j; complete: the rows of the grid up to t, be they made or not; accuracy: of rows,
-    where the run is repeated.
+    where the run is repeated; rank_margin: how far the rows are from dependent ones after the last step, as an angle.
     """
 
     t: float
@@ -49,6 +49,7 @@ class RunReport:
     largest_penetration: float
     complete: int
     accuracy: Accuracy | None
+    rank_margin: float
 
     @property
     def extremes(self) -> Extremes:
@@ -133,4 +134,5 @@ class RunInBlocks:
             largest_penetration=max(run.contacts.deepest, extremes.penetration),
             complete=self._run.complete,
             accuracy=again.accuracy if again else None,
+            rank_margin=run.watch.rank_margin[0],
         )

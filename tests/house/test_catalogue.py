@@ -10,6 +10,7 @@ import pytest
 
 import lagcli
 from lagcli import yaml_tree
+from lagcli.analysis import energy_warning
 from lagcli.errors import catalogue, diagnostics
 from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
@@ -51,6 +52,7 @@ def _codes_in_source() -> set[str]:
         run_stop.STICKS,
         run_account.INTERRUPTED,
         run_account.NOT_WRITTEN,
+        energy_warning.CODE,
     }
     return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 
@@ -93,7 +95,18 @@ def test_an_example_gives_exactly_its_code_and_the_fix_removes_it(page: Page) ->
     assert _found(page.fixed, page.stage) == []
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if p.stage == "run"], ids=lambda p: p.code)
+OF_RUNS = [page for page in PAGES if page.stage == "run"]
+
+
+@pytest.mark.parametrize("page", [p for p in OF_RUNS if p.severity == "warning"], ids=lambda p: p.code)
+def test_an_example_of_a_warning_of_a_run_gives_it_and_the_fix_removes_it(page: Page) -> None:
+    assert _found(page.example, "start") == []
+    run, fixed = (lagcli.simulate(lagcli.loads(text)) for text in (page.example, page.fixed))
+    assert [warning.code for warning in run.stats.warnings] == [page.code]
+    assert fixed.stats.warnings == ()
+
+
+@pytest.mark.parametrize("page", [p for p in OF_RUNS if p.severity != "warning"], ids=lambda p: p.code)
 def test_an_example_of_a_stop_stops_so_and_the_fix_lets_it_end(page: Page) -> None:
     assert _found(page.example, "start") == []
     with pytest.raises(lagcli.SimulationStopped) as caught:

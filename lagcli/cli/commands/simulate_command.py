@@ -129,6 +129,7 @@ def carry_out(written: WrittenRun, request: RunRequest) -> None:
 
 
 def _print_end(end: RunEnding, quiet: bool) -> None:
+    exits.print_err_all(warning.text for warning in end.stats.warnings)
     if not quiet:
         exits.print_err_all(f"note: {note}" for note in end.notes)
         _print_account(end)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis import run_remarks
+from lagcli.analysis import energy_warning, run_remarks
+from lagcli.analysis.energy_warning import EnergyError
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
@@ -211,12 +212,22 @@ class SimulationRun:
         return table_columns.Floors(self._system, self._numeric, self._start.p, self.columns)
 
     def _known(self, found: Accuracy | None) -> Accuracy | None:
-        """The accuracy with the kinds that are zero to rounding."""
+        """The accuracy with the kinds that are zero to rounding, and what the energy says against it."""
         if found is None or self._run.reference is None:
             return None
         floors = self._floors
         kinds = zip(KINDS, self._run.reference.columns_of_kinds, strict=True)
-        return dataclasses.replace(found, zero=frozenset(k for k, at in kinds if floors.are_zero(at)))
+        zero = frozenset(k for k, at in kinds if floors.are_zero(at))
+        energy, parted = self._energy_error, found.parted
+        # Beside dependent rows, which the notes name, runs go apart by their rounding.
+        if (
+            parted is not None
+            and parted[1] >= found.t
+            and run_remarks.is_amplified(self._system, self._run.report)
+        ):
+            parted = None
+        energy_error = 0.0 if energy is None else energy.part
+        return dataclasses.replace(found, zero=zero, parted=parted, energy_error=energy_error)
 
     @property
     def skipped_rows(self) -> int:
@@ -246,7 +257,13 @@ class SimulationRun:
     def stats(self) -> Stats:
         """The account so far; of a resumed run it covers the whole, but for the seconds."""
         report = self._run.report
-        known = self._known(report.accuracy)
-        return run_account.of(
+        known, energy = self._known(report.accuracy), self._energy_error
+        stats = run_account.of(
             self._system, report, self.outcome, self._prepared.seconds, self.assembly, known
         )
+        return stats if energy is None else dataclasses.replace(stats, warnings=(energy.warning,))
+
+    @property
+    def _energy_error(self) -> EnergyError | None:
+        settings = self.model.simulation
+        return energy_warning.found(self._numeric, settings, self._start, self._run.report)

@@ -24,6 +24,7 @@ class Accuracy:
     having missed a force; None where they have not.
     between: how many rows stand between the times of one incident in both runs, and the time of the first: they count
     for positions alone; growth: by how much each impact makes errors grow, None where they do not grow exponentially.
+    energy_error: of a run whose energy is not kept though it should be, as a part of the energy exchanged, else 0.
     """
 
     t: float
@@ -38,13 +39,18 @@ class Accuracy:
     parted: tuple[float, float] | None = None
     between: tuple[int, float] | None = None
     growth: float | None = None
+    energy_error: float = 0.0
 
     @property
     def digits(self) -> dict[str, float | None]:
-        """log10(scale / error) of each kind, not below 0; None where all values are zero, to rounding, or there are
-        none."""
+        """log10(scale / error) of each kind, not below 0, and no more than the energy has; None where all values are
+        zero, to rounding, or there are none."""
         triples = zip(KINDS, self.errors, self.scales, strict=True)
-        return {k: None if k in self.zero else _digits(error, scale) for k, error, scale in triples}
+        most = self.energy_error
+        return {
+            k: None if k in self.zero else _digits(max(error, most * scale), scale)
+            for k, error, scale in triples
+        }
 
     @property
     def sentence(self) -> str:
@@ -60,7 +66,16 @@ class Accuracy:
         if none:
             is_one = none == ["R"]
             reported.append(f"{' and '.join(none)} {'is' if is_one else 'are'} zero to rounding")
-        return ", ".join(reported) + self._parting + self._incidents
+        return ", ".join(reported) + self._parting + self._incidents + self._energy
+
+    @property
+    def _energy(self) -> str:
+        if not self.energy_error:
+            return ""
+        return (
+            f"; the energy should stay and is off by {self.energy_error:.1e} of what is exchanged: no more digits are"
+            " claimed than it has, and both runs may have missed the same force"
+        )
 
     @property
     def _incidents(self) -> str:

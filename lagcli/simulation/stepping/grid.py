@@ -11,8 +11,9 @@ from lagcli.model.model import Simulation
 
 # A last interval shorter than this part of the step is rounding, and no interval.
 GRID_ROUNDOFF = 1e-9
-# Where t stands in a function together with coordinates, nothing is known beforehand, and there are as many witnesses
-# for each row.
+# Where t stands in a function together with coordinates, or a function of place may be narrow, nothing is known
+# beforehand, and there are as many witnesses for each row. A step over as many rows has stages no farther apart than
+# two rows are, about: without t it needs none.
 MORE = 4
 # The repeated run of an error estimate has at least LEAST for each row, and others between rows than the first one, at
 # this part of their distance.
@@ -86,21 +87,32 @@ class Witnesses:
     """
 
     def __init__(self, grid: Grid, functions: TimeFunctions | None, is_again: bool = False) -> None:
-        self._grid, self._parts, self._shift = grid, 0, SHIFT if is_again else 0.0
+        self._grid, self._shift, self._is_again = grid, SHIFT if is_again else 0.0, is_again
+        self._has_time, self._of_time = functions is not None, 0
         if functions is not None:
-            self._parts = MORE if functions.is_mixed else 0 if functions.is_bounded else 1
-            if is_again:
-                self._parts = max(LEAST, 2 * self._parts + 1)
+            self._of_time = MORE if functions.is_mixed else 0 if functions.is_bounded else 1
+        self.choose(False)
+
+    def choose(self, has_narrow: bool) -> None:
+        """Take as many as are needed from now on; has_narrow: where a function of place may be narrow."""
+        parts = MORE if has_narrow else self._of_time
+        is_asked = parts > 0 or self._has_time
+        self._parts = max(LEAST, 2 * parts + 1) if self._is_again and is_asked else parts
+        self._longest = 0.0 if self._of_time or self._is_again else MORE * self._grid.step
 
     @property
     def is_any(self) -> bool:
         """True if there are any at all."""
         return self._parts > 0
 
-    def inside(self, t: float, reached: float) -> Iterator[float]:
-        """The times of rows strictly between two times."""
+    def inside(self, t: float, reached: float, is_growing: bool = False) -> Iterator[float]:
+        """The times of rows strictly between two times, none where the stages of a step between them are witnesses.
+
+        is_growing: the step is far shorter than its error lets it be: no force has set its length.
+        """
         grid, parts = self._grid, self._parts
-        if not parts or not grid.step:
+        longest = min(self._longest, grid.step) if is_growing else self._longest
+        if not parts or not grid.step or reached - t <= longest:
             return
         after = t + OFFSET * math.ulp(t)
         row = max(0, grid.first(after) - 1)

@@ -117,6 +117,7 @@ class Stepper:
 
     def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats) -> None:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
+        self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
         self.bound.t[0], self.bound.k[:] = self.t, k
         # Where t occurs, a step has its stages at times that are told apart; without, a jump may be crossed in one
@@ -231,17 +232,17 @@ class Stepper:
         if error < 1.0 and projected and math.isfinite(everything):
             if not is_witnessed:
                 return error, 0.0
-            unseen = self._unseen(reached, taken)
+            unseen = self._unseen(reached, taken, self.control.grown(taken, error, math.inf) > 2 * taken)
             return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - self.t)
         # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
         is_known = math.isfinite(error) and error >= 1.0 and projected
         return error, self.control.smaller(taken, error, is_known)
 
-    def _unseen(self, reached: float, taken: float) -> float:
+    def _unseen(self, reached: float, taken: float, is_growing: bool) -> float:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
         rows, defect = self.rows, self.rows.defect
         assert defect is not None, "a run with witnesses compares"
-        for at in self._witnesses.inside(self.t, reached):
+        for at in self._witnesses.inside(self.t, reached, is_growing):
             self.make_dense()
             rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
             defect.trigger()

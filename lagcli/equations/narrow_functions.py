@@ -1,0 +1,210 @@
+"""Laws that may hold a narrow feature of place: a wall, a step or a range of a force that is not felt from afar.
+
+A step sees forces at its stages only. A polynomial, a sine or the inverse square of a distance is seen at any of them.
+`exp(-((x - 5)/0.1)**2)`, `tanh`, `max(0, ...)` or the twelfth power of an inverse distance is nothing to rounding
+outside its range, and a step may lead over all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from lagcli.expression import evaluate, tree
+from lagcli.frozen import frozen_value
+from lagcli.model import model as nouns
+
+# What grows, waves or falls off too slowly to be narrow by itself. Quotients and powers are judged by their orders.
+_WIDE = frozenset(("sin", "cos", "sqrt", "sinh", "cosh", "asin", "acos", "atan2", "log"))
+_EXPONENTIAL = frozenset(("sinh", "cosh"))
+
+
+class NarrowParameters:
+    """The fall of a function that is felt from afar.
+
+    The tests are of `tests/physics/test_narrow_features.py`.
+    """
+
+    __slots__ = ()
+
+    fall: float = -2.0
+    """The order of an inverse square: at a thousand times its range a millionth is left of it, which a step sees.
+    `test_what_is_felt_from_afar_needs_no_witness` fails at -0.2, and at -20
+    `test_what_is_nothing_outside_its_range_has_witnesses`."""
+
+
+PARAMETERS = NarrowParameters()
+
+
+@frozen_value
+class MotionOrder:
+    """The order with which a value grows with the motion, None where it does not depend on it; number: of a literal."""
+
+    order: float | None = None
+    number: float | None = None
+
+
+_CONSTANT, _MOTION = MotionOrder(), MotionOrder(1.0)
+
+
+class _Narrow(Exception):
+    """A narrow function was met."""
+
+
+def are_any(model: nouns.Model, has_contacts: bool) -> bool:
+    """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
+    of the one-sided rows too, one of which is closed."""
+    try:
+        for names, node, variables in _laws(model, has_contacts):
+            names.look(node, variables)
+    except _Narrow:
+        return True
+    return False
+
+
+def _laws(model: nouns.Model, has_contacts: bool) -> Iterator[tuple[_Names, tree.Node, Mapping[str, object]]]:
+    """All that moves a model, with the names and the index variables in it. Raises `_Narrow` for a definition."""
+    names = _Names(model)
+    for step in model.order:
+        if isinstance(step, str):
+            names.define(step)
+    if model.lagrangian is not None:
+        yield names, model.lagrangian.tree, {}
+    for particle in model.particles:
+        yield from ((names, part.tree, particle.members.variables) for part in particle.position.parts)
+    for law in model.laws:
+        if has_contacts or not isinstance(law, nouns.Inequality):
+            yield names, law.equation.tree, law.members.variables
+    own = names.on_a_particle()
+    for force in model.forces:
+        variables = force.members.variables
+        if isinstance(force, nouns.ParticleForce):
+            yield from ((own, part.tree, variables) for part in force.force.parts)
+        else:
+            expression = force.expression if isinstance(force, nouns.Potential) else force.force
+            yield names, expression.tree, variables
+
+
+class _Names:
+    """The values of names."""
+
+    def __init__(self, model: nouns.Model) -> None:
+        self._meanings = {d.name: d.expression.tree for d in model.definitions}
+        self._particles = {particle.members.base for particle in model.particles}
+        self._known: dict[str, evaluate.Value[MotionOrder]] = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
+        for parameter in model.parameters:
+            is_vector = isinstance(parameter.value, tuple)
+            self._known[parameter.name] = (_CONSTANT,) * 3 if is_vector else _CONSTANT
+
+    def on_a_particle(self) -> _Names:
+        """The values in the force of a particle, where `m`, `r` and `v` are its own."""
+        names = object.__new__(_Names)
+        names._meanings, names._particles = self._meanings, (self._particles - {"m"}) | {"r", "v"}
+        names._known = {name: value for name, value in self._known.items() if name not in ("r", "v")}
+        names._known["m"] = _CONSTANT
+        return names
+
+    def define(self, name: str) -> None:
+        """Evaluate a definition after those it uses."""
+        self._known[name] = self.look(self._meanings[name], {})
+
+    def look(self, node: tree.Node, variables: Mapping[str, object]) -> evaluate.Value[MotionOrder]:
+        """The value of an expression. Raises `_Narrow`."""
+        algebra = _OrderAlgebra(self, variables)
+        sides = (node.left, node.right) if isinstance(node, tree.Relation) else (node,)
+        for side in sides:
+            value = evaluate.value(side, algebra)
+            for part in value if isinstance(value, tuple) else (value,):
+                _require_wide(part)
+        return value
+
+    def value(self, name: str, member: str) -> evaluate.Value[MotionOrder]:
+        """The value of a name, or of a component or another member of it."""
+        if name in self._known:
+            value = self._known[name]
+            return value[0] if member and isinstance(value, tuple) else value
+        if member == "m":
+            return _CONSTANT
+        is_vector = name in self._particles and member in ("", "v", "a")
+        return (_MOTION,) * 3 if is_vector else _MOTION
+
+
+def _require_wide(value: MotionOrder) -> None:
+    """Raise `_Narrow` for what falls off faster than an inverse square: nothing is left of it at a thousand times its
+    range."""
+    if value.order is not None and value.order < PARAMETERS.fall:
+        raise _Narrow
+
+
+class _OrderAlgebra:
+    """`evaluate.Algebra` of orders."""
+
+    def __init__(self, names: _Names, variables: Mapping[str, object]) -> None:
+        self._names, self._variables = names, variables
+
+    def number(self, node: tree.Number) -> MotionOrder:
+        """The value of a literal."""
+        return MotionOrder(None, float(node.text))
+
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[MotionOrder]:
+        """The value a name stands for."""
+        if isinstance(node, tree.Name):
+            return _CONSTANT if node.name in self._variables else self._names.value(node.name, "")
+        return self._names.value(node.owner, node.member)
+
+    def special(self, node: tree.Call) -> evaluate.Value[MotionOrder]:
+        """Rates and differentials."""
+        argument = node.arguments[0]
+        if node.function == "d":
+            return evaluate.value(argument, self)
+        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
+        return self.atom(argument)
+
+    def add(self, node: tree.Node, left: MotionOrder, sign: int, right: MotionOrder) -> MotionOrder:
+        """left + sign right."""
+        _require_wide(left)
+        _require_wide(right)
+        orders = [value.order for value in (left, right) if value.order is not None]
+        if not orders:
+            return _CONSTANT
+        return MotionOrder(max([*orders, 0.0] if len(orders) == 1 else orders))
+
+    def negate(self, node: tree.Node, value: MotionOrder) -> MotionOrder:
+        """-value."""
+        return MotionOrder(value.order, None if value.number is None else -value.number)
+
+    def multiply(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
+        """left right."""
+        if left.order is None or right.order is None:
+            return _CONSTANT if left.order is right.order else MotionOrder(left.order or right.order or 0.0)
+        return MotionOrder(left.order + right.order)
+
+    def divide(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
+        """left / right."""
+        if right.order is None:
+            if left.number is None or not right.number:
+                return MotionOrder(left.order)
+            return MotionOrder(None, left.number / right.number)
+        return MotionOrder((left.order or 0.0) - right.order)
+
+    def power(self, node: tree.Node, base: MotionOrder, exponent: MotionOrder) -> MotionOrder:
+        """base ** exponent; what is no number may be anything."""
+        if base.order is None and exponent.order is None:
+            return _CONSTANT
+        # A wave to a high power is a row of peaks.
+        if exponent.number is None or (base.order == 0.0 and exponent.number > -PARAMETERS.fall):
+            raise _Narrow
+        return MotionOrder((base.order or 0.0) * exponent.number)
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[MotionOrder, ...]) -> MotionOrder:
+        """A scalar function."""
+        orders = [value.order for value in arguments if value.order is not None]
+        for value in arguments:
+            _require_wide(value)
+        if not orders:
+            return _CONSTANT
+        if name not in _WIDE:
+            raise _Narrow
+        if name == "sqrt":
+            return MotionOrder(orders[0] / 2)
+        return MotionOrder(math.inf if name in _EXPONENTIAL else 0.0)
