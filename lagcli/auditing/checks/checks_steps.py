@@ -175,7 +175,7 @@ def _of_coordinates(e: Evidence) -> list[Quantity]:
     r, own = e.record, e.laws.index.first_generalized
     k = slice(own, None)
     q, v = r.q[:, k], r.v[:, k]
-    coarse = np.full(q.shape[1], bool(e.is_coarse[1].any()))
+    coarse = e.is_coarse[0][k] | bool(e.is_coarse[1].any())
     off_q, off_v = (np.broadcast_to(SAFETY * off[k], q.shape) for off in (e.off_q, e.off_v))
     found, roots = [], np.ones(q.shape[1])
     if not r.x.size:

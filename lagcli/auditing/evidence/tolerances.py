@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lagcli.auditing.evidence import balanced_forces, differences, table_input
+from lagcli.auditing.evidence import balanced_forces, differences, table_input, turning
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.balanced_forces import ForceRounding
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
@@ -261,7 +261,19 @@ class Evidence:
             # Nothing swings that fast, and what is at rest under a force is no motion.
             coarse &= self._swing.max(axis=0) > LAZY
         found[:own] = np.repeat(coarse, 3)
+        found[own:] = self._turns
         return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
+
+    @functools.cached_property
+    def _turns(self) -> bool:
+        """True if rows, forces or momenta turn too far with generalized coordinates from a row to the next, all along:
+        an error of a row lets few steps look so."""
+        if self.laws.index.first_generalized == self.laws.index.n:
+            return False
+        part = SAFETY * self.tolerance.rtol + FORCE_ROUNDOFF
+        fast = turning.steps(self.laws, self.record, part, self.tolerance.atol).sum(axis=0)
+        rows = len(self.record.t)
+        return bool((fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any())
 
     @functools.cached_property
     def particle_forces(self) -> Array:
