@@ -115,8 +115,9 @@ class Evidence:
 
     @property
     def _apart(self) -> float:
-        """The longest time between two rows."""
-        return float(np.abs(np.diff(self.record.t)).max(initial=0.0))
+        """The longest time between two rows of the run, or from its start to the first."""
+        t = np.concatenate([[self.laws.model.simulation.start], self._whole.t])
+        return float(np.abs(np.diff(t)).max(initial=0.0))
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
