@@ -16,7 +16,7 @@ PUSHES = CheckedLaw("pushes", "", "lambda_j >= 0")
 COMPLEMENTARY = CheckedLaw("complementarity", "", "lambda_j g_j = 0")
 PRESSED = CheckedLaw("contacts", "", "d2g_j/dt2 >= 0 where g_j, dg_j/dt and lambda_j are 0")
 MISSED = CheckedLaw("missed", "", "no contact opens or closes between rows without an incident")
-BEND = 3.0  # times the usual change of a rate of g over a step: what smooth forces may add to it
+BEND = 3.0  # times the change of a rate of g over a step, the usual one or that beside: what smooth forces may add
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +71,13 @@ def may_hold_impact(t: Array, states: ContactStates) -> Array:
     if not states.g.shape[1] or len(t) < 2:
         return np.zeros(max(0, len(t) - 1), dtype=bool)
     h = np.diff(t)[:, None]
-    usual = np.median(np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0), axis=0)
+    # Of a contact that rests the rates are rounding: they tell nothing of how others change.
+    changes = np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0)
+    is_open = ~(states.rests[1:] | states.rests[:-1])
+    usual = np.ma.median(np.ma.masked_where(~is_open, changes), axis=0).filled(0.0)
+    beside = np.zeros((len(h) + 2, changes.shape[1]))
+    beside[1:-1] = changes
+    usual = np.maximum(usual, np.maximum(beside[:-2], beside[2:]))
     slack = BEND * h * h * usual + np.maximum(states.g_limit[1:], states.g_limit[:-1])
     ahead = states.g[:-1] + h * np.minimum(states.rate[:-1], 0.0) <= slack
     behind = states.g[1:] - h * np.maximum(states.rate[1:], 0.0) <= slack
