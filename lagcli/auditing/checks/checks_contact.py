@@ -103,7 +103,7 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
     laws, own = e.laws, len(e.laws.contacts)
     touches = s.rests & (s.lam == 0)
     at = np.flatnonzero(touches.any(axis=1))
-    residual, limit = np.zeros(s.g.shape), np.ones(s.g.shape)
+    residual, limit, judged = np.zeros(s.g.shape), np.ones(s.g.shape), np.ones(s.g.shape, dtype=bool)
     if at.size:
         r = e.record.part(at)
         total = e.particle_forces[at].reshape(len(at), -1) + r.R_q
@@ -115,9 +115,23 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
         found = second(r.q, r.v, total)
         moved = second(e.moved[0][at], e.moved[1][at], total + noise)
         residual[at] = np.where(touches[at], np.minimum(found, 0.0), 0.0)
+        judged[at] = _stay(e, s, touches, at, found)
         size = SAFETY * e.tolerance.rtol * np.abs(found).max(initial=0.0)
         limit[at] = widest(e.spread(found, moved)) + size + e.tolerance.atol
-    return judge(PRESSED, laws.contacts, e.record.t, residual, limit)
+    return judge(PRESSED, laws.contacts, e.record.t, residual, limit, judged)
+
+
+def _stay(e: Evidence, s: ContactStates, touches: Array, at: Array, rates: Array) -> Array:
+    """True for the rows `at` and contacts that do not rebound there, at a speed within the limit of their rate: they
+    push in the row before, or touch for longer than such rebounds last. rates: d2g/dt2 of these rows."""
+    t, rows = e.record.t, np.arange(len(touches))[:, None]
+    begin = np.maximum.accumulate(np.where(touches, 0, rows + 1), axis=0)
+    end = np.minimum.accumulate(np.where(touches, len(rows) - 1, rows - 1)[::-1], axis=0)[::-1]
+    pushed = np.take_along_axis(s.lam, np.maximum(begin - 1, 0), axis=0) != 0
+    since = t[np.minimum(begin, len(rows) - 1)]
+    lasts = (t[np.maximum(end, 0)] - since)[at]
+    slowing = np.abs(rates) * (1 - e.laws.model.restitution)
+    return np.asarray(pushed[at] | (lasts * slowing > 2 * s.rate_limit[at]) | (s.rate[at] == 0))
 
 
 def missed(e: Evidence) -> list[Check]:
