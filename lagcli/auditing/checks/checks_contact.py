@@ -62,7 +62,7 @@ def contact_states(e: Evidence) -> ContactStates:
         e.values.w[:, last],
         e.noise("w")[:, last] + atol,
         lam,
-        SAFETY * e.tolerance.rtol * largest + atol,
+        float(e.recorded(np.array(largest))) + atol,
     )
 
 
@@ -107,7 +107,7 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
     if at.size:
         r = e.record.part(at)
         total = e.particle_forces[at].reshape(len(at), -1) + r.R_q
-        noise = e.particle_noise[at].reshape(len(at), -1) + SAFETY * e.tolerance.rtol * np.abs(r.R_q)
+        noise = e.particle_noise[at].reshape(len(at), -1) + e.recorded(r.R_q)
 
         def second(q: Array, v: Array, force: Array) -> Array:
             return laws.demanded(r.t, q, v, force / e.masses)[:, laws.s - own : laws.s]

@@ -163,6 +163,9 @@ def _flown(e: Evidence, motion: _FreeMotion, found: Flights, k: Array) -> tuple[
     unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v) + found.left[k], unknown_v)
     unknown_q = unknown_bend + np.where(rebounds, 0.0, h * unknown_v)
     unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q) + h * found.left[k], unknown_q)
+    if e.tolerance.written.time:  # the times are rounded, and with them the length of the flight
+        unknown_v = unknown_v + e.clock * np.abs(way.acceleration)
+        unknown_q = unknown_q + e.clock * np.maximum(np.abs(one.v), np.abs(other.v))
     limit_v, limit_q = 2 * SAFETY * e.off_v + unknown_v, 2 * SAFETY * (e.off_q + h * e.off_v) + unknown_q
     judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * e.off_v)
     judged_q = unknown_q <= np.maximum(RESOLVED * size_q, 2 * SAFETY * e.off_q)

@@ -63,7 +63,7 @@ class ImpactEvidence:
         is_row[self.contacts] = False
         self.rows = np.flatnonzero(is_row)
         largest = np.abs(incidents.impulses).max(initial=0.0)
-        self.impulse_limit = float(SAFETY * e.tolerance.rtol * largest + e.tolerance.atol)
+        self.impulse_limit = float(e.recorded(largest)) + e.tolerance.atol
 
     def jumps(self) -> Check:
         """The jump of the momenta of all coordinates."""
@@ -117,7 +117,7 @@ class ImpactEvidence:
             for j in {*contact[contact >= 0].tolist(), *np.flatnonzero(pushes[at].any(axis=0)).tolist()}:
                 own = kinds[at][contact == j].tolist()
                 is_missing = pushes[at, j].any() and not {"impact", "accumulation"} & set(own)
-                is_idle = "impact" in own and not (impulses[at, j] > 0).any()
+                is_idle = "impact" in own and not (impulses[at, j] > -self.tolerance.written.unit).any()
                 found[begin, j] = is_missing or is_idle or len(own) > len(set(own))
         return judge(RECORDED, names, incidents.t, found, np.full((1, 1), 0.5))
 

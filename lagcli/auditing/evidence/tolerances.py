@@ -14,13 +14,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lagcli.auditing.evidence import balanced_forces, differences, table_input, turning
+from lagcli.auditing.evidence import balanced_forces, differences, table_input, turning, written_digits
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.balanced_forces import ForceRounding
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
+from lagcli.auditing.evidence.written_digits import WrittenDigits
 
 Made = typing.TypeVar("Made")
 # A limit is so many times the noise that evaluations at states moved by delta show.
@@ -30,6 +31,7 @@ COARSE = 1.0  # a row to the next may change a velocity by that part of itself
 LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
 FORCE_ROUNDOFF = balanced_forces.FORCE_ROUNDOFF
 OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
+ROUNDINGS = 4.0  # halves of a unit in the last place: what a rounded number may be off by, and its neighbours
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
 NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
 WORSE = 1e6  # a limit grows by no more than that towards a singular configuration
@@ -39,11 +41,19 @@ COST = 3e8  # of the singular values of B, in multiplications
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tolerance:
     """The distance a table may have from the laws: the tolerance of the run, and the constants by which rows jump where
-    an angle passes its cut, by number of the row."""
+    an angle passes its cut, by number of the row; and the digits that its numbers have."""
 
     rtol: float
     atol: float
     jumps: Mapping[int, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+    written: WrittenDigits = written_digits.ALL
+
+    def by(self, written: WrittenDigits) -> Tolerance:
+        """The same of a table whose numbers have these digits: what is compared with `SAFETY` times it is off by what
+        rounding left."""
+        share = ROUNDINGS / SAFETY
+        rtol, atol = self.rtol + share * written.part, self.atol + share * written.unit
+        return Tolerance(rtol, atol, self.jumps, written)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +82,8 @@ class Evidence:
         self._whole, self.run = whole or found, run
         self.laws, self.record, self.tolerance = laws, found, tolerance
         self.names: TableNames = table_input.names(laws)
-        self.grid = DifferenceGrid(found.t)
+        self.clock = differences.CLOCK * np.abs(found.t).max(initial=0.0) + ROUNDINGS * tolerance.written.time
+        self.grid = DifferenceGrid(found.t, self.clock)
         self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
         index = laws.index
         self.masses = np.zeros(index.n)
@@ -139,14 +150,23 @@ class Evidence:
     @functools.cached_property
     def moved_values(self) -> LawValues:
         """The values of the model at those states, at times moved by their rounding: a force may jump at a row."""
-        t = self.record.t
-        return self.laws.values(
-            t + differences.CLOCK * np.abs(t).max(initial=0.0), *self.moved, self.record.lam
-        )
+        lam, written = self.record.lam, self.tolerance.written
+        if written.is_short:
+            lam = lam + self._random.choice((-1.0, 1.0), lam.shape) * self.recorded(lam) / SAFETY
+        clock = self.clock if not written.time else ROUNDINGS / SAFETY * written.time
+        return self.laws.values(self.record.t + clock, *self.moved, lam)
+
+    def recorded(self, y: Array) -> Array:
+        """By how much recorded reactions, multipliers or results may be off."""
+        written = SAFETY * (self.tolerance.atol if self.tolerance.written.unit else 0.0)
+        return np.asarray(SAFETY * self.tolerance.rtol * np.abs(y) + written)
 
     def noise(self, name: str) -> Array:
         """The noise of one of the `Values`, of its own shape, time first."""
-        return self.spread(getattr(self.values, name), getattr(self.moved_values, name))
+        found = self.spread(getattr(self.values, name), getattr(self.moved_values, name))
+        if self.tolerance.written.is_short and name in ("x", "u"):  # recorded, beside what the model says
+            found = found + self.recorded(getattr(self.record, name))
+        return found
 
     def spread(self, one: Array, moved: Array) -> Array:
         """The noise of any quantity from its values at the states and at the moved ones."""
@@ -313,7 +333,10 @@ class Evidence:
         """The noise of B^T lambda against R in a regular configuration, (T, n)."""
         R = np.abs(self.record.R_q)
         return np.asarray(
-            self.noise("pull") + FORCE_ROUNDOFF * (R + R.max(initial=0.0)) + self.tolerance.atol
+            self.noise("pull")
+            + FORCE_ROUNDOFF * (R + R.max(initial=0.0))
+            + self.tolerance.atol
+            + (self.recorded(R) if self.tolerance.written.is_short else 0.0)
         )
 
     @functools.cached_property
