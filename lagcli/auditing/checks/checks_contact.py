@@ -74,7 +74,9 @@ def may_hold_impact(t: Array, states: ContactStates) -> Array:
     # Of a contact that rests the rates are rounding: they tell nothing of how others change.
     changes = np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0)
     is_open = ~(states.rests[1:] | states.rests[:-1])
-    usual = np.ma.median(np.ma.masked_where(~is_open, changes), axis=0).filled(0.0)
+    usual = np.array(
+        [np.median(own[k]) if k.any() else 0.0 for own, k in zip(changes.T, is_open.T, strict=True)]
+    )
     beside = np.zeros((len(h) + 2, changes.shape[1]))
     beside[1:-1] = changes
     usual = np.maximum(usual, np.maximum(beside[:-2], beside[2:]))

@@ -38,7 +38,9 @@ TOUCHED = CheckedLaw(
     "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
 )
 RECORDED = CheckedLaw(
-    "recorded", "", "one row of a kind and a name at an instant; of an impact where impulse_j > 0, and only there"
+    "recorded",
+    "",
+    "one row of a kind and a name at an instant; of an impact where impulse_j > 0, and only there",
 )
 LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"

@@ -60,7 +60,8 @@ class Quantity:
 class TableSteps:
     """The T - 1 steps of the times t (T,) and the polynomials through rows around each."""
 
-    def __init__(self, t: Array, clock: float) -> None:
+    def __init__(self, t: Array, clock: float = 0.0) -> None:
+        """clock: how well the times are known."""
         self.t, self.h, self.clock = t, np.diff(t), clock
         self.orders = [m for m in ORDERS if len(t) >= m + LEAST]
 

@@ -92,9 +92,7 @@ def check(e: Evidence) -> list[Check]:
     own, rows = index.first_generalized, len(r.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
     p_off = SAFETY * e.masses * e.off_v + e.noise("L_v")
-    p_off = p_off + e.pushed_limit(
-        e.masses_x * e.recorded(np.abs(r.u).max(initial=0.0)) + 0 * r.u
-    )
+    p_off = p_off + e.pushed_limit(e.masses_x * e.recorded(np.abs(r.u).max(initial=0.0)) + 0 * r.u)
     force = values.Q.copy()
     force[:, :own] += values.F[:, index.cartesian].reshape(rows, -1)
     force = force + e.pushed(values.F[:, index.dependent].reshape(rows, -1))

@@ -31,7 +31,6 @@ COARSE = 1.0  # a row to the next may change a velocity by that part of itself
 LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
 FORCE_ROUNDOFF = balanced_forces.FORCE_ROUNDOFF
 OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
-ROUNDINGS = 4.0  # halves of a unit in the last place: what a rounded number may be off by, and its neighbours
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
 NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
 WORSE = 1e6  # a limit grows by no more than that towards a singular configuration
@@ -51,7 +50,7 @@ class Tolerance:
     def by(self, written: WrittenDigits) -> Tolerance:
         """The same of a table whose numbers have these digits: what is compared with `SAFETY` times it is off by what
         rounding left."""
-        share = ROUNDINGS / SAFETY
+        share = written_digits.PARAMETERS.halves / SAFETY
         rtol, atol = self.rtol + share * written.part, self.atol + share * written.unit
         return Tolerance(rtol, atol, self.jumps, written)
 
@@ -82,7 +81,10 @@ class Evidence:
         self._whole, self.run = whole or found, run
         self.laws, self.record, self.tolerance = laws, found, tolerance
         self.names: TableNames = table_input.names(laws)
-        self.clock = differences.CLOCK * np.abs(found.t).max(initial=0.0) + ROUNDINGS * tolerance.written.time
+        self.clock = (
+            differences.CLOCK * np.abs(found.t).max(initial=0.0)
+            + written_digits.PARAMETERS.halves * tolerance.written.time
+        )
         self.grid = DifferenceGrid(found.t, self.clock)
         self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
         index = laws.index
@@ -153,7 +155,7 @@ class Evidence:
         lam, written = self.record.lam, self.tolerance.written
         if written.is_short:
             lam = lam + self._random.choice((-1.0, 1.0), lam.shape) * self.recorded(lam) / SAFETY
-        clock = self.clock if not written.time else ROUNDINGS / SAFETY * written.time
+        clock = self.clock if not written.time else written_digits.PARAMETERS.halves / SAFETY * written.time
         return self.laws.values(self.record.t + clock, *self.moved, lam)
 
     def recorded(self, y: Array) -> Array:
