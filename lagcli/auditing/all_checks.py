@@ -21,11 +21,12 @@ from lagcli.auditing.checks import (
     momenta,
 )
 from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
-from lagcli.auditing.evidence import model_values, table_input
+from lagcli.auditing.evidence import model_values, table_input, written_digits
 from lagcli.auditing.evidence.differences import Estimate
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
+from lagcli.auditing.evidence.written_digits import WrittenDigits
 from lagcli.auditing.one_sided import Findings, OneSidedParts
 from lagcli.model import model as nouns
 
@@ -86,9 +87,11 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     checks = [_numbers(laws, found)]
     sentences: tuple[str, ...] = ()
     figures: Figures = ()
+    written = written_digits.ALL
     if checks[0].verdict != "fail":
         with np.errstate(all="ignore"):
-            e = Evidence(laws, found, tolerance, run=WholeRun(table, incidents))
+            written = _written(table, found)
+            e = Evidence(laws, found, tolerance.by(written), run=WholeRun(table, incidents))
             if model.inequality or np.any(np.diff(found.t) == 0):
                 more, sentences, figures, further_notes = _of_one_sided(e)
                 notes = (*notes, *further_notes)
@@ -107,8 +110,20 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         sentences=sentences,
         notes=(*notes, *_elsewhere(model, found, tolerance)),
         figures=figures,
+        written=written if written.is_short else None,
         unread=(*(name for name in table.columns if name not in known), *table.unread),
     )
+
+
+def _written(table: AuditedTable, found: Record) -> WrittenDigits:
+    """The digits of the numbers of a table and of its incidents, of the one that has fewer."""
+    index = list(table.columns).index("t")
+    written = written_digits.of(np.delete(table.rows, index, axis=1), found.t)
+    if table.events is None:
+        return written
+    index, rows = table.events.columns.index("t"), table.events.rows
+    of_events = written_digits.of(np.delete(rows, index, axis=1), rows[:, index])
+    return written.coarser(of_events).of_times(rows[:, index])
 
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:

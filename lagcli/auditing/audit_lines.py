@@ -40,6 +40,8 @@ def of(found: Audit) -> AuditLines:
         sentences.append(work(dict(found.figures)))
     if found.unread:
         sentences.append(unread(found.unread))
+    if found.written is not None:
+        sentences.append(found.written.sentence)
     return AuditLines(wide_rows(found.checks), failures, [*sentences, found.conclusion])
 
 

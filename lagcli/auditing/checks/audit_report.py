@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.written_digits import WrittenDigits
 from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
@@ -79,7 +80,7 @@ class Audit:
     """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
     `unread`: columns of the table that no check looked at; `complete`: whether a run that was made for it reached its
     end; `of_rest`: the rows are points of rest, not of a motion; `digits`: what is known of the error of the rows,
-    where that was asked for."""
+    where that was asked for; `written`: the digits that the numbers of a rounded table have."""
 
     title: str
     path: str
@@ -96,6 +97,7 @@ class Audit:
     complete: bool = True
     of_rest: bool = False
     digits: dict[str, Any] | None = None
+    written: WrittenDigits | None = None
 
     def __repr__(self) -> str:
         verdict = "passed" if self.passed else "failed"
@@ -174,6 +176,7 @@ class Audit:
             "uniqueness": list(self.sentences),
             "figures": {name: _finite(number) for name, number in self.figures},
             "notes": list(self.notes),
+            "written": None if self.written is None else self.written.as_json(),
             **({} if self.digits is None else {"accuracy": self.digits}),
         }
 

@@ -16,7 +16,7 @@ PUSHES = CheckedLaw("pushes", "", "lambda_j >= 0")
 COMPLEMENTARY = CheckedLaw("complementarity", "", "lambda_j g_j = 0")
 PRESSED = CheckedLaw("contacts", "", "d2g_j/dt2 >= 0 where g_j, dg_j/dt and lambda_j are 0")
 MISSED = CheckedLaw("missed", "", "no contact opens or closes between rows without an incident")
-BEND = 3.0  # times the usual change of a rate of g over a step: what smooth forces may add to it
+BEND = 3.0  # times the change of a rate of g over a step, the usual one or that beside: what smooth forces may add
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ def contact_states(e: Evidence) -> ContactStates:
         e.values.w[:, last],
         e.noise("w")[:, last] + atol,
         lam,
-        SAFETY * e.tolerance.rtol * largest + atol,
+        float(e.recorded(np.array(largest))) + atol,
     )
 
 
@@ -71,7 +71,15 @@ def may_hold_impact(t: Array, states: ContactStates) -> Array:
     if not states.g.shape[1] or len(t) < 2:
         return np.zeros(max(0, len(t) - 1), dtype=bool)
     h = np.diff(t)[:, None]
-    usual = np.median(np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0), axis=0)
+    # Of a contact that rests the rates are rounding: they tell nothing of how others change.
+    changes = np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0)
+    is_open = ~(states.rests[1:] | states.rests[:-1])
+    usual = np.array(
+        [np.median(own[k]) if k.any() else 0.0 for own, k in zip(changes.T, is_open.T, strict=True)]
+    )
+    beside = np.zeros((len(h) + 2, changes.shape[1]))
+    beside[1:-1] = changes
+    usual = np.maximum(usual, np.maximum(beside[:-2], beside[2:]))
     slack = BEND * h * h * usual + np.maximum(states.g_limit[1:], states.g_limit[:-1])
     ahead = states.g[:-1] + h * np.minimum(states.rate[:-1], 0.0) <= slack
     behind = states.g[1:] - h * np.maximum(states.rate[1:], 0.0) <= slack
@@ -97,11 +105,11 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
     laws, own = e.laws, len(e.laws.contacts)
     touches = s.rests & (s.lam == 0)
     at = np.flatnonzero(touches.any(axis=1))
-    residual, limit = np.zeros(s.g.shape), np.ones(s.g.shape)
+    residual, limit, judged = np.zeros(s.g.shape), np.ones(s.g.shape), np.ones(s.g.shape, dtype=bool)
     if at.size:
         r = e.record.part(at)
         total = e.particle_forces[at].reshape(len(at), -1) + r.R_q
-        noise = e.particle_noise[at].reshape(len(at), -1) + SAFETY * e.tolerance.rtol * np.abs(r.R_q)
+        noise = e.particle_noise[at].reshape(len(at), -1) + e.recorded(r.R_q)
 
         def second(q: Array, v: Array, force: Array) -> Array:
             return laws.demanded(r.t, q, v, force / e.masses)[:, laws.s - own : laws.s]
@@ -109,9 +117,23 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
         found = second(r.q, r.v, total)
         moved = second(e.moved[0][at], e.moved[1][at], total + noise)
         residual[at] = np.where(touches[at], np.minimum(found, 0.0), 0.0)
+        judged[at] = _stay(e, s, touches, at, found)
         size = SAFETY * e.tolerance.rtol * np.abs(found).max(initial=0.0)
         limit[at] = widest(e.spread(found, moved)) + size + e.tolerance.atol
-    return judge(PRESSED, laws.contacts, e.record.t, residual, limit)
+    return judge(PRESSED, laws.contacts, e.record.t, residual, limit, judged)
+
+
+def _stay(e: Evidence, s: ContactStates, touches: Array, at: Array, rates: Array) -> Array:
+    """True for the rows `at` and contacts that do not rebound there, at a speed within the limit of their rate: they
+    push in the row before, or touch for longer than such rebounds last. rates: d2g/dt2 of these rows."""
+    t, rows = e.record.t, np.arange(len(touches))[:, None]
+    begin = np.maximum.accumulate(np.where(touches, 0, rows + 1), axis=0)
+    end = np.minimum.accumulate(np.where(touches, len(rows) - 1, rows - 1)[::-1], axis=0)[::-1]
+    pushed = np.take_along_axis(s.lam, np.maximum(begin - 1, 0), axis=0) != 0
+    since = t[np.minimum(begin, len(rows) - 1)]
+    lasts = (t[np.maximum(end, 0)] - since)[at]
+    slowing = np.abs(rates) * (1 - e.laws.model.restitution)
+    return np.asarray(pushed[at] | (lasts * slowing > 2 * s.rate_limit[at]) | (s.rate[at] == 0))
 
 
 def missed(e: Evidence) -> list[Check]:

@@ -35,13 +35,15 @@ LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a fli
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Flights:
     """P flights: states at their beginning and end, contacts that rest meanwhile (P, K), whether these are the same at
-    both ends, and whether it has rebounds that are no longer recorded, (P,)."""
+    both ends, and whether it has rebounds that are no longer recorded, (P,), with the most that these change rates,
+    (P, n)."""
 
     begin: Record
     end: Record
     closed: Array
     is_known: Array
     has_rebounds: Array
+    left: Array
 
 
 def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
@@ -66,11 +68,15 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
     long = end.t - begin.t > FEW * np.abs(r.t).max()
     closed = at_begin[pairs[:, 0]]
-    known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long
+    weak = np.concatenate([np.zeros(len(rows), dtype=bool), _is_weak(impact)[first]])
+    known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long & ~weak[pairs].any(axis=1)
     rebounds = np.zeros(len(end.t), dtype=bool)
-    for _, since, until in impact.unrecorded_rebounds:
-        rebounds |= (end.t > since) & (end.t <= until)
-    return Flights(begin, end, closed, known, rebounds)
+    left = np.zeros(end.q.shape)
+    for j, since, until in impact.unrecorded_rebounds:
+        within = (end.t > since) & (end.t <= until)
+        rebounds |= within
+        left[within] += impact.left_by_rebounds(j, since)
+    return Flights(begin, end, closed, known, rebounds, left)
 
 
 def _rests(impact: ImpactEvidence) -> tuple[Array, Array]:
@@ -84,6 +90,14 @@ def _rests(impact: ImpactEvidence) -> tuple[Array, Array]:
         )
 
     return still(impact.before), still(impact.after)
+
+
+def _is_weak(impact: ImpactEvidence) -> Array:
+    """True for impacts (E,) by which nothing approaches faster than its limit: whether what it strikes rests or
+    rebounds is not known."""
+    rates, limits = impact.before.values.w, impact.before.noise("w") + impact.tolerance.atol
+    strikes = np.array([kind == "impact" for kind in impact.incidents.kinds], dtype=bool)
+    return strikes & (rates >= -limits)[:, impact.contacts].all(axis=1)
 
 
 def _joined(one: Record, other: Record) -> Record:
@@ -146,9 +160,12 @@ def _flown(e: Evidence, motion: _FreeMotion, found: Flights, k: Array) -> tuple[
         unknown_bend = _of_particles(unknown_bend)
         size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
     rebounds = found.has_rebounds[k][:, None]
-    unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v), unknown_v)
+    unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v) + found.left[k], unknown_v)
     unknown_q = unknown_bend + np.where(rebounds, 0.0, h * unknown_v)
-    unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q), unknown_q)
+    unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q) + h * found.left[k], unknown_q)
+    if e.tolerance.written.time:  # the times are rounded, and with them the length of the flight
+        unknown_v = unknown_v + e.clock * np.abs(way.acceleration)
+        unknown_q = unknown_q + e.clock * np.maximum(np.abs(one.v), np.abs(other.v))
     limit_v, limit_q = 2 * SAFETY * e.off_v + unknown_v, 2 * SAFETY * (e.off_q + h * e.off_v) + unknown_q
     judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * e.off_v)
     judged_q = unknown_q <= np.maximum(RESOLVED * size_q, 2 * SAFETY * e.off_q)

@@ -37,6 +37,11 @@ IMPACTS = CheckedLaw("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 
 TOUCHED = CheckedLaw(
     "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
 )
+RECORDED = CheckedLaw(
+    "recorded",
+    "",
+    "one row of a kind and a name at an instant; of an impact where impulse_j > 0, and only there",
+)
 LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
@@ -60,7 +65,7 @@ class ImpactEvidence:
         is_row[self.contacts] = False
         self.rows = np.flatnonzero(is_row)
         largest = np.abs(incidents.impulses).max(initial=0.0)
-        self.impulse_limit = float(SAFETY * e.tolerance.rtol * largest + e.tolerance.atol)
+        self.impulse_limit = float(e.recorded(largest)) + e.tolerance.atol
 
     def jumps(self) -> Check:
         """The jump of the momenta of all coordinates."""
@@ -98,6 +103,26 @@ class ImpactEvidence:
         residual = np.where(acts, g, np.minimum(g, 0.0))
         return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
 
+    def recorded(self) -> Check:
+        """Each incident is there once, and as what it is: an impulse is of an impact, or ends a series of rebounds.
+
+        Rows of one instant share the jump: one that stands there twice would change the momenta twice.
+        """
+        incidents, names = self.incidents, self.laws.contacts
+        found = np.zeros((len(incidents.t), len(names)))
+        impulses = incidents.impulses[:, self.contacts]
+        pushes = impulses > self.impulse_limit
+        kinds = np.array(incidents.kinds, dtype=np.str_)
+        first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+        for begin, end in zip(first, last + 1, strict=True):
+            at, contact = slice(begin, end), incidents.contact[begin:end]
+            for j in {*contact[contact >= 0].tolist(), *np.flatnonzero(pushes[at].any(axis=0)).tolist()}:
+                own = kinds[at][contact == j].tolist()
+                is_missing = pushes[at, j].any() and not {"impact", "accumulation"} & set(own)
+                is_idle = "impact" in own and not (impulses[at, j] > -self.tolerance.written.unit).any()
+                found[begin, j] = is_missing or is_idle or len(own) > len(set(own))
+        return judge(RECORDED, names, incidents.t, found, np.full((1, 1), 0.5))
+
     @cached_property
     def unrecorded_rebounds(self) -> tuple[tuple[int, float, float], ...]:
         """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
@@ -110,6 +135,23 @@ class ImpactEvidence:
             end = float(incidents.t[k])
             found.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
         return tuple(found)
+
+    def left_by_rebounds(self, j: int, since: float) -> Array:
+        """The most by which rebounds of a contact after the one at a time change the rates (n,): each gives less by e
+        than the one before."""
+        e, rows = float(self.laws.model.restitution[j]), np.flatnonzero(self.incidents.t == since)
+        if not rows.size or e >= 1:
+            return np.zeros(self.laws.index.n)
+        jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])
+        return np.asarray(jump.max(initial=0.0) * e / (1 - e) * np.ones(self.laws.index.n))
+
+    @property
+    def _ends_series(self) -> Array:
+        """True for contacts of which an accumulation is recorded at the instant, (E, K)."""
+        t, found = self.incidents.t, np.zeros((len(self.incidents.t), len(self.laws.contacts)), dtype=bool)
+        for j, _, end in self.unrecorded_rebounds:
+            found[t == end, j] = True
+        return found
 
     @property
     def _ends_rebounds(self) -> Array:
@@ -138,7 +180,8 @@ class ImpactEvidence:
         g, limit_g = self._gaps
         impulse = self.incidents.impulses[:, self.contacts]
         before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
-        e = self.laws.model.restitution
+        # A series of rebounds that ends leaves nothing of its rates.
+        e = np.where(self._ends_series, 0.0, self.laws.model.restitution)
         rebound = after + e * np.minimum(before, 0.0)
         limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
         limit = (
@@ -246,7 +289,7 @@ def impacts(e: Evidence) -> list[Check]:
     impact = e.once(impact_evidence)
     if impact is None:
         return []
-    found = [impact.jumps(), impact.touched(), impact.impacts()]
+    found = [impact.recorded(), impact.jumps(), impact.touched(), impact.impacts()]
     if impact.rows.size:
         found.append(impact.rows_hold())
     return [*found, impact.losses()]

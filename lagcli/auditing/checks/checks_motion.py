@@ -71,7 +71,7 @@ def _integrated(
     own = e.laws.index.first_generalized
     for part in (largest[:own], largest[y[0].shape[1] :]):  # the components of a particle have one size
         part[:] = np.repeat(part.reshape(-1, 3).max(axis=1, initial=0.0), 3)
-    small = SAFETY * e.tolerance.rtol * largest + e.tolerance.atol + off[1]
+    small = e.recorded(largest) + e.tolerance.atol + off[1]
     total = e.grid.integral(moving, small)
     span = np.abs(e.record.t - e.record.t[0])[:, None]
     limit = np.concatenate([off[0], off_x]) * (1 + np.arange(rows) / SAFETY)[:, None] + small * span
@@ -135,12 +135,12 @@ def force_balance(e: Evidence) -> ForceBalance:
         truncation = truncation + pushed
         size = np.maximum(size, e.pushed_limit(size_x))
     largest = _grouped(np.maximum(size, np.abs(r.R_q)).max(axis=0), e)
-    limit = limit + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.force_rounding.q
+    limit = limit + e.tolerance.atol + e.recorded(r.R_q) + e.force_rounding.q
     slow, slow_x = e.is_resolved
     judged = slow & (truncation <= np.maximum(RESOLVED * largest, limit))
     judged[:, own:] &= np.all(slow_x, axis=1, keepdims=True)  # generalized ones carry particles
     top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
-    limit_x = limit_x + e.tolerance.atol + SAFETY * e.tolerance.rtol * np.abs(r.R_x) + e.force_rounding.x
+    limit_x = limit_x + e.tolerance.atol + e.recorded(r.R_x) + e.force_rounding.x
     judged_x = slow_x & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
     return ForceBalance(
         inertia, _sum(limit, truncation), judged, inertia_x, _sum(limit_x, truncation_x), judged_x

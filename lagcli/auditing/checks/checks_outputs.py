@@ -52,7 +52,7 @@ def columns(e: Evidence) -> list[Check]:
     first, known = evaluated(e.laws, r.t, r.q, r.v, here)
     found = [np.column_stack([energy.E, first])]
     q, v = e.moved
-    clock = CLOCK * np.abs(r.t).max()
+    clock = CLOCK * np.abs(r.t).max() + e.tolerance.written.time
     for sign in (1.0, -1.0):  # on both sides, so that what jumps there is seen
         there = r.t + sign * clock, r.q + sign * (q - r.q), r.v + sign * (v - r.v)
         parts = (
@@ -66,6 +66,8 @@ def columns(e: Evidence) -> list[Check]:
     recorded = table.rows[:, [at[names[k]] for k in retained]]
     limit = np.maximum(e.spread(one, others[0]), e.spread(one, others[1])) + e.tolerance.atol
     alike = (recorded == one) | (np.isnan(recorded) & np.isnan(one))
+    if e.tolerance.written.is_short:
+        limit = limit + e.recorded(recorded)
     apart = np.where(alike, 0.0, recorded - np.where(alike, 0.0, one))
     judged = np.broadcast_to(np.array([True, *known])[retained], apart.shape)
     limit = np.where(np.isnan(limit), np.inf, limit)

@@ -49,11 +49,8 @@ def demand(e: Evidence) -> list[Check]:
     limit = e.spread(found, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
     # F is known to its own noise, R to that of B^T lambda.
     off = e.particle_noise[rows].reshape(len(r.t), -1) + e.reaction_limit[rows]
-    off = off + SAFETY * e.tolerance.rtol * np.abs(r.R_q).max(axis=1, initial=0.0)[:, None]
-    random = np.random.default_rng(6)
-    for _ in range(2):
-        perturbed = forces + (off * random.choice((-1.0, 1.0), size=off.shape)).reshape(forces.shape)
-        limit = limit + np.abs(second(r.q, r.v, perturbed) - found)
+    off = off + e.recorded(np.abs(r.R_q).max(axis=1, initial=0.0))[:, None]
+    limit = limit + np.einsum("mcn,mn->mc", np.abs(e.displacements.B), off / e.masses)
     return [
         judge(DEMAND, laws.rows, r.t, found, widest(limit), ~np.any(np.isnan(r.lam), axis=1, keepdims=True))
     ]
@@ -77,7 +74,7 @@ def _multipliers(e: Evidence) -> Check:
     rows, d, r = e.looked_at, e.displacements, e.record
     found, spread = d.multipliers(r.R_q[rows], e.reaction_limit[rows])
     lam = r.lam[rows]
-    limit = spread + SAFETY * e.tolerance.rtol * d.condition[:, None] * np.abs(found) + e.tolerance.atol
+    limit = spread + d.condition[:, None] * e.recorded(found) + e.tolerance.atol
     judged = d.is_unique & ~d.is_singular[:, None]
     missing = np.isnan(lam)
     apart = np.where(missing, np.inf, lam - np.nan_to_num(found))
@@ -134,4 +131,4 @@ def _reaction_noise(e: Evidence) -> Array:
     index = e.laws.index
     size = np.abs(e.record.R_x)
     noise = e.particle_noise[:, index.dependent].reshape(size.shape)
-    return np.asarray(SAFETY * e.tolerance.rtol * (size + size.max(axis=0, initial=0.0)) + noise)
+    return np.asarray(e.recorded(size + size.max(axis=0, initial=0.0)) + noise)

@@ -60,8 +60,9 @@ class Quantity:
 class TableSteps:
     """The T - 1 steps of the times t (T,) and the polynomials through rows around each."""
 
-    def __init__(self, t: Array) -> None:
-        self.t, self.h = t, np.diff(t)
+    def __init__(self, t: Array, clock: float = 0.0) -> None:
+        """clock: how well the times are known."""
+        self.t, self.h, self.clock = t, np.diff(t), clock
         self.orders = [m for m in ORDERS if len(t) >= m + LEAST]
 
     @functools.cached_property
@@ -142,7 +143,7 @@ def _dependent(e: Evidence) -> _Particles:
     r, index, m = e.record, e.laws.index, e.masses_x
     inner = SAFETY * e.tolerance.rtol
     force = r.R_x + e.particle_forces[:, index.dependent].reshape(r.x.shape)
-    noise = e.particle_noise[:, index.dependent].reshape(r.x.shape) + inner * np.abs(r.R_x)
+    noise = e.particle_noise[:, index.dependent].reshape(r.x.shape) + e.recorded(r.R_x)
     noise = noise + inner * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
     off_x, off_u = e.noise("x"), e.noise("u")
     return _Particles(
@@ -155,7 +156,7 @@ def _total_force(e: Evidence) -> tuple[Array, Array]:
     r, index, own = e.record, e.laws.index, e.laws.index.first_generalized
     noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
     noise[:, :own] += e.particle_noise[:, index.cartesian].reshape(len(r.t), -1)
-    return e.total_force, noise + SAFETY * e.tolerance.rtol * np.abs(r.R_q) + e.tolerance.atol
+    return e.total_force, noise + e.recorded(r.R_q) + e.tolerance.atol
 
 
 def _of_particles(e: Evidence, p: _Particles) -> list[Quantity]:
@@ -175,7 +176,7 @@ def _of_coordinates(e: Evidence) -> list[Quantity]:
     r, own = e.record, e.laws.index.first_generalized
     k = slice(own, None)
     q, v = r.q[:, k], r.v[:, k]
-    coarse = np.full(q.shape[1], bool(e.is_coarse[1].any()))
+    coarse = e.is_coarse[0][k] | bool(e.is_coarse[1].any())
     off_q, off_v = (np.broadcast_to(SAFETY * off[k], q.shape) for off in (e.off_q, e.off_v))
     found, roots = [], np.ones(q.shape[1])
     if not r.x.size:
@@ -196,7 +197,7 @@ def _of_triples(y: Array) -> Array:
 
 def steps(e: Evidence) -> list[Check]:
     """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
-    grid = TableSteps(e.record.t)
+    grid = TableSteps(e.record.t, e.clock)
     rows = np.asarray(e.is_fast.any(axis=1))
     fast = rows[1:] | rows[:-1]
     found = quantities(e)
@@ -255,7 +256,7 @@ def judged_steps(grid: TableSteps, one: Quantity, fast: Array) -> tuple[Array, A
     h = grid.h[:, None]
     change = np.diff(one.y, axis=0)
     off = np.maximum(one.off[1:], one.off[:-1])
-    off = off + differences.CLOCK * (np.abs(grid.t).max() * np.abs(one.rate[1:]) + np.abs(one.y[1:]))
+    off = off + grid.clock * np.abs(one.rate[1:]) + differences.CLOCK * np.abs(one.y[1:])
     off_rate = np.maximum(one.off_rate[1:], one.off_rate[:-1])
     for m, (indices, plain, moment) in grid.weights.items():
         if one.second is None:

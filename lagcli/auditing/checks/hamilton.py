@@ -28,7 +28,7 @@ class Window:
     def __init__(self, e: Evidence, rows: Array) -> None:
         self.e, self.rows = e, rows
         self.record: Record = e.record.part(rows)
-        self.grid = DifferenceGrid(self.record.t)
+        self.grid = DifferenceGrid(self.record.t, e.clock)
         if len(e.looked_at) == len(e.record.t):
             self.space = e.displacements.part(slice(int(rows[0]), int(rows[-1]) + 1))
         else:

@@ -92,9 +92,7 @@ def check(e: Evidence) -> list[Check]:
     own, rows = index.first_generalized, len(r.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
     p_off = SAFETY * e.masses * e.off_v + e.noise("L_v")
-    p_off = p_off + e.pushed_limit(
-        SAFETY * e.masses_x * e.tolerance.rtol * np.abs(r.u).max(initial=0.0) + 0 * r.u
-    )
+    p_off = p_off + e.pushed_limit(e.masses_x * e.recorded(np.abs(r.u).max(initial=0.0)) + 0 * r.u)
     force = values.Q.copy()
     force[:, :own] += values.F[:, index.cartesian].reshape(rows, -1)
     force = force + e.pushed(values.F[:, index.dependent].reshape(rows, -1))
@@ -112,7 +110,7 @@ def check(e: Evidence) -> list[Check]:
         open_ = total.truncation[:, 0] + (unknown * np.abs(one.xi).max(axis=0)).sum(axis=1)
         off = (p_off * np.abs(one.xi)).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q).sum(axis=1)
         limit = off.max(initial=0.0) * (1 + np.arange(rows) / SAFETY)
-        limit += SAFETY * e.tolerance.rtol * total.value[:, 1] + e.tolerance.atol + total.noise[:, 0]
+        limit += e.recorded(total.value[:, 1]) + e.tolerance.atol + total.noise[:, 0]
         limit += rounded * np.abs(r.t - r.t[0])
         limit += np.where(np.isfinite(open_), open_, 0.0)
         size = max(float(np.abs(J).max()), float(total.value[-1, 1]))

@@ -93,8 +93,10 @@ class Estimate:
 class DifferenceGrid:
     """The T times of a table, strictly increasing."""
 
-    def __init__(self, t: Array) -> None:
+    def __init__(self, t: Array, clock: float | None = None) -> None:
+        """clock: how well the times are known, their rounding where nothing is said."""
         self.t = t
+        self.clock = CLOCK * float(np.abs(t).max(initial=0.0)) if clock is None else clock
         self._steps = np.diff(t)
 
     @functools.cached_property
@@ -112,7 +114,7 @@ class DifferenceGrid:
         if len(self._stencils) < 2:
             nothing = np.zeros(y.shape)
             return Estimate(nothing, nothing, np.full(y.shape, np.inf))
-        clock = CLOCK * np.abs(self.t).max() / self._nearest[:, None]
+        clock = self.clock / self._nearest[:, None]
         best: Estimate | None = None
         narrower, before = None, np.zeros(y.shape)
         for indices, weights in self._stencils:
@@ -164,7 +166,7 @@ class DifferenceGrid:
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
         rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
-        rounding = rounding + np.abs(self.t).max() * self._time_roundoff_effect(y)
+        rounding = rounding + self.clock / CLOCK * self._time_roundoff_effect(y)
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
 
     @staticmethod

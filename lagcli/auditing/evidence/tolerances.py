@@ -14,13 +14,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lagcli.auditing.evidence import balanced_forces, differences, table_input
+from lagcli.auditing.evidence import balanced_forces, differences, table_input, turning, written_digits
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.balanced_forces import ForceRounding
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
+from lagcli.auditing.evidence.written_digits import WrittenDigits
 
 Made = typing.TypeVar("Made")
 # A limit is so many times the noise that evaluations at states moved by delta show.
@@ -39,11 +40,19 @@ COST = 3e8  # of the singular values of B, in multiplications
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tolerance:
     """The distance a table may have from the laws: the tolerance of the run, and the constants by which rows jump where
-    an angle passes its cut, by number of the row."""
+    an angle passes its cut, by number of the row; and the digits that its numbers have."""
 
     rtol: float
     atol: float
     jumps: Mapping[int, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+    written: WrittenDigits = written_digits.ALL
+
+    def by(self, written: WrittenDigits) -> Tolerance:
+        """The same of a table whose numbers have these digits: what is compared with `SAFETY` times it is off by what
+        rounding left."""
+        share = written_digits.PARAMETERS.halves / SAFETY
+        rtol, atol = self.rtol + share * written.part, self.atol + share * written.unit
+        return Tolerance(rtol, atol, self.jumps, written)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +81,11 @@ class Evidence:
         self._whole, self.run = whole or found, run
         self.laws, self.record, self.tolerance = laws, found, tolerance
         self.names: TableNames = table_input.names(laws)
-        self.grid = DifferenceGrid(found.t)
+        self.clock = (
+            differences.CLOCK * np.abs(found.t).max(initial=0.0)
+            + written_digits.PARAMETERS.halves * tolerance.written.time
+        )
+        self.grid = DifferenceGrid(found.t, self.clock)
         self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
         index = laws.index
         self.masses = np.zeros(index.n)
@@ -115,8 +128,9 @@ class Evidence:
 
     @property
     def _apart(self) -> float:
-        """The longest time between two rows."""
-        return float(np.abs(np.diff(self.record.t)).max(initial=0.0))
+        """The longest time between two rows of the run, or from its start to the first."""
+        t = np.concatenate([[self.laws.model.simulation.start], self._whole.t])
+        return float(np.abs(np.diff(t)).max(initial=0.0))
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
@@ -138,14 +152,23 @@ class Evidence:
     @functools.cached_property
     def moved_values(self) -> LawValues:
         """The values of the model at those states, at times moved by their rounding: a force may jump at a row."""
-        t = self.record.t
-        return self.laws.values(
-            t + differences.CLOCK * np.abs(t).max(initial=0.0), *self.moved, self.record.lam
-        )
+        lam, written = self.record.lam, self.tolerance.written
+        if written.is_short:
+            lam = lam + self._random.choice((-1.0, 1.0), lam.shape) * self.recorded(lam) / SAFETY
+        clock = self.clock if not written.time else written_digits.PARAMETERS.halves / SAFETY * written.time
+        return self.laws.values(self.record.t + clock, *self.moved, lam)
+
+    def recorded(self, y: Array) -> Array:
+        """By how much recorded reactions, multipliers or results may be off."""
+        written = SAFETY * (self.tolerance.atol if self.tolerance.written.unit else 0.0)
+        return np.asarray(SAFETY * self.tolerance.rtol * np.abs(y) + written)
 
     def noise(self, name: str) -> Array:
         """The noise of one of the `Values`, of its own shape, time first."""
-        return self.spread(getattr(self.values, name), getattr(self.moved_values, name))
+        found = self.spread(getattr(self.values, name), getattr(self.moved_values, name))
+        if self.tolerance.written.is_short and name in ("x", "u"):  # recorded, beside what the model says
+            found = found + self.recorded(getattr(self.record, name))
+        return found
 
     def spread(self, one: Array, moved: Array) -> Array:
         """The noise of any quantity from its values at the states and at the moved ones."""
@@ -261,7 +284,19 @@ class Evidence:
             # Nothing swings that fast, and what is at rest under a force is no motion.
             coarse &= self._swing.max(axis=0) > LAZY
         found[:own] = np.repeat(coarse, 3)
+        found[own:] = self._turns
         return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
+
+    @functools.cached_property
+    def _turns(self) -> bool:
+        """True if rows, forces or momenta turn too far with generalized coordinates from a row to the next, all along:
+        an error of a row lets few steps look so."""
+        if self.laws.index.first_generalized == self.laws.index.n:
+            return False
+        part = SAFETY * self.tolerance.rtol + FORCE_ROUNDOFF
+        fast = turning.steps(self.laws, self.record, part, self.tolerance.atol).sum(axis=0)
+        rows = len(self.record.t)
+        return bool((fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any())
 
     @functools.cached_property
     def particle_forces(self) -> Array:
@@ -300,7 +335,10 @@ class Evidence:
         """The noise of B^T lambda against R in a regular configuration, (T, n)."""
         R = np.abs(self.record.R_q)
         return np.asarray(
-            self.noise("pull") + FORCE_ROUNDOFF * (R + R.max(initial=0.0)) + self.tolerance.atol
+            self.noise("pull")
+            + FORCE_ROUNDOFF * (R + R.max(initial=0.0))
+            + self.tolerance.atol
+            + (self.recorded(R) if self.tolerance.written.is_short else 0.0)
         )
 
     @functools.cached_property

@@ -1,0 +1,150 @@
+"""Tables that were rounded by hand, incidents that are there twice or as another kind, and runs without events."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.auditing.checks.audit_report import Audit
+from lagcli.output.tables.incident_table import IncidentTable
+from lagcli.output.trajectory import Trajectory
+from tests.helpers.in_process import Command, command
+
+__all__ = ["command"]
+
+PENDULUM = """
+lagcli: 1
+particles: {a: {mass: 2, position: [0.6, 0, -0.8]}}
+forces: {w: {to: a, force: [0, 0, -9.81*m]}}
+holonomic: {rod: "norm(a) = 1", plane: "a.y = 0"}
+simulation: {duration: 2, samples: 121}
+"""
+ROPE = """
+lagcli: 1
+particles: {a: {mass: 1, position: [0.3, 0, 0], velocity: [0.5, 0, 1]}}
+forces: {w: {to: a, force: [0, 0, -9.81*m]}}
+inequality: {rope: {condition: "norm(a) <= 1", restitution: 0.4}}
+simulation: {duration: 3, samples: 601}
+"""
+SLEIGH = """
+lagcli: 1
+coordinates: {x: {value: 0, rate: 1}, y: 0, ph: {value: 0, rate: 0.4}}
+lagrangian: "(rate(x)**2+rate(y)**2)/2 + 0.1*rate(ph)**2/2 - 0.3*y"
+differential: {a: "sin(ph)*d(x) = cos(ph)*d(y)"}
+inequality: {wall: {condition: "x <= 1", restitution: 0.5}}
+simulation: {duration: 3, samples: 301}
+"""
+REBOUNDS = """
+lagcli: 1
+particles: {{a: {{mass: 1, position: [0.7, 0, -0.3], velocity: [0, 0, {vz}]}}}}
+forces: {{w: {{to: all, force: [0, 0, -9.81*m]}}}}
+holonomic: {{pl: "a.y = 0"}}
+inequality: {{rope: {{condition: "norm(a) <= 1", restitution: 0.5}}}}
+simulation: {{duration: 1, samples: 25, rtol: {rtol}, assemble: true}}
+"""
+
+
+def fails(found: Audit) -> list[str]:
+    return [check.name for check in found.checks if check.verdict == "fail"]
+
+
+def rounded(source: Path, target: Path, style: str) -> None:
+    """The table with its numbers as a format writes them, as a spreadsheet does."""
+    with source.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+
+    def short(cell: str) -> str:
+        try:
+            return format(float(cell), style)
+        except ValueError:
+            return cell
+
+    with target.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows([rows[0], *([short(cell) for cell in row] for row in rows[1:])])
+
+
+@pytest.mark.parametrize("style", [".15g", ".12g", ".10g", ".9g", ".8g", ".6g", ".9f", ".6f"])
+@pytest.mark.parametrize("text", [PENDULUM, ROPE, SLEIGH], ids=["pendulum", "rope", "sleigh"])
+def test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits(
+    command: Command, tmp_path: Path, text: str, style: str
+) -> None:
+    model, run, events = (tmp_path / name for name in ("m.yaml", "t.csv", "e.csv"))
+    model.write_text(text, encoding="utf-8")
+    has_events = "inequality" in text
+    more = ["--events", str(events)] if has_events else []
+    assert command("simulate", str(model), "-o", str(run), *more, "-q")[2] in (None, 0)
+    for path in (run, events)[: 1 + has_events]:
+        rounded(path, path, style)
+    out, _, code = command("audit", str(model), "--run", str(run), *more, "--json")
+    assert code in (None, 0), out
+    written = json.loads(out)["written"]
+    count = int(style[1:-1])
+    if count == 15:
+        assert written is None
+    else:
+        assert written == {"digits": count * style.endswith("g"), "decimals": count * style.endswith("f")}
+        word = "digits" if style.endswith("g") else "decimals"
+        shown = command("audit", str(model), "--run", str(run), *more)[0]
+        assert f"The table has {count} {word}: judged by them." in shown
+
+
+def rounded_run(run: Trajectory, digits: int, column: str = "", units: float = 0.0) -> Trajectory:
+    rows = np.vectorize(lambda x: float(f"{x:.{digits}g}"))(run.rows)
+    if column:
+        rows[60, run.columns.index(column)] += units * 10.0**-digits
+    return Trajectory(run.columns, rows, run.stats)
+
+
+@pytest.mark.parametrize("digits", [6, 8])
+def test_a_digit_beyond_the_rounding_and_a_rounded_wrong_motion_fail(digits: int) -> None:
+    model = lagcli.loads(PENDULUM)
+    run = lagcli.simulate(model)
+    assert not fails(lagcli.audit(model, rounded_run(run, digits)))
+    assert "positions" in fails(lagcli.audit(model, rounded_run(run, digits, "a.x", 50.0)))
+    other = lagcli.simulate(lagcli.loads(PENDULUM.replace("9.81", "9.815")))
+    assert {"accelerations", "columns"} <= set(fails(lagcli.audit(model, rounded_run(other, digits))))
+
+
+def test_a_rope_without_events_passes() -> None:
+    model = lagcli.loads(ROPE)
+    assert not fails(lagcli.audit(model, lagcli.simulate(model), events=None))
+
+
+@pytest.mark.parametrize(("vz", "rtol"), [(0.7921, 1e-6), (0.7921, 1e-4), (0.0967, 1e-4)])
+@pytest.mark.parametrize("event_rows", [False, True])
+def test_rebounds_near_their_accumulation_pass_at_a_wide_tolerance(
+    vz: float, rtol: float, event_rows: bool
+) -> None:
+    model = lagcli.loads(REBOUNDS.format(vz=vz, rtol=rtol))
+    run = lagcli.simulate(model, event_rows=event_rows)
+    assert not fails(lagcli.audit(model, run, events=run.events))
+    assert not fails(lagcli.audit(model, run))
+
+
+@pytest.mark.parametrize("text", [ROPE, SLEIGH], ids=["rope", "sleigh"])
+def test_incidents_that_are_repeated_renamed_or_idle_fail(text: str) -> None:
+    model = lagcli.loads(text)
+    run = lagcli.simulate(model)
+    e = run.events
+    assert lagcli.audit(model, run, events=e).passed
+    assert e.kinds[0] == "impact"
+    twice = IncidentTable(
+        e.columns, e.kinds[:1] + e.kinds, e.names[:1] + e.names, np.insert(e.numbers, 0, e.numbers[0], 0)
+    )
+    renamed = IncidentTable(e.columns, ("contact", *e.kinds[1:]), e.names, e.numbers)
+    idle = np.zeros(e.numbers.shape[1])
+    at = {name: k for k, name in enumerate(run.columns)}
+    columns = [name for name in e.columns if name not in ("kind", "name")]
+    for k, name in enumerate(columns):
+        own = name.removeprefix("before.").removeprefix("after.")
+        idle[k] = run.rows[3, at[own]] if own in at and not name.startswith("impulse.") else 0.0
+    phantom = IncidentTable(
+        e.columns, ("impact", *e.kinds), e.names[:1] + e.names, np.insert(e.numbers, 0, idle, 0)
+    )
+    for sabotaged in (twice, renamed, phantom):
+        assert "recorded" in fails(lagcli.audit(model, run, events=sabotaged))

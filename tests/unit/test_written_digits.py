@@ -1,0 +1,77 @@
+"""The digits of a table: how many all of its numbers have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagcli.auditing.evidence import written_digits
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.tolerances import SAFETY, Tolerance
+from lagcli.auditing.evidence.written_digits import ALL, PARAMETERS, WrittenDigits
+
+T = np.array([0.0, 0.5, 1.0])
+
+
+def generic(count: int = 400) -> Array:
+    return np.asarray(
+        np.random.default_rng(2).standard_normal(count) * 10.0 ** np.arange(-2, 2).repeat(count // 4)
+    )
+
+
+def rounded(numbers: Array, digits: int) -> Array:
+    return np.array([float(f"{x:.{digits}g}") for x in numbers])
+
+
+def of(numbers: Array, t: Array = T) -> WrittenDigits:
+    return written_digits.of(numbers[:, None], t)
+
+
+@pytest.mark.parametrize("digits", [6, 8, 9, 10, 12])
+def test_significant_digits_are_counted(digits: int) -> None:
+    assert of(rounded(generic(), digits)) == WrittenDigits(digits=digits)
+
+
+@pytest.mark.parametrize("decimals", [4, 6, 9])
+def test_decimals_are_counted(decimals: int) -> None:
+    assert of(np.round(generic(), decimals)) == WrittenDigits(decimals=decimals)
+
+
+def test_numbers_with_all_digits_are_not_rounded() -> None:
+    assert of(generic()) is ALL
+    assert of(np.concatenate([rounded(generic(), 8), [np.pi]])) is ALL
+    assert of(1e6 * (2 + generic())) is ALL
+
+
+@pytest.mark.parametrize(("digits", "is_short"), [(14, True), (15, False)])
+def test_a_table_of_fourteen_digits_is_rounded_and_one_of_fifteen_is_not(digits: int, is_short: bool) -> None:
+    assert of(rounded(generic(), digits)).is_short == is_short
+
+
+@pytest.mark.parametrize(("count", "is_short"), [(3, False), (4, True)])
+def test_four_numbers_tell_the_digits(count: int, is_short: bool) -> None:
+    numbers = np.array([1.234567, 2.345671, 3.456719, 4.567123])[:count]
+    assert of(numbers).is_short == is_short
+
+
+def test_no_more_than_two_thousand_numbers_are_looked_at_where_all_digits_are_there() -> None:
+    assert PARAMETERS.sample == 2000
+
+
+def test_a_digit_is_compared_with_two_units_in_the_last_place() -> None:
+    wide = Tolerance(1e-11, 1e-13).by(WrittenDigits(digits=8))
+    assert SAFETY * wide.rtol == pytest.approx(2e-7, rel=0.01)
+    wide = Tolerance(1e-11, 1e-13).by(WrittenDigits(decimals=8))
+    assert SAFETY * wide.atol == pytest.approx(2e-8, rel=0.01)
+    assert Tolerance(1e-11, 1e-13).by(ALL) == Tolerance(1e-11, 1e-13)
+
+
+def test_times_of_a_grid_are_exact_and_others_are_rounded() -> None:
+    assert of(rounded(generic(), 6)).time == 0
+    thirds = rounded(np.arange(4) / 3, 6)
+    assert of(rounded(generic(), 6), thirds).time == pytest.approx(5e-6)
+
+
+def test_of_two_tables_the_fewer_digits_count() -> None:
+    assert WrittenDigits(digits=8).coarser(WrittenDigits(digits=6)) == WrittenDigits(digits=6)
+    assert WrittenDigits(digits=8).coarser(ALL) == WrittenDigits(digits=8)
