@@ -159,6 +159,16 @@ class ContactChanges:
             self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
 
+    def at_switch(self, before: Floats) -> None:
+        """Decide the contacts anew where functions of t have switched: forces, and velocities of walls, may jump.
+
+        before: the line of the table on the other side.
+        """
+        here = self.here()
+        if here.near.any():
+            self._require_directions(here, np.flatnonzero(here.near).tolist())
+            self._change(here, None, before=before)
+
     def at(self, hits: tuple[int, ...], ahead: StateAhead | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
         run = self._run
@@ -193,9 +203,12 @@ class ContactChanges:
         ahead: StateAhead | None,
         is_start: bool = False,
         hits: tuple[int, ...] = (),
+        before: Floats | None = None,
     ) -> None:
         run, when, closed_before = self._run, self.events.now(), set(self.closed)
-        before = self.log.line() if ahead is None or ahead.before is None else ahead.before
+        is_switch, own = before is not None, self.log.line()
+        if before is None:
+            before = own if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
         impact = self._decided(lambda: contact_change.impact(here, self._restitution))
         is_apart = impact is not None and here.parts(impact.onward)
@@ -214,6 +227,9 @@ class ContactChanges:
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
+        if is_switch and impact is None and self._stays(here, mode.selection):
+            run.contacts = dataclasses.replace(run.contacts, touching=touching)
+            return
         line, crossed = None, {i - self._rows - self._count for i in hits}
         jumped: list[int] = []
         if impact is not None and impact.ended.any():
@@ -229,7 +245,8 @@ class ContactChanges:
         line = now if line is None else line
         if impact is not None:
             # What the impact takes away is work done there: the balance of the energy goes on.
-            run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
+            begin = own if is_switch else before
+            run.bound.y[-1] += now[line_functions.JACOBI] - begin[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
         fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
         ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
@@ -275,6 +292,12 @@ class ContactChanges:
             run.bind(run.bound.enforced.keeping(selection))
         self._project(v)
         contact_crossings.predict(run)
+
+    def _stays(self, here: ContactInstant, selection: Selection) -> bool:
+        """True where the run stands with these rows already, and on them."""
+        closed = [*self.closed, *self.idle]
+        is_on = (np.abs(here.speeds) <= here.speed_roundoff)[closed].all()
+        return bool(is_on) and selection == self._run.bound.enforced.selection
 
     def _project(self, v: Floats) -> None:
         bound = self._run.bound

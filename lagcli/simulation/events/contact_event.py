@@ -62,6 +62,8 @@ class ContactEvent(Event):
         self._at_end: list[int] = []
         # Numbers of declared events that are at zero at a switch, where they are decided.
         self._touched: list[int] = []
+        # The line of the table before a switch of functions of t, beyond which the contacts are decided anew.
+        self._before: Floats | None = None
         # Declared events that cross zero in the step, with the rounding of their values.
         self._crossed: dict[int, float] = {}
         self._current()
@@ -82,6 +84,7 @@ class ContactEvent(Event):
         """See `Event`."""
         run, found = self._stepper, self._stepper.found
         self._hits, self._ahead, self._at_end, self._crossed = (), None, [], {}
+        self._before = None
         if not found.is_open:
             return
         if found.is_still:
@@ -112,11 +115,15 @@ class ContactEvent(Event):
             self._end_series_at(limit)
 
     def _switch(self) -> None:
-        """Look at what functions of t make jump at a switch: declared events, and walls, which may not."""
+        """Look at what functions of t make jump at a switch: declared events, and walls, which may not.
+
+        Forces, and velocities of walls, may: which contacts press is decided beyond it.
+        """
         run, watch = self._stepper, self._current()
         before, after = watch.begin(), watch.end(run.found.reached)
         if self._system.contacts.count:
             self._changes.require_open(watch.functions.open_, after)
+            self._before, run.found.is_jump = self._changes.log.line(), True
         E = self._system.event_values.numel()
         if E:
             sides = before[-E:], after[-E:]
@@ -141,6 +148,9 @@ class ContactEvent(Event):
         self.end()
         hits, self._hits = self._hits, ()
         crossed, self._crossed = self._crossed, {}
+        if self._before is not None:
+            self._changes.at_switch(self._before)
+            run.settle()
         if hits:
             self._changes.at(hits, self._ahead)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:

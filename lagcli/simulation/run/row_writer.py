@@ -68,19 +68,22 @@ class RowWriter:
         return block.copy() if 2 * self._filled < len(self._lines) else block
 
     def put_begin(self) -> None:
-        """Write the row of the state where the run stands."""
+        """Write the next row from the state where the run stands."""
         run, rows = self._stepper, self._stepper.rows
         rows.at[0] = run.origin + run.t
         rows.begin.trigger()
+        rows.cells[0] = run.origin + run.row_time
         self._put_line()
 
     def put_state(self) -> bool:
-        """Write the row at the state where the run stands, if there is one; False where the block is full before."""
-        if self._stepper.row_time != self._stepper.t:
-            return True
-        if self._filled == self._capacity:
-            return False
-        self.put_begin()
+        """Write the rows at the state where the run stands, if there are any; False where the block is full before.
+
+        Behind a switch of functions of t they may lie a few roundings of the time before it.
+        """
+        while self._stepper.row_time <= self._stepper.t:
+            if self._filled == self._capacity:
+                return False
+            self.put_begin()
         return True
 
     def put_last(self) -> None:
@@ -109,7 +112,9 @@ class RowWriter:
         is_ordinary = not found.is_still and found.singular_step is None
         if is_ordinary and found.work is None and run.row_time < reached:
             self._put_inside()
-        while run.row_time <= reached and not (found.is_jump and run.row_time == reached):
+        while run.row_time <= reached:
+            if found.is_jump and (found.is_still or run.row_time == reached):
+                break
             if self._filled == capacity:
                 return False
             at = run.row_time
