@@ -20,6 +20,7 @@ from lagcli.simulation.closed_contacts.contact_instant import (
     Flags,
 )
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
+from lagcli.simulation.closed_contacts.contact_series import ContactOrders, MotionSeries
 from lagcli.simulation.events import contact_crossings
 from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
@@ -52,6 +53,7 @@ class ContactChanges:
         # A run that is resumed may stand with contacts closed.
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
+        self._series = MotionSeries(self._base)
         self.events = EventValues(stepper, self.log)
         self._restitution, self._names = system.model.restitution, system.model.contact_names
         self._kinked = named_functions.switching_contacts(system.model)
@@ -223,6 +225,10 @@ class ContactChanges:
             numbers = np.flatnonzero(level).tolist()
             sunk = self._sunk(here)
             forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
+            if look is after:
+                # The start is known exactly, other states to the tolerance.
+                known = 0.0 if is_start else float(run.tolerance[0])
+                forces = ContactOrders(self._series, after, known).decided(forces, np.flatnonzero(level))
             mode = self._decided(lambda: contact_mode.mode(self._open, after, forces, numbers, self._rows))
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
