@@ -37,7 +37,7 @@ LONGER = 16.0
 # The state by which contacts are judged that are released lies by this part of a step behind the instant; farther by
 # this factor each time that it does not decide.
 BEYOND, FARTHER = 1e-5, 4.0
-# Rounding of a declared function, as a part of its values at the ends of a step.
+# Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
 NOISE = 64 * float(np.finfo(float).eps)
 # A step is shortened to this part at the least.
 LEAST = 1e-3
@@ -228,8 +228,13 @@ class ContactEvent(Event):
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
         if not indices.size:
             return
+        begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
+        # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
+        gaps = indices < len(watch.functions.open_)
+        moved = NOISE * np.abs(end - begin)[indices]
+        noise[gaps] = np.maximum(noise, np.where(np.isfinite(moved), moved, 0.0))[gaps]
         if kinds.is_event[indices].any():
-            begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
+            begin, end = np.abs(begin), np.abs(end)
             sizes, is_event = np.maximum(begin, end), kinds.is_event[indices]
             # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
             rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
