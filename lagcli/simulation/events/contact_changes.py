@@ -270,7 +270,14 @@ class ContactChanges:
             ending=tuple(ending),
             shared=tuple(sorted(shared)),
         )
-        jumped += self.events.jumped(when, self.events.now())
+        changed = self.events.jumped(when, self.events.now())
+        if fresh:
+            # A multiplier jumps, as the contact closes, where the rebounds that are left out are at their end.
+            until = max(t for _, t in ending)
+            postponed = {**dict(run.contacts.postponed), **dict.fromkeys(set(changed) - crossed, until)}
+            run.contacts = dataclasses.replace(run.contacts, postponed=tuple(sorted(postponed.items())))
+        else:
+            jumped += changed
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
@@ -280,7 +287,8 @@ class ContactChanges:
         """Tell of series of rebounds that end at the state where the run stands."""
         run = self._run
         due = [j for j, t in run.contacts.ending if t <= run.t]
-        if not due:
+        events = [number for number, t in run.contacts.postponed if t <= run.t or not run.contacts.ending]
+        if not (due or events):
             return
         line = self.log.line()
         kinds: tuple[Kind, ...] = ("accumulation", "contact")
@@ -288,7 +296,10 @@ class ContactChanges:
             for j in due:
                 self.log.report(kind, self._names[j], InstantLines(line, line))
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
-        run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
+        later = tuple(each for each in run.contacts.postponed if each[0] not in events)
+        last = run.t if due else run.contacts.last
+        run.contacts = dataclasses.replace(run.contacts, ending=left, postponed=later, last=last)
+        self.events.report(events)
 
     def _go_on(self, selection: Selection, v: Floats) -> None:
         """Go on with these rows, from velocities v (n,)."""
