@@ -215,5 +215,8 @@ class ContactOrders:
             entries @ (np.abs(here.metric.solved(h_size)) + np.abs(found.x)) + sizes[1][asked]
         )
         presses = found.of_contacts * here.squares(asked) > room
+        if closed and not found.unique[-asked.size :][presses].all():
+            # A load that they share with contacts which press already: how, the run finds as their loads grow.
+            return None
         parts = ~presses & (found.slack > room)
         return asked[presses].tolist(), asked[parts].tolist()
