@@ -52,11 +52,13 @@ def test_a_small_sphere_by_its_square_has_a_gradient():
 
 @pytest.mark.parametrize("e", [0, 0.5, 1])
 @pytest.mark.parametrize("way", [[1, 1, 0], [2, 1, 0]])
-def test_a_corner_of_one_condition_that_is_hit_exactly_has_no_direction(way, e):
-    place = [1 - way[0] / 2, 1 - way[1] / 2, 0]
-    stop = reason(CORNER, place, way, e)
-    assert "the gradient jumps where the contact closes" in str(stop)
-    assert stop.t == pytest.approx(0.5, abs=1e-12)
+def test_a_corner_of_one_condition_that_is_hit_exactly_is_decided_by_its_walls(way, e):
+    start = [1 - way[0] / 2, 1 - way[1] / 2, 0]
+    found = run(CORNER, start, way, e, duration=0.8)
+    assert [found[f"a.v{axis}"][-1] for axis in "xy"] == pytest.approx([-e * v for v in way[:2]], abs=1e-12)
+    incidents = list(zip(found.events["kind"], found.events["name"], strict=True))
+    assert incidents == [("impact", "wall[2]"), ("impact", "wall[4]")]
+    assert list(found.events["t"]) == pytest.approx([0.5, 0.5], abs=1e-12)
 
 
 def test_a_wall_is_no_corner_however_near():

@@ -131,6 +131,10 @@ class ContactChanges:
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap cannot be told apart."""
+        ending = np.flatnonzero(~np.isfinite(self.here().g)) if self._count else ()
+        if len(ending):
+            names = ", ".join(f"`{self._names[j]}`" for j in ending)
+            return f"{contact_change.NO_GRADIENT}: {names}"
         return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
 
     def _sunk(self, here: ContactInstant) -> Flags:
