@@ -166,13 +166,16 @@ class ContactChanges:
             self._change(here, None, is_start=True)
 
     def at_switch(self, before: Floats) -> None:
-        """Decide the contacts anew where functions of t have switched: forces, and velocities of walls, may jump.
+        """Decide the contacts anew where functions of t, or in closed contacts, have switched: forces, velocities of
+        walls and their gradients may jump.
 
-        before: the line of the table on the other side.
+        before: the line of the table on the other side. At an edge only an impact asks for one gradient.
         """
         here = self.here()
         if here.near.any():
-            self._require_directions(here, np.flatnonzero(here.near).tolist())
+            approaching = here.near & (here.speeds < -here.slow)
+            if approaching.any():
+                self._require_directions(here, np.flatnonzero(approaching).tolist())
             self._change(here, None, before=before)
 
     def at(self, hits: tuple[int, ...], ahead: StateAhead | None) -> None:

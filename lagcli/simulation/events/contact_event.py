@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
+from lagcli.equations import named_functions
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.event import Event
@@ -27,6 +29,9 @@ from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
 from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from lagcli.simulation.events.contact_edges import ContactEdges
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -52,6 +57,12 @@ class ContactEvent(Event):
         self._stepper = stepper
         self._system = stepper.bound.enforced.system
         self._changes = ContactChanges(stepper)
+        # None where no condition has an edge.
+        self._edges: ContactEdges | None = None
+        if named_functions.switching_contacts(self._system.model).any():
+            from lagcli.simulation.events.contact_edges import ContactEdges
+
+            self._edges = ContactEdges(stepper)
         stepper.found.keeps_stages = True
         self._functions: dict[object, WatchFunctions] = {}
         self._watch: StepWatch | None = None
@@ -79,6 +90,10 @@ class ContactEvent(Event):
             at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
         run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
         run.settle()
+
+    def passes(self) -> bool:
+        """See `Event`."""
+        return self._edges is not None and self._edges.passes()
 
     def cut(self) -> None:
         """See `Event`."""

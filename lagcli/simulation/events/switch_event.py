@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -48,7 +50,7 @@ class SwitchEvent(Event):
         here = run.state_at(run.t, y)
         acceleration = self._acceleration(here)
         if not _is_same((y, k), (projected, rate), dt, acceleration):
-            project = self._opened
+            project = functools.partial(opened, run)
             projected, rate = project(after, y)
             beside = run.state_at(after, y)
             if self._jumps(here, beside) or not _is_same((y, k), (projected, rate), dt, acceleration):
@@ -59,16 +61,6 @@ class SwitchEvent(Event):
         step.is_open = step.is_still = True
         step.reached, step.taken, step.proposed = after, dt, run.control.step
         return True
-
-    def _opened(self, t: float, y: Floats) -> list[Floats]:
-        """A state y (2n + 1,), and y', on the equality rows alone: what a wall that is suddenly faster or slower does
-        to it is no matter of rows but of contacts."""
-        bound = self._stepper.bound
-        rows = len(bound.enforced.system.rows.rows)
-        opened = bound.enforced.keeping(bound.enforced.selection.opened(rows))
-        found = opened.functions.numeric.project(t, y, bound.p)[:2]
-        self._stepper.statistics.evaluations += 1
-        return [np.array(each).ravel() for each in found]
 
     def _jumps(self, here: State, beyond: State) -> bool:
         """True where the wall of a closed contact is elsewhere on the other side, however fast it may be."""
@@ -94,6 +86,17 @@ class SwitchEvent(Event):
         ]
         run.statistics.evaluations += len(rates)
         return stop_diagnosis.is_pole(rates)
+
+
+def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:
+    """A state y (2n + 1,), and y', on the equality rows alone: what a wall that is suddenly faster or slower, or has
+    another direction, does to it is no matter of rows but of contacts."""
+    bound = run.bound
+    rows = len(bound.enforced.system.rows.rows)
+    functions = bound.enforced.keeping(bound.enforced.selection.opened(rows)).functions
+    found = functions.numeric.project(t, y, bound.p)[:2]
+    run.statistics.evaluations += 1
+    return [np.array(each).ravel() for each in found]
 
 
 def _is_same(
