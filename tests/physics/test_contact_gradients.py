@@ -81,16 +81,3 @@ def test_a_stadium_is_hit_where_its_curvature_jumps():
     assert list(found.events["t"]) == pytest.approx([1, 2, 3], abs=1e-12)
     assert [found[f"a.v{axis}"][-1] for axis in "xy"] == pytest.approx([-1, 1], abs=1e-12)
     assert np.abs(found["energy"] / found["energy"][0] - 1).max() < 1e-14
-
-
-@pytest.mark.parametrize(
-    ("condition", "place", "way"),
-    [
-        ("a.z >= min(0.5*a.x + 1, 1)", [-1, 0, 0.5], [2, 0, 1]),
-        ("a.z >= -abs(a.x)", [0.5, 0, -0.5], [-2, 0, 2]),
-    ],
-)
-def test_a_contact_that_slides_over_an_edge_is_reported(condition, place, way):
-    stop = reason(condition, place, way, 0, weight=True)
-    assert "the gradient of the closed contact" in str(stop)
-    assert "jumps there" in str(stop)

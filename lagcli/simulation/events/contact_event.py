@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
 from lagcli.equations import named_functions
+from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.event import Event
@@ -244,6 +245,7 @@ class ContactEvent(Event):
         if not indices.size:
             return
         begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
+        self._require_pushes(watch, indices, begin[indices] / PARAMETERS.clearly < -noise)
         # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
         gaps = indices < len(watch.functions.open_)
         moved = NOISE * np.abs(end - begin)[indices]
@@ -283,6 +285,18 @@ class ContactEvent(Event):
             found.within += [
                 self._event(watch, x, index, kinds.names[index]) for index in indices[rows].tolist()
             ]
+
+    def _require_pushes(self, watch: StepWatch, indices: Indices, pulls: npt.NDArray[np.bool_]) -> None:
+        """Raise `StepFailure` where a contact that is closed pulls at the begin of a step, clearly: no row is to be made
+        of that, whatever has closed it."""
+        functions = watch.functions
+        pulling = indices[pulls & (indices >= len(functions.open_))]
+        names = [
+            f"`{self._system.multiplier_rows[watch.functions.kinds.numbers[i]].name}`"
+            for i in pulling[pulling < len(functions.open_) + len(functions.closed)].tolist()
+        ]
+        if names:
+            raise StepFailure(f"the closed contacts {', '.join(names)} would pull there", run_stop.CONTACT)
 
     def _crossing(
         self,
