@@ -60,6 +60,7 @@ class GradientParameters:
 
 PARAMETERS = GradientParameters()
 
+
 def require(here: ContactInstant, fallen: Flags, kinked: Flags) -> None:
     """Raise `ContactsUndecided` for a contact that is closed and has no gradient to push along, (K,): one of those
     that have `fallen`, which vanishes, or one that is `kinked` by its expression, and jumps."""

@@ -193,14 +193,14 @@ class ContactOrders:
         held, asked = np.array(closed, dtype=np.intp), np.array(left, dtype=np.intp)
         # What is nothing but rounding moves nothing.
         h = np.where(np.abs(h) > self._rounding * h_size, h, 0.0)
-        wanted = tuple(np.where(np.abs(w) > self._rounding * s, w, 0.0) for w, s in zip(wanted, sizes, strict=True))
+        wanted = tuple(
+            np.where(np.abs(w) > self._rounding * s, w, 0.0) for w, s in zip(wanted, sizes, strict=True)
+        )
         first = G.first
         rows = stacked(B.first, first[held.tolist(), :])
         equations = rows, np.concatenate([wanted[0], wanted[1][held]])
         try:
-            found = impact_law.forces(
-                here.metric, h, equations, (first[asked.tolist(), :], wanted[1][asked])
-            )
+            found = impact_law.forces(here.metric, h, equations, (first[asked.tolist(), :], wanted[1][asked]))
         except impact_law.LawError:
             return None
         count = wanted[0].size

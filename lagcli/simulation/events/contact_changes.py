@@ -111,9 +111,11 @@ class ContactChanges:
 
     def require_open(self, contacts: list[int], g: Floats) -> None:
         """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
-        their gaps: their walls jump."""
-        here = self.here()
-        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < -2 * here.touching_gap[j]]
+        their gaps: their walls jump, and do not only move."""
+        run = self._run
+        there = self._instant(run.found.reached, run.bound.new)
+        least = -2 * (there.touching_gap + run.found.taken * np.abs(there.speeds))
+        deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < least[j]]
         if deep:
             raise self._jump(*max(deep))
 
@@ -172,7 +174,8 @@ class ContactChanges:
         before: the line of the table on the other side. At an edge only an impact asks for one gradient.
         """
         here = self.here()
-        if here.near.any():
+        # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
+        if here.near.any() or self.closed or self.idle:
             approaching = here.near & (here.speeds < -here.slow)
             if approaching.any():
                 self._require_directions(here, np.flatnonzero(approaching).tolist())
@@ -230,7 +233,7 @@ class ContactChanges:
         mode = ContactMode(self._open, ())
         if level.any():
             numbers = np.flatnonzero(level).tolist()
-            sunk = self._sunk(here)
+            sunk = None if is_switch else self._sunk(here)
             forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
             if look is after:
                 # The start is known exactly, other states to the tolerance.
