@@ -275,7 +275,10 @@ def _angle(y: Series, x: Series) -> Series:
 
 
 def _shifted_to(a: Series, value: float) -> Series:
-    return Series(np.concatenate([[value], a.c[1:]]), a.size) if a.known else NOTHING
+    """The series with another value at the instant."""
+    if not a.known:
+        return NOTHING
+    return Series(np.concatenate([[value], a.c[1:]]), np.concatenate([a.size[:1] + abs(value), a.size[1:]]))
 
 
 def _arctangent(a: Series) -> Series:

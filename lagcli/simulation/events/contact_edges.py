@@ -1,4 +1,4 @@
-"""Edges of closed contacts: where `min`, `max` or `abs` in a condition switches along the motion, its gradient jumps."""
+"""Edges of closed contacts: where `min`, `max` or `abs` in a condition switches in the motion, its gradient jumps."""
 
 from __future__ import annotations
 

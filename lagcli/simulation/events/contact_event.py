@@ -287,8 +287,8 @@ class ContactEvent(Event):
             ]
 
     def _require_pushes(self, watch: StepWatch, indices: Indices, pulls: npt.NDArray[np.bool_]) -> None:
-        """Raise `StepFailure` where a contact that is closed pulls at the begin of a step, clearly: no row is to be made
-        of that, whatever has closed it."""
+        """Raise `StepFailure` where a contact that is closed pulls at the begin of a step, clearly: no row is made of
+        that, whatever has closed it."""
         functions = watch.functions
         pulling = indices[pulls & (indices >= len(functions.open_))]
         names = [

@@ -141,7 +141,7 @@ class RowWriter:
         return True
 
     def _put_inside(self, before: float) -> None:
-        """Write the rows before a time in an ordinary step, or its end, as `put_rows` would, up to one that is not finite.
+        """Write the rows before a time in an ordinary step, as `put_rows` would, up to one that is not finite.
 
         Nearly all rows of nearly all tables are such: what they do not need is not asked for.
         """
