@@ -19,7 +19,7 @@ from lagcli.equations import operation_graph
 Floats = npt.NDArray[np.float64]
 
 
-class Series(NamedTuple):
+class PowerSeries(NamedTuple):
     """Coefficients c_0, c_1, ... of powers of the time from the instant on, and the sizes of their terms."""
 
     c: Floats
@@ -27,18 +27,18 @@ class Series(NamedTuple):
 
     @property
     def known(self) -> int:
-        """How many coefficients are known."""
+        """The number of coefficients that are known."""
         return int(self.c.size)
 
 
-def constant(value: float, count: int) -> Series:
+def constant(value: float, count: int) -> PowerSeries:
     """A number, with so many coefficients."""
     c = np.zeros(count)
     c[:1] = value
-    return Series(c, np.abs(c))
+    return PowerSeries(c, np.abs(c))
 
 
-NOTHING = Series(np.zeros(0), np.zeros(0))
+NOTHING = PowerSeries(np.zeros(0), np.zeros(0))
 
 
 class SeriesFunction:
@@ -48,12 +48,14 @@ class SeriesFunction:
         self._instructions = operation_graph.instructions(function)
         self._sizes = [function.nnz_out(i) for i in range(function.n_out())]
 
-    def at(self, arguments: Sequence[Sequence[Series]], count: int, rounding: float) -> list[list[Series]]:
+    def at(
+        self, arguments: Sequence[Sequence[PowerSeries]], count: int, rounding: float
+    ) -> list[list[PowerSeries]]:
         """The series of all results, entry by entry, with `count` coefficients or fewer.
 
         rounding: coefficients that are this part of their terms are zero where a switch is decided.
         """
-        rules, work = _Rules(count, rounding), dict[int, Series]()
+        rules, work = _Rules(count, rounding), dict[int, PowerSeries]()
         found = [[constant(0.0, count)] * size for size in self._sizes]
         with np.errstate(all="ignore"):
             for op, operands, result, value in self._instructions:
@@ -70,12 +72,12 @@ class SeriesFunction:
 
 
 class _Rules:
-    """What operations make of series."""
+    """Operations on series."""
 
     def __init__(self, count: int, rounding: float) -> None:
         self._count, self._rounding = count, rounding
 
-    def of(self, op: int, parts: list[Series]) -> Series:
+    def of(self, op: int, parts: list[PowerSeries]) -> PowerSeries:
         """An operation on series; one that is not known says nothing."""
         if op in (ca.OP_FABS, ca.OP_SIGN):
             side = self._side(parts[0])
@@ -95,7 +97,7 @@ class _Rules:
         rule = _RULES.get(op)
         return NOTHING if rule is None else rule(*parts)
 
-    def _side(self, u: Series) -> float:
+    def _side(self, u: PowerSeries) -> float:
         """The sign just after the instant: that of the first coefficient that is not zero."""
         leading = np.flatnonzero(np.abs(u.c) > self._rounding * u.size)
         return float(np.sign(u.c[leading[0]])) if leading.size else 0.0
@@ -109,37 +111,37 @@ _COMPARED: dict[int, Callable[[float], bool]] = {
 }
 
 
-def _sum(a: Series, b: Series, sign: float = 1.0) -> Series:
+def _sum(a: PowerSeries, b: PowerSeries, sign: float = 1.0) -> PowerSeries:
     n = min(a.known, b.known)
-    return Series(a.c[:n] + sign * b.c[:n], a.size[:n] + b.size[:n])
+    return PowerSeries(a.c[:n] + sign * b.c[:n], a.size[:n] + b.size[:n])
 
 
-def _scaled(a: Series, factor: float) -> Series:
-    return Series(factor * a.c, abs(factor) * a.size)
+def _scaled(a: PowerSeries, factor: float) -> PowerSeries:
+    return PowerSeries(factor * a.c, abs(factor) * a.size)
 
 
-def _shifted(a: Series, value: float) -> Series:
+def _shifted(a: PowerSeries, value: float) -> PowerSeries:
     """a + value."""
     return _sum(a, constant(value, a.known))
 
 
-def product(a: Series, b: Series) -> Series:
+def product(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     """a b."""
     n = min(a.known, b.known)
     if not n:
         return NOTHING
-    return Series(np.convolve(a.c[:n], b.c[:n])[:n], np.convolve(a.size[:n], b.size[:n])[:n])
+    return PowerSeries(np.convolve(a.c[:n], b.c[:n])[:n], np.convolve(a.size[:n], b.size[:n])[:n])
 
 
-def _made(n: int, coefficient: Callable[[int, Floats, Floats], tuple[float, float]]) -> Series:
+def _made(n: int, coefficient: Callable[[int, Floats, Floats], tuple[float, float]]) -> PowerSeries:
     """A series, coefficient by coefficient: k, coefficients and sizes before it -> the next."""
     c, size = np.zeros(n), np.zeros(n)
     for k in range(n):
         c[k], size[k] = coefficient(k, c, size)
-    return Series(c, size)
+    return PowerSeries(c, size)
 
 
-def _quotient(a: Series, b: Series) -> Series:
+def _quotient(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     n = min(a.known, b.known)
     if not n or b.c[0] == 0.0:
         return NOTHING
@@ -152,7 +154,7 @@ def _quotient(a: Series, b: Series) -> Series:
     return _made(n, coefficient)
 
 
-def _root(a: Series) -> Series:
+def _root(a: PowerSeries) -> PowerSeries:
     if not a.known or not a.c[0] > 0.0:
         return constant(0.0, a.known) if not a.size.any() else NOTHING
 
@@ -166,7 +168,7 @@ def _root(a: Series) -> Series:
     return _made(a.known, coefficient)
 
 
-def _exponential(a: Series) -> Series:
+def _exponential(a: PowerSeries) -> PowerSeries:
     def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
         if k == 0:
             value = float(np.exp(a.c[0]))
@@ -179,11 +181,11 @@ def _exponential(a: Series) -> Series:
     return _made(a.known, coefficient)
 
 
-def _wave(a: Series, of: Callable[[float], float], sign: float) -> tuple[Series, Series]:
+def _wave(a: PowerSeries, of: Callable[[float], float], sign: float) -> tuple[PowerSeries, PowerSeries]:
     """sin and cos, or sinh and cosh, of a series: `of` is the first, sign that of its second derivative."""
     n = a.known
     c, size = np.zeros((2, n)), np.zeros((2, n))
-    other = {np.sin: np.cos, np.sinh: np.cosh}[of]
+    other = np.cos if sign < 0 else np.cosh
     for k in range(n):
         if k == 0:
             c[:, 0] = of(a.c[0]), other(a.c[0])
@@ -194,32 +196,32 @@ def _wave(a: Series, of: Callable[[float], float], sign: float) -> tuple[Series,
         u, sizes = weights * a.c[1 : k + 1], weights * a.size[1 : k + 1]
         c[:, k] = u @ c[1, :k][::-1], sign * (u @ c[0, :k][::-1])
         size[:, k] = sizes @ size[1, :k][::-1], sizes @ size[0, :k][::-1]
-    return Series(c[0], size[0]), Series(c[1], size[1])
+    return PowerSeries(c[0], size[0]), PowerSeries(c[1], size[1])
 
 
-def _integral(rate: Series, value: float, argument: Series) -> Series:
+def _integral(rate: PowerSeries, value: float, argument: PowerSeries) -> PowerSeries:
     """The function with this value at the instant whose rate is `rate` times that of its argument."""
     n = argument.known
     if not n:
         return NOTHING
     steps = np.arange(1, n)
-    own = Series(argument.c[1:] * steps, argument.size[1:] * steps)
+    own = PowerSeries(argument.c[1:] * steps, argument.size[1:] * steps)
     slope = product(rate, own) if n > 1 else NOTHING
     m = slope.known
     c = np.concatenate([[value], slope.c / steps[:m]])
     size = abs(value) + float(np.abs(rate.c[:1]).sum()) * argument.size[0]
-    return Series(c, np.concatenate([[size], slope.size / steps[:m]]))
+    return PowerSeries(c, np.concatenate([[size], slope.size / steps[:m]]))
 
 
-def _square(a: Series) -> Series:
+def _square(a: PowerSeries) -> PowerSeries:
     return product(a, a)
 
 
-def _inverse(a: Series) -> Series:
+def _inverse(a: PowerSeries) -> PowerSeries:
     return _quotient(constant(1.0, a.known), a)
 
 
-def _arc(a: Series, sign: float) -> Series:
+def _arc(a: PowerSeries, sign: float) -> PowerSeries:
     """asin with the sign 1, acos with -1."""
     if not a.known:
         return NOTHING
@@ -228,13 +230,13 @@ def _arc(a: Series, sign: float) -> Series:
     return _integral(_scaled(_inverse(_root(under)), sign), float(value), a)
 
 
-def _logarithm(a: Series) -> Series:
+def _logarithm(a: PowerSeries) -> PowerSeries:
     if not a.known or not a.c[0] > 0.0:
         return NOTHING
     return _integral(_inverse(a), float(np.log(a.c[0])), a)
 
 
-def _power(a: Series, b: Series) -> Series:
+def _power(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     if not (a.known and b.known):
         return NOTHING
     exponent = float(b.c[0])
@@ -245,14 +247,14 @@ def _power(a: Series, b: Series) -> Series:
                 made = product(made, a)
             return made if exponent >= 0 else _inverse(made)
         if a.c[0] == 0.0 and exponent == int(exponent) > 0 and a.known:
-            return Series(np.zeros(a.known), np.zeros(a.known))
+            return PowerSeries(np.zeros(a.known), np.zeros(a.known))
     if a.c[0] < 0.0 and exponent == int(exponent) and not b.c[1:].any():
         made = _exponential(product(_logarithm(_scaled(a, -1.0)), b))
         return _scaled(made, -1.0) if int(exponent) % 2 else made
     return _exponential(product(_logarithm(a), b))
 
 
-def _tanh(a: Series) -> Series:
+def _tanh(a: PowerSeries) -> PowerSeries:
     n = a.known
     if not n:
         return NOTHING
@@ -260,11 +262,11 @@ def _tanh(a: Series) -> Series:
     for k in range(1, n):
         # Each turn knows one coefficient more of 1 - tanh^2.
         rate = _shifted(_scaled(_square(made), -1.0), 1.0)
-        made = _integral(rate, float(made.c[0]), Series(a.c[: k + 1], a.size[: k + 1]))
+        made = _integral(rate, float(made.c[0]), PowerSeries(a.c[: k + 1], a.size[: k + 1]))
     return made
 
 
-def _angle(y: Series, x: Series) -> Series:
+def _angle(y: PowerSeries, x: PowerSeries) -> PowerSeries:
     """atan2(y, x), of the turned quotient that has a divisor."""
     if not (y.known and x.known):
         return NOTHING
@@ -274,20 +276,22 @@ def _angle(y: Series, x: Series) -> Series:
     return _shifted_to(_scaled(_arctangent(_quotient(x, y)), -1.0), value)
 
 
-def _shifted_to(a: Series, value: float) -> Series:
+def _shifted_to(a: PowerSeries, value: float) -> PowerSeries:
     """The series with another value at the instant."""
     if not a.known:
         return NOTHING
-    return Series(np.concatenate([[value], a.c[1:]]), np.concatenate([a.size[:1] + abs(value), a.size[1:]]))
+    return PowerSeries(
+        np.concatenate([[value], a.c[1:]]), np.concatenate([a.size[:1] + abs(value), a.size[1:]])
+    )
 
 
-def _arctangent(a: Series) -> Series:
+def _arctangent(a: PowerSeries) -> PowerSeries:
     if not a.known:
         return NOTHING
     return _integral(_inverse(_shifted(_square(a), 1.0)), float(np.arctan(a.c[0])), a)
 
 
-_RULES: dict[int, Callable[..., Series]] = {
+_RULES: dict[int, Callable[..., PowerSeries]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _sum,
     ca.OP_SUB: lambda a, b: _sum(a, b, -1.0),

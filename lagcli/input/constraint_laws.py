@@ -215,7 +215,7 @@ class _Pieces:
             if node.function == "abs" and sign < 0:
                 return [part for way in (1, -1) for part in self._of(node.arguments[0], way)]
         if isinstance(node, tree.Product):
-            numbers = [each for each in node.factors if isinstance(each[1], tree.Number)]
+            numbers = [(way, each) for way, each in node.factors if isinstance(each, tree.Number)]
             others = [each for each in node.factors if not isinstance(each[1], tree.Number)]
             if len(others) == 1 and others[0][0] > 0:
                 by = "".join(f"{'*' if way > 0 else '/'}{number.text}" for way, number in numbers)

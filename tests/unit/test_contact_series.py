@@ -9,7 +9,7 @@ import sympy
 
 import lagcli
 from lagcli.equations import power_series
-from lagcli.equations.power_series import Series, SeriesFunction
+from lagcli.equations.power_series import PowerSeries, SeriesFunction
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.closed_contacts import contact_series
 
@@ -43,9 +43,9 @@ EXPRESSIONS = [
 
 def series_of(
     expression: ca.SX, symbols: list[ca.SX], arguments: list[list[float]], rounding: float = 1e-14
-) -> Series:
+) -> PowerSeries:
     function = SizedFunction("f", symbols, [ca.densify(expression)])
-    given = [[Series(np.array(a), np.abs(a))] for a in arguments]
+    given = [[PowerSeries(np.array(a), np.abs(a))] for a in arguments]
     return SeriesFunction(function).at(given, COUNT, rounding)[0][0]
 
 

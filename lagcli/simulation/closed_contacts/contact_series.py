@@ -16,7 +16,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.contact import impact_law
 from lagcli.contact.least_distance import EPS
 from lagcli.equations import power_series
-from lagcli.equations.power_series import Series, SeriesFunction
+from lagcli.equations.power_series import PowerSeries, SeriesFunction
 from lagcli.linear.metric_rows import Sparse, sparse, stacked
 from lagcli.simulation.closed_contacts.contact_change import ContactForces
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Floats, Numbers
@@ -66,7 +66,7 @@ class MotionSeries:
             found.append((np.asarray(rows, np.intp), np.asarray(columns, np.intp), sparsity.shape))
         return found
 
-    def at(self, here: ContactInstant, a: list[Floats], rounding: float) -> list[list[Series]]:
+    def at(self, here: ContactInstant, a: list[Floats], rounding: float) -> list[list[PowerSeries]]:
         """The results of `NumericSystem.contact_motion` where a_0, a_1, ... are the accelerations, and none beyond."""
         s, count = here.state, PARAMETERS.orders
         n = s.q.size
@@ -79,7 +79,7 @@ class MotionSeries:
         q[:, 1:] = v[:, :-1] / np.arange(1, count)
         arguments = [
             [time],
-            *([Series(row, np.abs(row)) for row in part] for part in (q, v)),
+            *([PowerSeries(row, np.abs(row)) for row in part] for part in (q, v)),
             [power_series.constant(value, count) for value in s.p.tolist()],
         ]
         return self._function.at(arguments, count, rounding)
@@ -94,7 +94,7 @@ class _Terms:
     known: int
 
 
-def _terms(series: list[Series]) -> _Terms:
+def _terms(series: list[PowerSeries]) -> _Terms:
     known = min((each.known for each in series), default=PARAMETERS.orders)
     c, size = (
         np.array([getattr(each, part)[:known] for each in series]).reshape(len(series), known)
@@ -186,26 +186,27 @@ class ContactOrders:
             (-1.0, inertia.later(a, k)),
         ):
             h, h_size = h + sign * value, h_size + size
-        of_rows, rows_size = B.later(a, k)
-        of_contacts, contacts_size = G.later(a, k)
-        wanted = gamma.c[:, k] - of_rows, gamma_contacts.c[:, k] - of_contacts
-        sizes = gamma.size[:, k] + rows_size, gamma_contacts.size[:, k] + contacts_size
-        held, asked = np.array(closed, dtype=np.intp), np.array(left, dtype=np.intp)
-        # What is nothing but rounding moves nothing.
+        (of_rows, rows_size), (moved, moved_size) = B.later(a, k), G.later(a, k)
+        wanted = gamma.c[:, k] - of_rows, gamma_contacts.c[:, k] - moved
+        sizes = gamma.size[:, k] + rows_size, gamma_contacts.size[:, k] + moved_size
+        fixed, asked = np.array(closed, dtype=np.intp), np.array(left, dtype=np.intp)
+        # All that is nothing but rounding moves nothing.
         h = np.where(np.abs(h) > self._rounding * h_size, h, 0.0)
-        wanted = tuple(
+        of_equalities, of_contacts = (
             np.where(np.abs(w) > self._rounding * s, w, 0.0) for w, s in zip(wanted, sizes, strict=True)
         )
         first = G.first
-        rows = stacked(B.first, first[held.tolist(), :])
-        equations = rows, np.concatenate([wanted[0], wanted[1][held]])
+        rows = stacked(B.first, first[fixed.tolist(), :])
+        equations = rows, np.concatenate([of_equalities, of_contacts[fixed]])
         try:
-            found = impact_law.forces(here.metric, h, equations, (first[asked.tolist(), :], wanted[1][asked]))
+            found = impact_law.forces(
+                here.metric, h, equations, (first[asked.tolist(), :], of_contacts[asked])
+            )
         except impact_law.LawError:
             return None
-        count = wanted[0].size
+        count = of_equalities.size
         push = np.zeros(G.first.shape[0])
-        push[held], push[asked] = found.of_equalities[count:], found.of_contacts
+        push[fixed], push[asked] = found.of_equalities[count:], found.of_contacts
         a.append(found.x)
         equal.append(found.of_equalities[:count])
         pushes.append(push)

@@ -27,6 +27,7 @@ from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StateAhead
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.between_steps import ContactState
 from lagcli.simulation.run_state.incident import Kind
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import line_functions
@@ -107,7 +108,8 @@ class ContactChanges:
     def _require_apart(self, here: ContactInstant, room: float) -> None:
         deep = np.flatnonzero(here.g < -room * here.touching_gap).tolist()
         if deep:
-            raise self._jump(*max((float(-here.g[j]), j) for j in deep))
+            depth, contact = max((float(-here.g[j]), j) for j in deep)
+            raise _jump(self._run, self._names[contact], depth)
 
     def require_open(self, contacts: list[int], g: Floats) -> None:
         """Raise `StepFailure` where open contacts are violated at a switch, with watched values g beginning with
@@ -117,19 +119,8 @@ class ContactChanges:
         least = -2 * (there.touching_gap + run.found.taken * np.abs(there.speeds))
         deep = [(float(-g[i]), j) for i, j in enumerate(contacts) if g[i] < least[j]]
         if deep:
-            raise self._jump(*max(deep))
-
-    def _jump(self, depth: float, contact: int) -> StepFailure:
-        name = self._names[contact]
-        if contact_crossings.is_near(self._run):
-            return contact_crossings.stop(
-                self._run, f"the gap of `{name}` is not known better than to {depth:.3g}"
-            )
-        return StepFailure(
-            f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
-            " impulse",
-            run_stop.CONTACT,
-        )
+            depth, contact = max(deep)
+            raise _jump(run, self._names[contact], depth)
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap cannot be told apart."""
@@ -230,20 +221,13 @@ class ContactChanges:
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
-        mode = ContactMode(self._open, ())
-        if level.any():
-            numbers = np.flatnonzero(level).tolist()
-            sunk = None if is_switch else self._sunk(here)
-            forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
-            if look is after:
-                # The start is known exactly, other states to the tolerance.
-                known = 0.0 if is_start else float(run.tolerance[0])
-                forces = ContactOrders(self._series, after, known).decided(forces, np.flatnonzero(level))
-            mode = self._decided(lambda: contact_mode.mode(self._open, after, forces, numbers, self._rows))
+        # The start is known exactly, other states to the tolerance.
+        known = 0.0 if is_start else float(run.tolerance[0])
+        mode = self._mode((after, look), level, None if is_switch else self._sunk(here), known)
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
-        if is_switch and impact is None and self._stays(here, mode.selection):
+        if is_switch and impact is None and _stays(run, here, mode.selection, lying_before):
             run.contacts = dataclasses.replace(run.contacts, touching=touching)
             return
         line, crossed = None, {i - self._rows - self._count for i in hits}
@@ -280,18 +264,32 @@ class ContactChanges:
             ending=tuple(ending),
             shared=tuple(sorted(shared)),
         )
-        changed = self.events.jumped(when, self.events.now())
+        closing = self.events.jumped(when, self.events.now())
         if fresh:
-            # A multiplier jumps, as the contact closes, where the rebounds that are left out are at their end.
-            until = max(t for _, t in ending)
-            postponed = {**dict(run.contacts.postponed), **dict.fromkeys(set(changed) - crossed, until)}
-            run.contacts = dataclasses.replace(run.contacts, postponed=tuple(sorted(postponed.items())))
+            # A multiplier jumps where the rebounds that are left out are at their end.
+            run.contacts = _postponed(run.contacts, set(closing) - crossed)
         else:
-            jumped += changed
+            jumped += closing
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
+
+    def _mode(
+        self, sides: tuple[ContactInstant, ContactInstant], level: Flags, sunk: Flags | None, known: float
+    ) -> ContactMode:
+        """The rows beyond an instant; sides: the instant, and the one by which forces are judged; level: contacts that
+        may press there; known: the part of itself to which the state is known."""
+        after, look = sides
+        if not level.any():
+            return ContactMode(self._open, ())
+        numbers = np.flatnonzero(level)
+        forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
+        if look is after:
+            forces = ContactOrders(self._series, after, known).decided(forces, numbers)
+        return self._decided(
+            lambda: contact_mode.mode(self._open, after, forces, numbers.tolist(), self._rows)
+        )
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
@@ -320,12 +318,6 @@ class ContactChanges:
         self._project(v)
         contact_crossings.predict(run)
 
-    def _stays(self, here: ContactInstant, selection: Selection) -> bool:
-        """True where the run stands with these rows already, and on them."""
-        closed = [*self.closed, *self.idle]
-        is_on = (np.abs(here.speeds) <= here.speed_roundoff)[closed].all()
-        return bool(is_on) and selection == self._run.bound.enforced.selection
-
     def _project(self, v: Floats) -> None:
         bound = self._run.bound
         n = v.size
@@ -335,22 +327,10 @@ class ContactChanges:
         self._run.statistics.evaluations += 1
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
-        run, impact = self._run, reported.impact
-        impulses = np.zeros(self._rows + self._count)
-        kinds: list[tuple[Kind, Iterable[int]]] = [
-            ("accumulation", sorted(reported.cut)),
-            ("contact", sorted(reported.cut)),
-        ]
-        if impact is not None:
-            impulses[: self._rows] = impact.of_equalities
-            impulses[self._rows :] = impact.of_contacts
-            kinds.append(("impact", np.flatnonzero(impact.impacting).tolist()))
-        if impact is not None or not (is_start or run.t == run.grid.start):
-            ending = {j for j, _ in run.contacts.ending}
-            kinds.append(("contact", sorted(reported.enforced - reported.enforced_before - ending)))
-            kinds.append(("release", sorted(reported.enforced_before - reported.enforced)))
-        lines = InstantLines(reported.before, reported.after, impulses)
-        for kind, contacts in kinds:
+        run = self._run
+        lines = reported.lines(self._rows, self._count)
+        is_told = not (is_start or run.t == run.grid.start)
+        for kind, contacts in reported.kinds({j for j, _ in run.contacts.ending}, is_told):
             for j in contacts:
                 self.log.report(kind, self._names[j], lines)
         self.events.report(reported.events, lines)
@@ -375,3 +355,46 @@ class _ContactReport:
     enforced: set[int]
     events: list[int]
     cut: set[int]
+
+    def lines(self, rows: int, contacts: int) -> InstantLines:
+        """The lines with the impulses of all rows (C + K,)."""
+        impulses, impact = np.zeros(rows + contacts), self.impact
+        if impact is not None:
+            impulses[:rows], impulses[rows:] = impact.of_equalities, impact.of_contacts
+        return InstantLines(self.before, self.after, impulses)
+
+    def kinds(self, ending: set[int], is_told: bool) -> list[tuple[Kind, Iterable[int]]]:
+        """The incidents of contacts, in their order; is_told: of a change without an impact too."""
+        found: list[tuple[Kind, Iterable[int]]] = [
+            ("accumulation", sorted(self.cut)),
+            ("contact", sorted(self.cut)),
+        ]
+        if self.impact is not None:
+            found.append(("impact", np.flatnonzero(self.impact.impacting).tolist()))
+        if self.impact is not None or is_told:
+            found.append(("contact", sorted(self.enforced - self.enforced_before - ending)))
+            found.append(("release", sorted(self.enforced_before - self.enforced)))
+        return found
+
+
+def _jump(run: Stepper, name: str, depth: float) -> StepFailure:
+    if contact_crossings.is_near(run):
+        return contact_crossings.stop(run, f"the gap of `{name}` is not known better than to {depth:.3g}")
+    return StepFailure(
+        f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
+        " impulse",
+        run_stop.CONTACT,
+    )
+
+
+def _stays(run: Stepper, here: ContactInstant, selection: Selection, lying: set[int]) -> bool:
+    """True where the run stands with these rows already, and on those of the contacts that lie closed."""
+    is_on = (np.abs(here.speeds) <= here.speed_roundoff)[sorted(lying)].all()
+    return bool(is_on) and selection == run.bound.enforced.selection
+
+
+def _postponed(contacts: ContactState, events: set[int]) -> ContactState:
+    """With events that are reported where the series of rebounds end."""
+    until = max(t for _, t in contacts.ending)
+    postponed = dict(contacts.postponed) | dict.fromkeys(events, until)
+    return dataclasses.replace(contacts, postponed=tuple(sorted(postponed.items())))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import kinks, named_functions
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.events import switch_event
+from lagcli.simulation.events.event import Event
+from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.simulation.stepping import timetable
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -21,8 +21,8 @@ Floats = npt.NDArray[np.float64]
 BEFORE = 2.0**-10
 
 
-class ContactEdges:
-    """The edges of the contacts of a run that are closed.
+class EdgeEvent(Event):
+    """An edge of a contact that is closed.
 
     A motion with the contact closed has no step across: velocities would have to jump. Steps end before it, and from
     the other side, which is a few roundings of the time away, contacts decide.
@@ -36,22 +36,14 @@ class ContactEdges:
         self._wished = 0.0
 
     @cached_property
-    def _switches(self) -> tuple[npt.NDArray[np.intp], ca.Function]:
-        """The contact of each switch, and (t, q, v, p) -> the switches and their rates, (U,) each."""
-        system, symbols = self._system, self._system.symbols
-        inputs = [symbols.t, symbols.q, symbols.v, system.p]
-        contacts, values = [], []
-        for j in np.flatnonzero(self._kinked).tolist():
-            for value in kinks.arguments_of(system.contacts.g[j], inputs):
-                if ca.depends_on(value, symbols.q):
-                    contacts.append(j)
-                    values.append(value)
-        u = ca.densify(ca.vertcat(ca.SX(0, 1), *values))
-        rates = ca.jtimes(u, symbols.q, symbols.v) + ca.jtimes(u, symbols.t, ca.SX(1))
-        return np.array(contacts, dtype=np.intp), SizedFunction("edges", inputs, [u, ca.densify(rates)])
+    def _switches(self) -> tuple[npt.NDArray[np.intp], Compiled]:
+        """See `kinks.of_contacts`."""
+        system = self._system
+        contacts, function = kinks.of_contacts(system.symbols, system.p, system.contacts)
+        return np.array(contacts, dtype=np.intp), function
 
     def passes(self) -> bool:
-        """Find the step that leads across an edge where the run is before one; shorten one that comes close."""
+        """See `Event`; a step that comes close to an edge is shortened."""
         run, first = self._run, len(self._system.rows.rows)
         numeric = run.bound.numeric
         closed = np.zeros(self._kinked.size, dtype=bool)

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
-from lagcli.equations import named_functions
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
@@ -30,9 +28,6 @@ from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
 from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping.stepper import Stepper
-
-if TYPE_CHECKING:
-    from lagcli.simulation.events.contact_edges import ContactEdges
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -58,12 +53,6 @@ class ContactEvent(Event):
         self._stepper = stepper
         self._system = stepper.bound.enforced.system
         self._changes = ContactChanges(stepper)
-        # None where no condition has an edge.
-        self._edges: ContactEdges | None = None
-        if named_functions.switching_contacts(self._system.model).any():
-            from lagcli.simulation.events.contact_edges import ContactEdges
-
-            self._edges = ContactEdges(stepper)
         stepper.found.keeps_stages = True
         self._functions: dict[object, WatchFunctions] = {}
         self._watch: StepWatch | None = None
@@ -91,10 +80,6 @@ class ContactEvent(Event):
             at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
         run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
         run.settle()
-
-    def passes(self) -> bool:
-        """See `Event`."""
-        return self._edges is not None and self._edges.passes()
 
     def cut(self) -> None:
         """See `Event`."""
@@ -245,7 +230,7 @@ class ContactEvent(Event):
         if not indices.size:
             return
         begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
-        self._require_pushes(watch, indices, begin[indices] / PARAMETERS.clearly < -noise)
+        step_watch.require_pushes(watch, indices[begin[indices] < -PARAMETERS.clearly * noise])
         # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
         gaps = indices < len(watch.functions.open_)
         moved = NOISE * np.abs(end - begin)[indices]
@@ -285,18 +270,6 @@ class ContactEvent(Event):
             found.within += [
                 self._event(watch, x, index, kinds.names[index]) for index in indices[rows].tolist()
             ]
-
-    def _require_pushes(self, watch: StepWatch, indices: Indices, pulls: npt.NDArray[np.bool_]) -> None:
-        """Raise `StepFailure` where a contact that is closed pulls at the begin of a step, clearly: no row is made of
-        that, whatever has closed it."""
-        functions = watch.functions
-        pulling = indices[pulls & (indices >= len(functions.open_))]
-        names = [
-            f"`{self._system.multiplier_rows[watch.functions.kinds.numbers[i]].name}`"
-            for i in pulling[pulling < len(functions.open_) + len(functions.closed)].tolist()
-        ]
-        if names:
-            raise StepFailure(f"the closed contacts {', '.join(names)} would pull there", run_stop.CONTACT)
 
     def _crossing(
         self,

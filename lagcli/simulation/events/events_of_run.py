@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from lagcli.equations import named_functions
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.stepping.stepper import Stepper
@@ -30,6 +31,15 @@ def _impulses(stepper: Stepper) -> Event | None:
     return ImpulseEvent(stepper, jumps.crossings)
 
 
+def _edges(stepper: Stepper) -> Event | None:
+    """Edges of conditions."""
+    if not named_functions.switching_contacts(stepper.bound.enforced.system.model).any():
+        return None
+    from lagcli.simulation.events.contact_edges import EdgeEvent
+
+    return EdgeEvent(stepper)
+
+
 def _contacts(stepper: Stepper) -> Event | None:
     """One-sided constraints and declared events."""
     system = stepper.bound.enforced.system
@@ -41,7 +51,13 @@ def _contacts(stepper: Stepper) -> Event | None:
 
 
 # In the order in which they are asked; the first that finds a step leaves none to the others.
-EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (_switches, SingularEvent, _impulses, _contacts)
+EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (
+    _switches,
+    SingularEvent,
+    _impulses,
+    _edges,
+    _contacts,
+)
 
 
 def found(stepper: Stepper) -> tuple[Event, ...]:

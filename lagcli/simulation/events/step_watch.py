@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -202,3 +204,16 @@ def take_again(run: Stepper, reached: float) -> None:
     bound.h[0] = found.taken
     bound.staged.trigger()
     run.statistics.evaluations += run.method.evaluations
+
+
+def require_pushes(watch: StepWatch, pulling: Numbers) -> None:
+    """Raise `StepFailure` where a contact that is closed is among functions that are clearly below zero at the begin of
+    a step: no row is made of that, whatever has closed it."""
+    functions, system = watch.functions, watch.run.bound.enforced.system
+    first = len(functions.open_)
+    closed = pulling[(pulling >= first) & (pulling < first + len(functions.closed))]
+    names = [
+        f"`{system.multiplier_rows[number].name}`" for number in functions.kinds.numbers[closed].tolist()
+    ]
+    if names:
+        raise StepFailure(f"the closed contacts {', '.join(names)} would pull there", run_stop.CONTACT)
