@@ -345,6 +345,18 @@ def test_events_that_look_at_a_multiplier_see_the_switch(t: float) -> None:
     assert sorted(incidents(found)) == [(t, "event", "gone"), (t, "release", "f")]
 
 
+@pytest.mark.parametrize("direction", ["up", "down", "both"])
+def test_a_multiplier_that_is_never_negative_crosses_no_level_below_zero(direction: str) -> None:
+    rest = f"events: {{none: {{when: multiplier(f) + 0.5, direction: {direction}}}}}"
+    found = moving("[0, 0, sign(t - 1)]", "a.z >= 0", rest=rest)
+    assert incidents(found) == [(1.0, "release", "f")]
+
+
+def test_an_event_that_goes_through_zero_at_a_switch_is_reported_beside_the_release() -> None:
+    found = moving("[0, 0, sign(t - 1)]", "a.z >= 0", rest="events: {now: {when: t - 1}}")
+    assert sorted(incidents(found)) == [(1.0, "event", "now"), (1.0, "release", "f")]
+
+
 def test_an_event_of_a_multiplier_comes_with_the_contact_that_makes_it_jump() -> None:
     rest = "events: {rests: {when: multiplier(f) - 1, direction: up, action: stop}}"
     found = moving("[0, 0, -9.81]", "a.z >= 0", position=[0, 0, 1], velocity=[0.3, 0, 0], e=0.7, rest=rest)
@@ -410,7 +422,7 @@ def test_a_root_of_a_distance_has_a_plain_reason() -> None:
 
 
 def test_a_closed_contact_that_pulls_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ContactChanges, "at_switch", lambda self, before: None)
+    monkeypatch.setattr(ContactChanges, "at_switch", lambda self, side: False)
     with pytest.raises(lagcli.SimulationStopped, match=r"the closed contacts `f` would pull there") as stop:
         moving("[0, 0, sign(t - 1)]", "a.z >= 0")
     assert stop.value.t == pytest.approx(1, abs=1e-12)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.equations import named_functions
+from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import contact_change, contact_gradient, contact_mode
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import (
@@ -40,6 +41,14 @@ Found = TypeVar("Found")
 MOST_AGAIN = 64
 # An instant at which a gap is violated by so many times what counts as near is no zero of it: the gap jumps there.
 PROJECTED = 1e4
+
+
+@frozen
+class SwitchSide:
+    """The line of the table, and values of events (E,), on this side of a switch."""
+
+    line: Floats
+    events: Floats
 
 
 class ContactChanges:
@@ -158,19 +167,20 @@ class ContactChanges:
             self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
 
-    def at_switch(self, before: Floats) -> None:
+    def at_switch(self, side: SwitchSide) -> bool:
         """Decide the contacts anew where functions of t, or in closed contacts, have switched: forces, velocities of
-        walls and their gradients may jump.
+        walls and their gradients may jump. False where nothing changes.
 
-        before: the line of the table on the other side. At an edge only an impact asks for one gradient.
+        At an edge only an impact asks for one gradient.
         """
         here = self.here()
         # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
-        if here.near.any() or self.closed or self.idle:
-            approaching = here.near & (here.speeds < -here.slow)
-            if approaching.any():
-                self._require_directions(here, np.flatnonzero(approaching).tolist())
-            self._change(here, None, before=before)
+        if not (here.near.any() or self.closed or self.idle):
+            return False
+        approaching = here.near & (here.speeds < -here.slow)
+        if approaching.any():
+            self._require_directions(here, np.flatnonzero(approaching).tolist())
+        return self._change(here, None, switch=side)
 
     def at(self, hits: tuple[int, ...], ahead: StateAhead | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
@@ -206,14 +216,13 @@ class ContactChanges:
         ahead: StateAhead | None,
         is_start: bool = False,
         hits: tuple[int, ...] = (),
-        before: Floats | None = None,
-    ) -> None:
-        run, when, closed_before = self._run, self.events.now(), set(self.closed)
-        is_switch, own = before is not None, self.log.line()
-        if before is None:
-            before = own if ahead is None or ahead.before is None else ahead.before
-        lying_before = closed_before | set(self.idle)
-        impact = self._decided(lambda: contact_change.impact(here, self._restitution))
+        switch: SwitchSide | None = None,
+    ) -> bool:
+        """Decide the contacts at an instant; False where nothing has changed across a switch."""
+        run, lying_before = self._run, {*self.closed, *self.idle}
+        own, when = self.log.line(), self.events.now() if switch is None else switch.events
+        before = own if ahead is None or ahead.before is None else ahead.before
+        impact, jumped = self._decided(lambda: contact_change.impact(here, self._restitution)), list[int]()
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
@@ -221,17 +230,15 @@ class ContactChanges:
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
-        # The start is known exactly, other states to the tolerance.
-        known = 0.0 if is_start else float(run.tolerance[0])
-        mode = self._mode((after, look), level, None if is_switch else self._sunk(here), known)
+        sunk = self._sunk(here) if switch is None else None
+        mode = self._mode((after, look), level, sunk, is_start)
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
-        if is_switch and impact is None and _stays(run, here, mode.selection, lying_before):
+        if switch is not None and impact is None and _stays(run, here, mode.selection, lying_before):
             run.contacts = dataclasses.replace(run.contacts, touching=touching)
-            return
+            return False
         line, crossed = None, {i - self._rows - self._count for i in hits}
-        jumped: list[int] = []
         if impact is not None and impact.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(impact.ended).tolist()))
@@ -239,21 +246,19 @@ class ContactChanges:
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if impact is None else impact.onward)
-        if impact is not None:
-            contact_crossings.require_projected(run, impact.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line
         if impact is not None:
+            contact_crossings.require_projected(run, impact.onward, here.state.v)
             # What the impact takes away is work done there: the balance of the energy goes on.
-            begin = own if is_switch else before
+            begin = before if switch is None else own
             run.bound.y[-1] += now[line_functions.JACOBI] - begin[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
         fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
         ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
         # Rebounds that something else cuts off are at their end here.
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
-        if impact is not None:
-            ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh)]
+        ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh) if impact is not None]
         shared = {*run.contacts.shared, *mode.selection.indeterminate, *(impact.shared if impact else ())}
         run.contacts = dataclasses.replace(
             run.contacts,
@@ -265,27 +270,30 @@ class ContactChanges:
             shared=tuple(sorted(shared)),
         )
         closing = self.events.jumped(when, self.events.now())
+        # A multiplier jumps where the rebounds that are left out are at their end.
         if fresh:
-            # A multiplier jumps where the rebounds that are left out are at their end.
-            run.contacts = _postponed(run.contacts, set(closing) - crossed)
-        else:
-            jumped += closing
+            run.contacts, closing = _postponed(run.contacts, set(closing) - crossed), []
+        jumped += closing
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
+        before = before if switch is None else switch.line
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
+        return True
 
     def _mode(
-        self, sides: tuple[ContactInstant, ContactInstant], level: Flags, sunk: Flags | None, known: float
+        self, sides: tuple[ContactInstant, ContactInstant], level: Flags, sunk: Flags | None, is_start: bool
     ) -> ContactMode:
         """The rows beyond an instant; sides: the instant, and the one by which forces are judged; level: contacts that
-        may press there; known: the part of itself to which the state is known."""
+        may press there."""
         after, look = sides
         if not level.any():
             return ContactMode(self._open, ())
         numbers = np.flatnonzero(level)
         forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
         if look is after:
+            # The start is known exactly, other states to the tolerance.
+            known = 0.0 if is_start else float(self._run.tolerance[0])
             forces = ContactOrders(self._series, after, known).decided(forces, numbers)
         return self._decided(
             lambda: contact_mode.mode(self._open, after, forces, numbers.tolist(), self._rows)

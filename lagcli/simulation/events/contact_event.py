@@ -16,7 +16,7 @@ from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
-from lagcli.simulation.events.contact_changes import ContactChanges
+from lagcli.simulation.events.contact_changes import ContactChanges, SwitchSide
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
 from lagcli.simulation.events.singular_step_watch import SingularStepWatch
@@ -63,8 +63,10 @@ class ContactEvent(Event):
         self._at_end: list[int] = []
         # Numbers of declared events that are at zero at a switch, where they are decided.
         self._touched: list[int] = []
-        # The line of the table before a switch of functions of t, beyond which the contacts are decided anew.
-        self._before: Floats | None = None
+        # Those that cross zero there without a jump.
+        self._at_zero: list[int] = []
+        # The near side of a switch of functions of t, beyond which the contacts are decided anew.
+        self._before: SwitchSide | None = None
         # Declared events that cross zero in the step, with the rounding of their values.
         self._crossed: dict[int, float] = {}
         self._current()
@@ -124,12 +126,13 @@ class ContactEvent(Event):
         before, after = watch.begin(), watch.end(run.found.reached)
         if self._system.contacts.count:
             self._changes.require_open(watch.functions.open_, after)
-            self._before, run.found.is_jump = self._changes.log.line(), True
+            events = self._changes.events.now()
+            self._before, run.found.is_jump = SwitchSide(self._changes.log.line(), events), True
         E = self._system.event_values.numel()
         if E:
             sides = before[-E:], after[-E:]
             crossed, touched = declared_events.at_switch(watch, sides, self._changes.events.jumped)
-            self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
+            self._at_end, self._at_zero = sorted({*self._changes.events.jumped(*sides), *crossed}), crossed
             self._touched = [watch.functions.kinds.first_event + number for number in touched]
 
     def _end_series_at(self, t: float) -> None:
@@ -146,12 +149,14 @@ class ContactEvent(Event):
     def act(self) -> None:
         """See `Event`."""
         run = self._stepper
+        if self._before is not None:
+            if self._changes.at_switch(self._before):
+                # Those that jump have been looked for beyond the change.
+                self._at_end = self._at_zero
+            run.settle()
         self.end()
         hits, self._hits = self._hits, ()
         crossed, self._crossed = self._crossed, {}
-        if self._before is not None:
-            self._changes.at_switch(self._before)
-            run.settle()
         if hits:
             self._changes.at(hits, self._ahead)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
