@@ -45,10 +45,12 @@ PROJECTED = 1e4
 
 @frozen
 class SwitchSide:
-    """The line of the table, and values of events (E,), on this side of a switch."""
+    """The line of the table, and values of events (E,), on this side of a switch; crossing: events that go through zero
+    there without a jump."""
 
     line: Floats
     events: Floats
+    crossing: tuple[int, ...]
 
 
 class ContactChanges:
@@ -167,20 +169,20 @@ class ContactChanges:
             self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
 
-    def at_switch(self, side: SwitchSide) -> bool:
+    def at_switch(self, side: SwitchSide, events: list[int]) -> list[int]:
         """Decide the contacts anew where functions of t, or in closed contacts, have switched: forces, velocities of
-        walls and their gradients may jump. False where nothing changes.
+        walls and their gradients may jump; of the events of the switch those that are left to be reported.
 
         At an edge only an impact asks for one gradient.
         """
         here = self.here()
         # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
         if not (here.near.any() or self.closed or self.idle):
-            return False
+            return events
         approaching = here.near & (here.speeds < -here.slow)
         if approaching.any():
             self._require_directions(here, np.flatnonzero(approaching).tolist())
-        return self._change(here, None, switch=side)
+        return [*side.crossing] if self._change(here, None, switch=side) else events
 
     def at(self, hits: tuple[int, ...], ahead: StateAhead | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
@@ -220,7 +222,7 @@ class ContactChanges:
     ) -> bool:
         """Decide the contacts at an instant; False where nothing has changed across a switch."""
         run, lying_before = self._run, {*self.closed, *self.idle}
-        own, when = self.log.line(), self.events.now() if switch is None else switch.events
+        line, own, when = None, self.log.line(), self.events.now() if switch is None else switch.events
         before = own if ahead is None or ahead.before is None else ahead.before
         impact, jumped = self._decided(lambda: contact_change.impact(here, self._restitution)), list[int]()
         is_apart = impact is not None and here.parts(impact.onward)
@@ -238,7 +240,7 @@ class ContactChanges:
         if switch is not None and impact is None and _stays(run, here, mode.selection, lying_before):
             run.contacts = dataclasses.replace(run.contacts, touching=touching)
             return False
-        line, crossed = None, {i - self._rows - self._count for i in hits}
+        crossed = {i - self._rows - self._count for i in hits} | set(switch.crossing if switch else ())
         if impact is not None and impact.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(impact.ended).tolist()))

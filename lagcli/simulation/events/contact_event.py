@@ -63,8 +63,6 @@ class ContactEvent(Event):
         self._at_end: list[int] = []
         # Numbers of declared events that are at zero at a switch, where they are decided.
         self._touched: list[int] = []
-        # Those that cross zero there without a jump.
-        self._at_zero: list[int] = []
         # The near side of a switch of functions of t, beyond which the contacts are decided anew.
         self._before: SwitchSide | None = None
         # Declared events that cross zero in the step, with the rounding of their values.
@@ -123,17 +121,18 @@ class ContactEvent(Event):
         Forces, and velocities of walls, may: which contacts press is decided beyond it.
         """
         run, watch = self._stepper, self._current()
-        before, after = watch.begin(), watch.end(run.found.reached)
-        if self._system.contacts.count:
-            self._changes.require_open(watch.functions.open_, after)
-            events = self._changes.events.now()
-            self._before, run.found.is_jump = SwitchSide(self._changes.log.line(), events), True
-        E = self._system.event_values.numel()
-        if E:
+        before, after, crossed = watch.begin(), watch.end(run.found.reached), list[int]()
+        if E := self._system.event_values.numel():
             sides = before[-E:], after[-E:]
             crossed, touched = declared_events.at_switch(watch, sides, self._changes.events.jumped)
-            self._at_end, self._at_zero = sorted({*self._changes.events.jumped(*sides), *crossed}), crossed
+            self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
             self._touched = [watch.functions.kinds.first_event + number for number in touched]
+        if self._system.contacts.count:
+            self._changes.require_open(watch.functions.open_, after)
+            self._before = SwitchSide(
+                self._changes.log.line(), before[before.size - E :].copy(), tuple(crossed)
+            )
+            run.found.is_jump = True
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
@@ -150,9 +149,8 @@ class ContactEvent(Event):
         """See `Event`."""
         run = self._stepper
         if self._before is not None:
-            if self._changes.at_switch(self._before):
-                # Those that jump have been looked for beyond the change.
-                self._at_end = self._at_zero
+            # Events that jump are looked for beyond the change.
+            self._at_end = self._changes.at_switch(self._before, self._at_end)
             run.settle()
         self.end()
         hits, self._hits = self._hits, ()
