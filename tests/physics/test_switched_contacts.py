@@ -190,6 +190,18 @@ def test_a_coordinate_from_another_start(case: Case) -> None:
     check(made(COORDINATE, case, -0.75, 2.5), case, "s", -0.75, 2.5)
 
 
+@pytest.mark.parametrize(
+    "name", ["pulse", "floor falls away", "floor sinks", "floor rises", "floor throws", "heavier"]
+)
+def test_a_table_with_a_row_at_the_instant_passes_the_audit(name: str) -> None:
+    case = CASES[name]
+    text = PARTICLE.format(m=1, force=case.force, wall=case.wall, e=case.e, start=0, duration=2, samples=101)
+    model = lagcli.loads(text)
+    found = lagcli.simulate(model)
+    report = lagcli.audit(model, found, events=found.events)
+    assert not [check.name for check in report.checks if check.verdict == "fail"]
+
+
 def incidents(found: lagcli.Trajectory) -> list[tuple[float, str, str]]:
     columns = (found.events[name] for name in ("t", "kind", "name"))
     return [(round(float(t), 9), str(kind), str(name)) for t, kind, name in zip(*columns, strict=True)]

@@ -148,8 +148,8 @@ class ContactEvent(Event):
     def act(self) -> None:
         """See `Event`."""
         run = self._stepper
+        self._changes.log.is_switched = self._before is not None
         if self._before is not None:
-            # Events that jump are looked for beyond the change.
             self._at_end = self._changes.at_switch(self._before, self._at_end)
             run.settle()
         self.end()
