@@ -195,6 +195,11 @@ class ContactOrders:
         of_equalities, of_contacts = (
             np.where(np.abs(w) > self._rounding * s, w, 0.0) for w, s in zip(wanted, sizes, strict=True)
         )
+        if not (h.any() or of_equalities.any() or of_contacts.any()):
+            a.append(h)
+            equal.append(of_equalities)
+            pushes.append(of_contacts)
+            return [], []
         first = G.first
         rows = stacked(B.first, first[fixed.tolist(), :])
         equations = rows, np.concatenate([of_equalities, of_contacts[fixed]])

@@ -177,7 +177,7 @@ class ContactChanges:
         """
         here = self.here()
         # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
-        if not (here.near.any() or self.closed or self.idle):
+        if not (here.near.any() or self.closed or self.idle) or _press_on(self._run, here, self.closed):
             return events
         approaching = here.near & (here.speeds < -here.slow)
         if approaching.any():
@@ -408,3 +408,18 @@ def _postponed(contacts: ContactState, events: set[int]) -> ContactState:
     until = max(t for _, t in contacts.ending)
     postponed = dict(contacts.postponed) | dict.fromkeys(events, until)
     return dataclasses.replace(contacts, postponed=tuple(sorted(postponed.items())))
+
+
+def _press_on(run: Stepper, here: ContactInstant, closed: tuple[int, ...]) -> bool:
+    """True where the contacts that are closed still press, all of them, and no other may: then nothing is decided."""
+    level = here.at_rest
+    level[list(closed)] = False
+    approaching = here.near & (here.speeds < -here.slow)
+    if not closed or level.any() or approaching.any():
+        return False
+    if (np.abs(here.speeds) > here.speed_roundoff)[list(closed)].any():
+        return False
+    bound, contacts, n = run.bound, np.array(closed, dtype=np.intp), here.state.q.size
+    rate, multipliers = bound.numeric.solved(here.state.t, bound.y, bound.p)
+    forces = np.array(multipliers).ravel()[-here.g.size :][contacts]
+    return bool((forces > here.least_forces(contacts, np.array(rate).ravel()[n : 2 * n])).all())
