@@ -230,6 +230,15 @@ class NumericSystem:
 
         return contact_values.function(self._parts)
 
+    @cached_property
+    def contact_motion(self) -> ca.Function:
+        """contact_motion(t, q, v, p) -> h (n,), gamma (C,) of the equality rows and (K,) of the contacts, and the
+        entries of M, B and G: what the accelerations follow from."""
+        parts, contacts = self._parts, self._parts.contacts
+        dense = [ca.densify(each) for each in (parts.h, parts.gamma, contacts.gamma)]
+        entries = [ca.vec(each.nz[:]) for each in (parts.M, parts.B, contacts.G)]
+        return SizedFunction("contact_motion", self._inputs, [*dense, *map(ca.densify, entries)])
+
     @property
     def response(self) -> ca.Function:
         """response(t, q, v, p, f) -> the velocities x (n,) that an impulse f (n,) gives against the independent

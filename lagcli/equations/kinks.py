@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
-from lagcli.equations.rows import ConstraintRows, Row
+from lagcli.equations.rows import ConstraintRows, ContactRows, Row
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
@@ -143,6 +143,19 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     return Kinks(
         tuple(rows), SizedFunction("switches", inputs, free[:1]), SizedFunction("slopes", inputs, free[1:])
     )
+
+
+def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows) -> tuple[list[int], ca.Function]:
+    """The switches of contacts that depend on coordinates: the contact of each, and (t, q, v, p) -> the switches and
+    their rates, (U,) each."""
+    inputs, numbers, values = [s.t, s.q, s.v, p], [], []
+    for j in range(contacts.count):
+        found = [value for value in _arguments(contacts.g[j], inputs) if ca.depends_on(value, s.q)]
+        values += found
+        numbers += [j] * len(found)
+    u = ca.densify(ca.vertcat(ca.SX(0, 1), *values))
+    rates = ca.jtimes(u, s.q, s.v) + ca.jtimes(u, s.t, ca.SX(1))
+    return numbers, SizedFunction("switch_rates", inputs, [u, ca.densify(rates)])
 
 
 def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:

@@ -3,6 +3,9 @@ one, with the restitution of its impacts."""
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
+from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
@@ -13,6 +16,7 @@ from lagcli.expression.facts import Facts, FactsAlgebra
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import entries, keys
 from lagcli.input.scalars import Formulas
+from lagcli.model import family
 from lagcli.model.model import Differential, Expression, Floats, Holonomic, Inequality
 
 ONE_SIDED = "a one-sided constraint"
@@ -157,3 +161,67 @@ def _restitution(formulas: Formulas, node: yaml_tree.AnyNode | None) -> Floats |
         formulas.report(node, "restitution-out-of-range", message + formulas.where(first), hint)
         return None
     return values
+
+
+def pieces(formulas: Formulas, law: Inequality) -> tuple[Inequality, ...]:
+    """The walls that a condition holds at once: min(g, h) >= 0 is g >= 0 and h >= 0, and so is a.z >= max(g, h).
+
+    Sums, numbers as factors and nested calls are gone through; the walls of `name` are `name[1]`, `name[2]`, ... One of
+    t alone, and a `max` of which one part is enough, stays as it is.
+    """
+    relation, origin = law.equation.tree, law.equation.origin
+    assert isinstance(relation, tree.Relation)
+    split = _Pieces(origin.value, FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED))
+    sides = ((1, relation.left), (-1, relation.right))
+    if relation.relation == "<=":
+        sides = ((-1, relation.left), (1, relation.right))
+    texts = split.of_terms(sides)
+    if len(texts) < 2:
+        return (law,)
+    found = []
+    for number, text in enumerate(texts, start=1):
+        condition = parser.parse_condition(f"{text} >= 0")
+        try:
+            _require_condition(condition, split.algebra)
+        except ExpressionError:
+            # A part without coordinates is no wall.
+            return (law,)
+        members = family.with_indices(
+            law.members.base, [(*indices, number) for indices in law.members.indices], law.members.variables
+        )
+        equation = Expression(condition, dataclasses.replace(origin, value=f"{text} >= 0"))
+        found.append(Inequality(members, equation, law.restitution))
+    return tuple(found)
+
+
+class _Pieces:
+    """The texts of smooth parts of which the least is a condition."""
+
+    def __init__(self, text: str, algebra: FactsAlgebra) -> None:
+        self._text, self.algebra = text, algebra
+
+    def of_terms(self, terms: Iterable[tuple[int, tree.Node]]) -> list[str]:
+        """Parts of a sum."""
+        parts = [self._of(node, sign) for sign, node in terms]
+        return [" ".join(each) for each in itertools.product(*parts)]
+
+    def _of(self, node: tree.Node, sign: int) -> list[str]:
+        """Parts of a node, or of its negative, each with its sign before it."""
+        if isinstance(node, tree.Sum):
+            return self.of_terms([(sign * own, term) for own, term in node.terms])
+        if isinstance(node, tree.Call) and self._moves(node):
+            if node.function == ("min" if sign > 0 else "max"):
+                return [part for argument in node.arguments for part in self._of(argument, sign)]
+            if node.function == "abs" and sign < 0:
+                return [part for way in (1, -1) for part in self._of(node.arguments[0], way)]
+        if isinstance(node, tree.Product):
+            numbers = [(way, each) for way, each in node.factors if isinstance(each, tree.Number)]
+            others = [each for each in node.factors if not isinstance(each[1], tree.Number)]
+            if len(others) == 1 and others[0][0] > 0:
+                by = "".join(f"{'*' if way > 0 else '/'}{number.text}" for way, number in numbers)
+                return [f"{part[0]} ({part[1:]}){by}" for part in self._of(others[0][1], sign)]
+        return [f"{'+' if sign > 0 else '-'} ({self._text[node.start : node.end]})"]
+
+    def _moves(self, node: tree.Node) -> bool:
+        value = evaluate.value(node, self.algebra)
+        return not isinstance(value, tuple) and "position" in value.reads

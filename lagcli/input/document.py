@@ -122,7 +122,7 @@ class _Document:
         forces = self._forces(particles)
         holonomic = self._laws("holonomic", constraint_laws.holonomic)
         differential = self._laws("differential", constraint_laws.differential)
-        inequality = self._laws("inequality", constraint_laws.inequality)
+        inequality = self._named("inequality", self._inequality)
         rigid = self._rigid()
         outputs = self._outputs()
         events = self._named("events", functools.partial(event_entries.event, self._formulas))
@@ -158,7 +158,7 @@ class _Document:
             holonomic=holonomic,
             differential=differential,
             rigid=rigid,
-            inequality=inequality,
+            inequality=tuple(wall for walls in inequality for wall in walls),
             outputs=outputs,
             events=events,
             simulation=simulation,
@@ -315,6 +315,21 @@ class _Document:
             return found
 
         return self._named(section, one)
+
+    def _inequality(
+        self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode
+    ) -> tuple[model.Inequality, ...] | None:
+        """The walls of a condition."""
+        formulas = self._formulas_of("inequality", name)
+        found = None if formulas is None else constraint_laws.inequality(formulas, node)
+        if formulas is None or found is None:
+            self._number_law(name, None)
+            return None
+        walls = constraint_laws.pieces(formulas, found)
+        indices = [each for wall in walls for each in wall.members.indices]
+        whole = family.with_indices(found.members.base, indices, {})
+        self._number_law(name, dataclasses.replace(found, members=whole))
+        return walls
 
     def _number_law(self, name: yaml_tree.Scalar, law: Equation | model.Inequality | None) -> None:
         base = family_ranges.base(name)

@@ -53,6 +53,8 @@ class LawNames:
             law.is_broken = True
             return ""
         law.shapes.append(shape)
+        # The walls of one condition are a family too.
+        law.is_family |= any(members.indices)
         self._shapes.append(shape)
         return self._member_index.add(members)
 

@@ -14,6 +14,10 @@ from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Fl
 
 # The tail of a series of rebounds is left out where its coefficient is below this.
 ELASTIC = 1.0
+NO_GRADIENT = (
+    "there is no finite gradient where the contact closes (write the condition with a slope at its surface, as"
+    " `x >= 0` in place of `sqrt(x) >= 0`)"
+)
 NOT_LINEAR = "momenta are not linear in the velocities, and the law of impact is for those that are"
 
 
@@ -117,7 +121,7 @@ def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult
 def _require_gradients(here: ContactInstant, contacts: Numbers) -> None:
     without = contacts[~here.has_gradient[contacts]]
     if without.size:
-        raise ContactsUndecided("there is no gradient where the contact closes", without)
+        raise ContactsUndecided(NO_GRADIENT, without)
 
 
 def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Numbers, Floats]:

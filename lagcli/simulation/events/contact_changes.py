@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.equations import named_functions
+from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import contact_change, contact_gradient, contact_mode
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import (
@@ -20,11 +21,13 @@ from lagcli.simulation.closed_contacts.contact_instant import (
     Flags,
 )
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
+from lagcli.simulation.closed_contacts.contact_series import ContactOrders, MotionSeries
 from lagcli.simulation.events import contact_crossings
 from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StateAhead, StepWatch
 from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.between_steps import ContactState
 from lagcli.simulation.run_state.incident import Kind
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import line_functions
@@ -39,6 +42,16 @@ MOST_AGAIN = 64
 PROJECTED = 1e4
 
 
+@frozen
+class SwitchSide:
+    """The line of the table, and values of events (E,), on this side of a switch; crossing: events that go through zero
+    there without a jump."""
+
+    line: Floats
+    events: Floats
+    crossing: tuple[int, ...]
+
+
 class ContactChanges:
     """The contacts of a run at its state."""
 
@@ -51,6 +64,7 @@ class ContactChanges:
         # A run that is resumed may stand with contacts closed.
         self._base = plain if plain.selection == self._open else plain.keeping(self._open)
         self._values = ContactRowValues(self._base, self._rows)
+        self._series = MotionSeries(self._base)
         self.events = EventValues(stepper, self.log)
         self._restitution, self._names = system.model.restitution, system.model.contact_names
         self._kinked = named_functions.switching_contacts(system.model)
@@ -103,31 +117,28 @@ class ContactChanges:
     def _require_apart(self, here: ContactInstant, room: float) -> None:
         deep = np.flatnonzero(here.g < -room * here.touching_gap).tolist()
         if deep:
-            raise self._jump(*max((float(-here.g[j]), j) for j in deep))
+            depth, contact = max((float(-here.g[j]), j) for j in deep)
+            raise _jump(self._run, self._names[contact], depth)
 
     def require_open(self, watch: StepWatch, w: Floats) -> None:
         """Raise `StepFailure` where open contacts are violated at a switch, by the watched values w (W,): their walls
-        jump."""
-        here, contacts = self.here(), watch.functions.contacts
+        jump, and do not only move."""
+        run = self._run
+        there = self._instant(run.found.reached, run.bound.new)
+        least = -2 * (there.touching_gap + run.found.taken * np.abs(there.speeds))
+        contacts = watch.functions.contacts
         opened = [(i, int(contacts[i])) for i in np.flatnonzero(watch.is_open)]
-        deep = [(float(-w[i]), j) for i, j in opened if w[i] < -2 * here.touching_gap[j]]
+        deep = [(float(-w[i]), j) for i, j in opened if w[i] < least[j]]
         if deep:
-            raise self._jump(*max(deep))
-
-    def _jump(self, depth: float, contact: int) -> StepFailure:
-        name = self._names[contact]
-        if contact_crossings.is_near(self._run):
-            return contact_crossings.stop(
-                self._run, f"the gap of `{name}` is not known better than to {depth:.3g}"
-            )
-        return StepFailure(
-            f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
-            " impulse",
-            run_stop.CONTACT,
-        )
+            depth, contact = max(deep)
+            raise _jump(run, self._names[contact], depth)
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap cannot be told apart."""
+        ending = np.flatnonzero(~np.isfinite(self.here().g)) if self._count else ()
+        if len(ending):
+            names = ", ".join(f"`{self._names[j]}`" for j in ending)
+            return f"{contact_change.NO_GRADIENT}: {names}"
         return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
 
     def _sunk(self, here: ContactInstant) -> Flags:
@@ -157,6 +168,21 @@ class ContactChanges:
         if here.near.any():
             self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
+
+    def at_switch(self, side: SwitchSide, events: list[int]) -> list[int]:
+        """Decide the contacts anew where functions of t, or in closed contacts, have switched: forces, velocities of
+        walls and their gradients may jump; of the events of the switch those that are left to be reported.
+
+        At an edge only an impact asks for one gradient.
+        """
+        here = self.here()
+        # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
+        if not (here.near.any() or self.closed or self.idle) or _press_on(self._run, here, self.closed):
+            return events
+        approaching = here.near & (here.speeds < -here.slow)
+        if approaching.any():
+            self._require_directions(here, np.flatnonzero(approaching).tolist())
+        return [*side.crossing] if self._change(here, None, switch=side) else events
 
     def at(self, hits: tuple[int, ...], ahead: StateAhead | None) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows."""
@@ -192,11 +218,13 @@ class ContactChanges:
         ahead: StateAhead | None,
         is_start: bool = False,
         hits: tuple[int, ...] = (),
-    ) -> None:
-        run, when, closed_before = self._run, self.events.now(), set(self.closed)
-        before = self.log.line() if ahead is None or ahead.before is None else ahead.before
-        lying_before = closed_before | set(self.idle)
-        impact = self._decided(lambda: contact_change.impact(here, self._restitution))
+        switch: SwitchSide | None = None,
+    ) -> bool:
+        """Decide the contacts at an instant; False where nothing has changed across a switch."""
+        run, lying_before = self._run, {*self.closed, *self.idle}
+        line, own, when = None, self.log.line(), self.events.now() if switch is None else switch.events
+        before = own if ahead is None or ahead.before is None else ahead.before
+        impact, jumped = self._decided(lambda: contact_change.impact(here, self._restitution)), list[int]()
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
@@ -204,17 +232,15 @@ class ContactChanges:
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
-        mode = ContactMode(self._open, ())
-        if level.any():
-            numbers = np.flatnonzero(level).tolist()
-            sunk = self._sunk(here)
-            forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
-            mode = self._decided(lambda: contact_mode.mode(self._open, after, forces, numbers, self._rows))
+        sunk = self._sunk(here) if switch is None else None
+        mode = self._mode((after, look), level, sunk, is_start)
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
-        line, crossed = None, {i - self._rows - self._count for i in hits}
-        jumped: list[int] = []
+        if switch is not None and impact is None and _stays(run, here, mode.selection, lying_before):
+            run.contacts = dataclasses.replace(run.contacts, touching=touching)
+            return False
+        crossed = {i - self._rows - self._count for i in hits} | set(switch.crossing if switch else ())
         if impact is not None and impact.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(impact.ended).tolist()))
@@ -222,20 +248,19 @@ class ContactChanges:
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if impact is None else impact.onward)
-        if impact is not None:
-            contact_crossings.require_projected(run, impact.onward, here.state.v)
         now = self.log.line()
         line = now if line is None else line
         if impact is not None:
+            contact_crossings.require_projected(run, impact.onward, here.state.v)
             # What the impact takes away is work done there: the balance of the energy goes on.
-            run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
+            begin = before if switch is None else own
+            run.bound.y[-1] += now[line_functions.JACOBI] - begin[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
         fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
         ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
         # Rebounds that something else cuts off are at their end here.
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
-        if impact is not None:
-            ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh)]
+        ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh) if impact is not None]
         shared = {*run.contacts.shared, *mode.selection.indeterminate, *(impact.shared if impact else ())}
         run.contacts = dataclasses.replace(
             run.contacts,
@@ -246,17 +271,42 @@ class ContactChanges:
             ending=tuple(ending),
             shared=tuple(sorted(shared)),
         )
-        jumped += self.events.jumped(when, self.events.now())
+        closing = self.events.jumped(when, self.events.now())
+        # A multiplier jumps where the rebounds that are left out are at their end.
+        if fresh:
+            run.contacts, closing = _postponed(run.contacts, set(closing) - crossed), []
+        jumped += closing
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
+        before = before if switch is None else switch.line
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
+        return True
+
+    def _mode(
+        self, sides: tuple[ContactInstant, ContactInstant], level: Flags, sunk: Flags | None, is_start: bool
+    ) -> ContactMode:
+        """The rows beyond an instant; sides: the instant, and the one by which forces are judged; level: contacts that
+        may press there."""
+        after, look = sides
+        if not level.any():
+            return ContactMode(self._open, ())
+        numbers = np.flatnonzero(level)
+        forces = self._decided(lambda: contact_change.contact_forces(look, level, sunk))
+        if look is after:
+            # The start is known exactly, other states to the tolerance.
+            known = 0.0 if is_start else float(self._run.tolerance[0])
+            forces = ContactOrders(self._series, after, known).decided(forces, numbers)
+        return self._decided(
+            lambda: contact_mode.mode(self._open, after, forces, numbers.tolist(), self._rows)
+        )
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
         run = self._run
         due = [j for j, t in run.contacts.ending if t <= run.t]
-        if not due:
+        events = [number for number, t in run.contacts.postponed if t <= run.t or not run.contacts.ending]
+        if not (due or events):
             return
         line = self.log.line()
         kinds: tuple[Kind, ...] = ("accumulation", "contact")
@@ -264,7 +314,10 @@ class ContactChanges:
             for j in due:
                 self.log.report(kind, self._names[j], InstantLines(line, line))
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
-        run.contacts = dataclasses.replace(run.contacts, ending=left, last=run.t)
+        later = tuple(each for each in run.contacts.postponed if each[0] not in events)
+        last = run.t if due else run.contacts.last
+        run.contacts = dataclasses.replace(run.contacts, ending=left, postponed=later, last=last)
+        self.events.report(events)
 
     def _go_on(self, selection: Selection, v: Floats) -> None:
         """Go on with these rows, from velocities v (n,)."""
@@ -284,22 +337,10 @@ class ContactChanges:
         self._run.statistics.evaluations += 1
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
-        run, impact = self._run, reported.impact
-        impulses = np.zeros(self._rows + self._count)
-        kinds: list[tuple[Kind, Iterable[int]]] = [
-            ("accumulation", sorted(reported.cut)),
-            ("contact", sorted(reported.cut)),
-        ]
-        if impact is not None:
-            impulses[: self._rows] = impact.of_equalities
-            impulses[self._rows :] = impact.of_contacts
-            kinds.append(("impact", np.flatnonzero(impact.impacting).tolist()))
-        if impact is not None or not (is_start or run.t == run.grid.start):
-            ending = {j for j, _ in run.contacts.ending}
-            kinds.append(("contact", sorted(reported.enforced - reported.enforced_before - ending)))
-            kinds.append(("release", sorted(reported.enforced_before - reported.enforced)))
-        lines = InstantLines(reported.before, reported.after, impulses)
-        for kind, contacts in kinds:
+        run = self._run
+        lines = reported.lines(self._rows, self._count)
+        is_told = not (is_start or run.t == run.grid.start)
+        for kind, contacts in reported.kinds({j for j, _ in run.contacts.ending}, is_told):
             for j in contacts:
                 self.log.report(kind, self._names[j], lines)
         self.events.report(reported.events, lines)
@@ -324,3 +365,61 @@ class _ContactReport:
     enforced: set[int]
     events: list[int]
     cut: set[int]
+
+    def lines(self, rows: int, contacts: int) -> InstantLines:
+        """The lines with the impulses of all rows (C + K,)."""
+        impulses, impact = np.zeros(rows + contacts), self.impact
+        if impact is not None:
+            impulses[:rows], impulses[rows:] = impact.of_equalities, impact.of_contacts
+        return InstantLines(self.before, self.after, impulses)
+
+    def kinds(self, ending: set[int], is_told: bool) -> list[tuple[Kind, Iterable[int]]]:
+        """The incidents of contacts, in their order; is_told: of a change without an impact too."""
+        found: list[tuple[Kind, Iterable[int]]] = [
+            ("accumulation", sorted(self.cut)),
+            ("contact", sorted(self.cut)),
+        ]
+        if self.impact is not None:
+            found.append(("impact", np.flatnonzero(self.impact.impacting).tolist()))
+        if self.impact is not None or is_told:
+            found.append(("contact", sorted(self.enforced - self.enforced_before - ending)))
+            found.append(("release", sorted(self.enforced_before - self.enforced)))
+        return found
+
+
+def _jump(run: Stepper, name: str, depth: float) -> StepFailure:
+    if contact_crossings.is_near(run):
+        return contact_crossings.stop(run, f"the gap of `{name}` is not known better than to {depth:.3g}")
+    return StepFailure(
+        f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
+        " impulse",
+        run_stop.CONTACT,
+    )
+
+
+def _stays(run: Stepper, here: ContactInstant, selection: Selection, lying: set[int]) -> bool:
+    """True where the run stands with these rows already, and on those of the contacts that lie closed."""
+    is_on = (np.abs(here.speeds) <= here.speed_roundoff)[sorted(lying)].all()
+    return bool(is_on) and selection == run.bound.enforced.selection
+
+
+def _postponed(contacts: ContactState, events: set[int]) -> ContactState:
+    """With events that are reported where the series of rebounds end."""
+    until = max(t for _, t in contacts.ending)
+    postponed = dict(contacts.postponed) | dict.fromkeys(events, until)
+    return dataclasses.replace(contacts, postponed=tuple(sorted(postponed.items())))
+
+
+def _press_on(run: Stepper, here: ContactInstant, closed: tuple[int, ...]) -> bool:
+    """True where the contacts that are closed still press, all of them, and no other may: then nothing is decided."""
+    level = here.at_rest
+    level[list(closed)] = False
+    approaching = here.near & (here.speeds < -here.slow)
+    if not closed or level.any() or approaching.any():
+        return False
+    if (np.abs(here.speeds) > here.speed_roundoff)[list(closed)].any():
+        return False
+    bound, contacts, n = run.bound, np.array(closed, dtype=np.intp), here.state.q.size
+    rate, multipliers = bound.numeric.solved(here.state.t, bound.y, bound.p)
+    forces = np.array(multipliers).ravel()[-here.g.size :][contacts]
+    return bool((forces > here.least_forces(contacts, np.array(rate).ravel()[n : 2 * n])).all())

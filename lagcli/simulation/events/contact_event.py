@@ -15,8 +15,9 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
+from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
-from lagcli.simulation.events.contact_changes import ContactChanges
+from lagcli.simulation.events.contact_changes import ContactChanges, SwitchSide
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
 from lagcli.simulation.events.singular_step_watch import SingularStepWatch
@@ -38,7 +39,7 @@ LONGER = 16.0
 # The state by which contacts are judged that are released lies by this part of a step behind the instant; farther by
 # this factor each time that it does not decide.
 BEYOND, FARTHER = 1e-5, 4.0
-# Rounding of a declared function, as a part of its values at the ends of a step.
+# Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
 NOISE = 64 * float(np.finfo(float).eps)
 # A step is shortened to this part at the least.
 LEAST = 1e-3
@@ -63,6 +64,8 @@ class ContactEvent(Event):
         self._at_end: list[int] = []
         # Numbers of declared events that are at zero at a switch, where they are decided.
         self._touched: list[int] = []
+        # The near side of a switch of functions of t, beyond which the contacts are decided anew.
+        self._before: SwitchSide | None = None
         # Declared events that cross zero in the step, with the rounding of their values.
         self._crossed: dict[int, float] = {}
         self._current()
@@ -83,6 +86,7 @@ class ContactEvent(Event):
         """See `Event`."""
         run, found = self._stepper, self._stepper.found
         self._hits, self._ahead, self._at_end, self._crossed = (), None, [], {}
+        self._before = None
         if not found.is_open:
             return
         if found.is_still:
@@ -113,17 +117,23 @@ class ContactEvent(Event):
             self._end_series_at(limit)
 
     def _switch(self) -> None:
-        """Look at what functions of t make jump at a switch: declared events, and walls, which may not."""
+        """Look at what functions of t make jump at a switch: declared events, and walls, which may not.
+
+        Forces, and velocities of walls, may: which contacts press is decided beyond it.
+        """
         run, watch = self._stepper, self._current()
-        before, after = watch.begin(), watch.end(run.found.reached)
-        if self._system.contacts.count:
-            self._changes.require_open(watch, after)
-        E = self._system.event_values.numel()
-        if E:
+        before, after, crossed = watch.begin(), watch.end(run.found.reached), list[int]()
+        if E := self._system.event_values.numel():
             sides = before[-E:], after[-E:]
             crossed, touched = declared_events.at_switch(watch, sides, self._changes.events.jumped)
             self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
             self._touched = [watch.functions.kinds.first_event + number for number in touched]
+        if self._system.contacts.count:
+            self._changes.require_open(watch, after)
+            self._before = SwitchSide(
+                self._changes.log.line(), before[before.size - E :].copy(), tuple(crossed)
+            )
+            run.found.is_jump = True
 
     def _end_series_at(self, t: float) -> None:
         """End the step at a time at which rebounds of a contact come to their end."""
@@ -139,6 +149,10 @@ class ContactEvent(Event):
     def act(self) -> None:
         """See `Event`."""
         run = self._stepper
+        self._changes.log.is_switched = self._before is not None
+        if self._before is not None:
+            self._at_end = self._changes.at_switch(self._before, self._at_end)
+            run.settle()
         self.end()
         hits, self._hits = self._hits, ()
         crossed, self._crossed = self._crossed, {}
@@ -217,8 +231,14 @@ class ContactEvent(Event):
         limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
         if not indices.size:
             return
+        begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
+        step_watch.require_pushes(watch, indices[begin[indices] < -PARAMETERS.clearly * noise])
+        # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
+        gaps = watch.are_gaps[indices]
+        moved = NOISE * np.abs(end - begin)[indices]
+        noise[gaps] = np.maximum(noise, np.where(np.isfinite(moved), moved, 0.0))[gaps]
         if kinds.is_event[indices].any():
-            begin, end = (np.abs(watch.inside(x)[0]) for x in (0.0, limit))
+            begin, end = np.abs(begin), np.abs(end)
             sizes, is_event = np.maximum(begin, end), kinds.is_event[indices]
             # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
             rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())

@@ -29,7 +29,7 @@ TOUCHED, OFFSET = 4.0, 1e-5
 REFINED = 4
 # An event may be reported so many roundings of the time away from its zero.
 IN_TIME = 4.0
-# Roundings of time within which an incident is at the end of the run.
+# Roundings of time within which an incident is at a row, or at the end of the run.
 AT_END = 8.0
 
 

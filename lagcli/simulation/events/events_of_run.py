@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from lagcli.equations import named_functions
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.stepping.stepper import Stepper
@@ -28,6 +29,15 @@ def _impulses(stepper: Stepper) -> Event | None:
     from lagcli.simulation.events.impulse_event import ImpulseEvent
 
     return ImpulseEvent(stepper, jumps.crossings)
+
+
+def _edges(stepper: Stepper) -> Event | None:
+    """Edges of conditions."""
+    if not named_functions.switching_contacts(stepper.bound.enforced.system.model).any():
+        return None
+    from lagcli.simulation.events.contact_edges import EdgeEvent
+
+    return EdgeEvent(stepper)
 
 
 def _contacts(stepper: Stepper) -> Event | None:
@@ -55,6 +65,7 @@ EVENTS: tuple[Callable[[Stepper], Event | None], ...] = (
     _switches,
     SingularEvent,
     _impulses,
+    _edges,
     _contacts,
     _sticking,
 )

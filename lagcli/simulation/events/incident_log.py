@@ -23,10 +23,11 @@ class InstantLines:
 
 
 class IncidentLog:
-    """The incidents of one run."""
+    """The incidents of one run; is_switched: it has just been led across a switch, and the rows there are to come."""
 
     def __init__(self, stepper: Stepper) -> None:
         self._run = stepper
+        self.is_switched = False
         self._rows = len(stepper.bound.enforced.system.multiplier_rows)
 
     def line(self) -> Floats:
@@ -50,8 +51,10 @@ class IncidentLog:
         return Incident(float(self._run.origin + t), kind, name, impulses, before, after)
 
     def report(self, kind: Kind, name: str, sides: InstantLines) -> None:
-        """Tell of an incident where the run stands."""
-        self._run.statistics.add(self.incident(self._run.t, kind, name, sides))
+        """Tell of an incident where the run stands: behind a switch, at the time of the row there, if there is one."""
+        run = self._run
+        t = min(run.t, run.row_time) if self.is_switched else run.t
+        run.statistics.add(self.incident(t, kind, name, sides))
 
 
 def _columns(line: Floats) -> Floats:

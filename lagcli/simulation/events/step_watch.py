@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.watch_functions import WatchFunctions
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -24,13 +26,16 @@ EPS = float(np.finfo(float).eps)
 
 
 class StepWatch:
-    """w (W,) of `WatchFunctions` along a step of a run; is_open: of their `contacts`."""
+    """w (W,) of `WatchFunctions` along a step of a run; is_open: of their `contacts`; are_gaps: the gaps of open ones
+    among w (W,)."""
 
     def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
         self.functions, self.run, self._bound = functions, run, run.bound
         numeric = run.bound.numeric
         lying, first = [*numeric.closed_rows, *numeric.idle_rows], functions.kinds.first_contact
         self.is_open = ~np.isin(first + functions.contacts, np.array(lying, dtype=np.intp))
+        self.are_gaps = np.zeros(functions.kinds.numbers.size, dtype=bool)
+        self.are_gaps[: self.is_open.size] = self.is_open
         t, x = np.zeros(1), np.zeros(1)
         self._at, self._state = t, x
         self._t, self._x = cells(t), cells(x)
@@ -205,3 +210,13 @@ def take_again(run: Stepper, reached: float) -> None:
     bound.h[0] = found.taken
     bound.staged.trigger()
     run.statistics.evaluations += run.method.evaluations
+
+
+def require_pushes(watch: StepWatch, pulling: Numbers) -> None:
+    """Raise `StepFailure` where a contact that is closed is among functions that are clearly below zero at the begin of
+    a step: no row is made of that, whatever has closed it."""
+    bound, numbers = watch.run.bound, watch.functions.kinds.numbers[pulling].tolist()
+    rows, closed = bound.enforced.system.multiplier_rows, set(bound.numeric.closed_rows)
+    names = [f"`{rows[number].name}`" for number in numbers if number in closed]
+    if names:
+        raise StepFailure(f"the closed contacts {', '.join(names)} would pull there", run_stop.CONTACT)

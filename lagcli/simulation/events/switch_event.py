@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,6 +25,15 @@ class SwitchEvent(Event):
     def __init__(self, stepper: Stepper) -> None:
         self._stepper = stepper
 
+    def begin(self) -> None:
+        """A start with contacts that stands at a switch is taken on its other side: there they are decided."""
+        run = self._stepper
+        if run.bound.enforced.system.contacts.count and self.passes():
+            found, bound = run.found, run.bound
+            found.is_open = found.is_still = False
+            bound.t[0] = run.t = found.reached
+            bound.y[:], bound.k[:] = bound.new, bound.k_new
+
     def passes(self) -> bool:
         """See `Event`."""
         run = self._stepper
@@ -32,19 +43,35 @@ class SwitchEvent(Event):
         middle, after = (min(t, run.grid.end) for t in found)
         bound, dt = run.bound, after - run.t
         y, k = bound.y, bound.k
-        projected, rate, *_ = bound.projected_at(after, y)
+        project = bound.projected_at
+        projected, rate, *_ = project(after, y)
         if self._is_pole(run.t, -dt) or self._is_pole(after, dt):
             raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         here = run.state_at(run.t, y)
-        if not _is_same((y, k), (projected, rate), dt, self._acceleration(here)):
-            beyond = run.state_at(after, y)
-            raise stop_diagnosis.impact(bound.enforced, here, beyond)
-        bound.projected_at(after, y + (middle - run.t) * k + (after - middle) * rate)
-        bound.new[:], bound.k_new[:] = projected, rate
+        acceleration = self._acceleration(here)
+        if not _is_same((y, k), (projected, rate), dt, acceleration):
+            project = functools.partial(opened, run)
+            projected, rate = project(after, y)
+            beside = run.state_at(after, y)
+            if self._jumps(here, beside) or not _is_same((y, k), (projected, rate), dt, acceleration):
+                raise stop_diagnosis.impact(bound.enforced, here, beside)
+        ahead = y + (middle - run.t) * k + (after - middle) * rate
+        bound.new[:], bound.k_new[:], *_ = project(after, ahead)
         step = run.found
         step.is_open = step.is_still = True
         step.reached, step.taken, step.proposed = after, dt, run.control.step
         return True
+
+    def _jumps(self, here: State, beyond: State) -> bool:
+        """True where the wall of a closed contact is elsewhere on the other side, however fast it may be."""
+        numeric = self._stepper.bound.numeric
+        first = len(self._stepper.bound.enforced.system.rows.rows)
+        closed = [i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]
+        found = [numeric.contacts(s.t, s.q, s.v, s.p) for s in (here, beyond)]
+        (g, *_), (g_beyond, *_) = sides = [[np.array(each)[closed] for each in side] for side in found]
+        speed = sum(np.abs(G @ here.v + g_t.ravel()) for _, G, g_t, *_ in sides)
+        room = SAME * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beyond.t - here.t) * speed
+        return not bool((np.abs(g_beyond - g).ravel() <= room).all())
 
     def _acceleration(self, here: State) -> float:
         """The largest that forces alone make of a coordinate."""
@@ -59,6 +86,17 @@ class SwitchEvent(Event):
         ]
         run.statistics.evaluations += len(rates)
         return stop_diagnosis.is_pole(rates)
+
+
+def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:
+    """A state y (2n + 1,), and y', on the equality rows alone: what a wall that is suddenly faster or slower, or has
+    another direction, does to it is no matter of rows but of contacts."""
+    bound = run.bound
+    rows = len(bound.enforced.system.rows.rows)
+    enforced = bound.enforced.keeping(bound.enforced.selection.opened(rows))
+    found = enforced.functions.numeric.project(t, y, enforced.parameters)[:2]
+    run.statistics.evaluations += 1
+    return [np.array(each).ravel() for each in found]
 
 
 def _is_same(

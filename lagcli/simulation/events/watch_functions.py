@@ -93,7 +93,8 @@ class WatchFunctions:
         w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
         slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
         slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
-        return self._written_out(SizedFunction("inside", [t, h, x, y, coefficients, p], [w, slope]))
+        outputs = [ca.densify(w), slope]
+        return self._written_out(SizedFunction("inside", [t, h, x, y, coefficients, p], outputs))
 
     @cached_property
     def hull(self) -> Compiled | None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.simulation.events.declared_events import AT_END
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -68,19 +69,22 @@ class RowWriter:
         return block.copy() if 2 * self._filled < len(self._lines) else block
 
     def put_begin(self) -> None:
-        """Write the row of the state where the run stands."""
+        """Write the next row from the state where the run stands."""
         run, rows = self._stepper, self._stepper.rows
         rows.at[0] = run.origin + run.t
         rows.begin.trigger()
+        rows.cells[0] = run.origin + run.row_time
         self._put_line()
 
     def put_state(self) -> bool:
-        """Write the row at the state where the run stands, if there is one; False where the block is full before."""
-        if self._stepper.row_time != self._stepper.t:
-            return True
-        if self._filled == self._capacity:
-            return False
-        self.put_begin()
+        """Write the rows at the state where the run stands, if there are any; False where the block is full before.
+
+        Behind a switch of functions of t they may lie a few roundings of the time before it.
+        """
+        while self._stepper.row_time <= self._stepper.t:
+            if self._filled == self._capacity:
+                return False
+            self.put_begin()
         return True
 
     def put_last(self) -> None:
@@ -106,10 +110,16 @@ class RowWriter:
         run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
         t, reached, taken = run.t, found.reached, found.taken
         self._begun, capacity = t, self._capacity
+        before = reached
+        if found.is_jump:
+            # The time of an incident has its rounding; across a switch no row is before it.
+            before = t if found.is_still else reached - AT_END * math.ulp(run.origin + reached)
         is_ordinary = not found.is_still and found.singular_step is None
-        if is_ordinary and found.work is None and run.row_time < reached:
-            self._put_inside()
-        while run.row_time <= reached and not (found.is_jump and run.row_time == reached):
+        if is_ordinary and found.work is None and run.row_time < before:
+            self._put_inside(before)
+        while run.row_time <= reached:
+            if found.is_jump and run.row_time >= before:
+                break
             if self._filled == capacity:
                 return False
             at = run.row_time
@@ -130,17 +140,17 @@ class RowWriter:
             self._put_line()
         return True
 
-    def _put_inside(self) -> None:
-        """Write the rows before the end of an ordinary step, as `put_rows` would, up to one that is not finite.
+    def _put_inside(self, before: float) -> None:
+        """Write the rows before a time in an ordinary step, as `put_rows` would, up to one that is not finite.
 
         Nearly all rows of nearly all tables are such: what they do not need is not asked for.
         """
         run, rows, lines, time = self._stepper, self._stepper.rows, self._lines, self.grid.time
-        t, reached, taken, origin = run.t, run.found.reached, run.found.taken, run.origin
+        t, taken, origin = run.t, run.found.taken, run.origin
         trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
         row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, self._capacity
         run.make_dense()
-        while row_time < reached and filled < capacity:
+        while row_time < before and filled < capacity:
             at[0], x[0] = origin + row_time, (row_time - t) / taken
             trigger()
             if not math.isfinite(cells[-1]):

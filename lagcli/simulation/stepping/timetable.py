@@ -147,7 +147,7 @@ class Timetable:
         if i < 0 or self._switches[i].after <= t:
             return None
         before, after = self._switches[i]
-        if after - before > PARAMETERS.still * max(math.ulp(after), PARAMETERS.grain * self._piece):
+        if not _is_still(self._switches[i], PARAMETERS.grain * self._piece):
             return None
         return max(t, before + (after - before) / 2), after
 
@@ -245,8 +245,18 @@ def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float)
             return None
         left, right = _halved(left, right, ~whole)
     found = _joined([*zip(left.tolist(), right.tolist(), strict=True)], grain)
-    ends = [(x, x) for switch in _joined(coarse, grain) for x in switch]
-    return _joined([*found, *_joined(ends, grain)], 0.0) if ends else found
+    wide = []
+    for switch in _joined(coarse, grain):
+        if _is_still(switch, grain):
+            found.append(switch)
+        else:
+            wide += [(x, x) for x in switch]
+    return _joined([*found, *_joined(wide, grain)], 0.0) if coarse else found
+
+
+def _is_still(switch: SwitchSpan, grain: float) -> bool:
+    """True if states stand still across a switch."""
+    return switch.after - switch.before <= PARAMETERS.still * max(math.ulp(switch.after), grain)
 
 
 def _halved(left: Floats, right: Floats, which: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:

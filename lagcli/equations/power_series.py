@@ -1,0 +1,319 @@
+"""Power series of what expressions are along a motion: their Taylor coefficients, operation by operation.
+
+The recurrences are those of automatic differentiation (Griewank and Walther, Evaluating Derivatives, 2nd ed.,
+chapter 13); beside each coefficient goes the size of its terms, for terms may cancel. A series has as many coefficients
+as are known: one that says nothing is empty. Where a function switches, the branch is that of the time just after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.equations import operation_graph
+
+Floats = npt.NDArray[np.float64]
+
+
+class PowerSeries(NamedTuple):
+    """Coefficients c_0, c_1, ... of powers of the time from the instant on, and the sizes of their terms."""
+
+    c: Floats
+    size: Floats
+
+    @property
+    def known(self) -> int:
+        """The number of coefficients that are known."""
+        return int(self.c.size)
+
+
+def constant(value: float, count: int) -> PowerSeries:
+    """A number, with so many coefficients."""
+    c = np.zeros(count)
+    c[:1] = value
+    return PowerSeries(c, np.abs(c))
+
+
+NOTHING = PowerSeries(np.zeros(0), np.zeros(0))
+
+
+class SeriesFunction:
+    """The power series of a function's results, from those of its arguments."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._instructions = operation_graph.instructions(function)
+        self._sizes = [function.nnz_out(i) for i in range(function.n_out())]
+
+    def at(
+        self, arguments: Sequence[Sequence[PowerSeries]], count: int, rounding: float
+    ) -> list[list[PowerSeries]]:
+        """The series of all results, entry by entry, with `count` coefficients or fewer.
+
+        rounding: coefficients that are this part of their terms are zero where a switch is decided.
+        """
+        rules, work = _Rules(count, rounding), dict[int, PowerSeries]()
+        found = [[constant(0.0, count)] * size for size in self._sizes]
+        with np.errstate(all="ignore"):
+            for op, operands, result, value in self._instructions:
+                if op == ca.OP_OUTPUT:
+                    found[result[0]][result[1]] = work[operands[0]]
+                elif op == ca.OP_INPUT:
+                    work[result[0]] = arguments[operands[0]][operands[1]]
+                elif op == ca.OP_CONST:
+                    work[result[0]] = constant(value, count)
+                else:
+                    made = rules.of(op, [work[index] for index in operands])
+                    work[result[0]] = made if np.isfinite(made.size).all() else NOTHING
+        return found
+
+
+class _Rules:
+    """Operations on series."""
+
+    def __init__(self, count: int, rounding: float) -> None:
+        self._count, self._rounding = count, rounding
+
+    def of(self, op: int, parts: list[PowerSeries]) -> PowerSeries:
+        """An operation on series; one that is not known says nothing."""
+        if op in (ca.OP_FABS, ca.OP_SIGN):
+            side = self._side(parts[0])
+            return _scaled(parts[0], side) if op == ca.OP_FABS else constant(side, self._count)
+        if op in (ca.OP_FMIN, ca.OP_FMAX):
+            a, b = parts
+            is_first = self._side(_sum(a, b, -1.0)) * (1.0 if op == ca.OP_FMAX else -1.0) >= 0.0
+            return a if is_first else b
+        if op in _COMPARED:
+            return constant(float(_COMPARED[op](self._side(_sum(parts[0], parts[-1], -1.0)))), self._count)
+        if op in (ca.OP_NOT, ca.OP_AND, ca.OP_OR):
+            truths = [self._side(part) != 0.0 for part in parts]
+            truth = not truths[0] if op == ca.OP_NOT else (all if op == ca.OP_AND else any)(truths)
+            return constant(float(truth), self._count)
+        if op == ca.OP_IF_ELSE_ZERO:
+            return parts[1] if self._side(parts[0]) != 0.0 else constant(0.0, self._count)
+        rule = _RULES.get(op)
+        return NOTHING if rule is None else rule(*parts)
+
+    def _side(self, u: PowerSeries) -> float:
+        """The sign just after the instant: that of the first coefficient that is not zero."""
+        leading = np.flatnonzero(np.abs(u.c) > self._rounding * u.size)
+        return float(np.sign(u.c[leading[0]])) if leading.size else 0.0
+
+
+_COMPARED: dict[int, Callable[[float], bool]] = {
+    ca.OP_LT: lambda side: side < 0.0,
+    ca.OP_LE: lambda side: side <= 0.0,
+    ca.OP_EQ: lambda side: side == 0.0,
+    ca.OP_NE: lambda side: side != 0.0,
+}
+
+
+def _sum(a: PowerSeries, b: PowerSeries, sign: float = 1.0) -> PowerSeries:
+    n = min(a.known, b.known)
+    return PowerSeries(a.c[:n] + sign * b.c[:n], a.size[:n] + b.size[:n])
+
+
+def _scaled(a: PowerSeries, factor: float) -> PowerSeries:
+    return PowerSeries(factor * a.c, abs(factor) * a.size)
+
+
+def _shifted(a: PowerSeries, value: float) -> PowerSeries:
+    """a + value."""
+    return _sum(a, constant(value, a.known))
+
+
+def product(a: PowerSeries, b: PowerSeries) -> PowerSeries:
+    """a b."""
+    n = min(a.known, b.known)
+    if not n:
+        return NOTHING
+    return PowerSeries(np.convolve(a.c[:n], b.c[:n])[:n], np.convolve(a.size[:n], b.size[:n])[:n])
+
+
+def _made(n: int, coefficient: Callable[[int, Floats, Floats], tuple[float, float]]) -> PowerSeries:
+    """A series, coefficient by coefficient: k, coefficients and sizes before it -> the next."""
+    c, size = np.zeros(n), np.zeros(n)
+    for k in range(n):
+        c[k], size[k] = coefficient(k, c, size)
+    return PowerSeries(c, size)
+
+
+def _quotient(a: PowerSeries, b: PowerSeries) -> PowerSeries:
+    n = min(a.known, b.known)
+    if not n or b.c[0] == 0.0:
+        return NOTHING
+
+    def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
+        back, divisor = slice(k, 0, -1), float(b.c[0])
+        value = (a.c[k] - c[:k] @ b.c[back]) / divisor
+        return value, (a.size[k] + size[:k] @ b.size[back] + abs(value) * b.size[0]) / abs(divisor)
+
+    return _made(n, coefficient)
+
+
+def _root(a: PowerSeries) -> PowerSeries:
+    if not a.known or not a.c[0] > 0.0:
+        return constant(0.0, a.known) if not a.size.any() else NOTHING
+
+    def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
+        if k == 0:
+            return float(np.sqrt(a.c[0])), float(a.size[0] / np.sqrt(a.c[0]))
+        inner, divisor = slice(1, k), 2 * float(c[0])
+        value = (a.c[k] - c[inner] @ c[inner][::-1]) / divisor
+        return value, (a.size[k] + size[inner] @ size[inner][::-1] + abs(value) * size[0]) / divisor
+
+    return _made(a.known, coefficient)
+
+
+def _exponential(a: PowerSeries) -> PowerSeries:
+    def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
+        if k == 0:
+            value = float(np.exp(a.c[0]))
+            return value, value * (1.0 + float(a.size[0]))
+        weights = np.arange(1, k + 1) / k
+        return float((weights * a.c[1 : k + 1]) @ c[:k][::-1]), float(
+            (weights * a.size[1 : k + 1]) @ size[:k][::-1]
+        )
+
+    return _made(a.known, coefficient)
+
+
+def _wave(a: PowerSeries, of: Callable[[float], float], sign: float) -> tuple[PowerSeries, PowerSeries]:
+    """sin and cos, or sinh and cosh, of a series: `of` is the first, sign that of its second derivative."""
+    n = a.known
+    c, size = np.zeros((2, n)), np.zeros((2, n))
+    other = np.cos if sign < 0 else np.cosh
+    for k in range(n):
+        if k == 0:
+            c[:, 0] = of(a.c[0]), other(a.c[0])
+            size[:, 0] = np.minimum(1.0, a.size[0]) if sign < 0 else np.abs(c[:, 0]) + a.size[0] * c[1, 0]
+            size[1, 0] = max(size[1, 0], abs(c[1, 0]))
+            continue
+        weights = np.arange(1, k + 1) / k
+        u, sizes = weights * a.c[1 : k + 1], weights * a.size[1 : k + 1]
+        c[:, k] = u @ c[1, :k][::-1], sign * (u @ c[0, :k][::-1])
+        size[:, k] = sizes @ size[1, :k][::-1], sizes @ size[0, :k][::-1]
+    return PowerSeries(c[0], size[0]), PowerSeries(c[1], size[1])
+
+
+def _integral(rate: PowerSeries, value: float, argument: PowerSeries) -> PowerSeries:
+    """The function with this value at the instant whose rate is `rate` times that of its argument."""
+    n = argument.known
+    if not n:
+        return NOTHING
+    steps = np.arange(1, n)
+    own = PowerSeries(argument.c[1:] * steps, argument.size[1:] * steps)
+    slope = product(rate, own) if n > 1 else NOTHING
+    m = slope.known
+    c = np.concatenate([[value], slope.c / steps[:m]])
+    size = abs(value) + float(np.abs(rate.c[:1]).sum()) * argument.size[0]
+    return PowerSeries(c, np.concatenate([[size], slope.size / steps[:m]]))
+
+
+def _square(a: PowerSeries) -> PowerSeries:
+    return product(a, a)
+
+
+def _inverse(a: PowerSeries) -> PowerSeries:
+    return _quotient(constant(1.0, a.known), a)
+
+
+def _arc(a: PowerSeries, sign: float) -> PowerSeries:
+    """asin with the sign 1, acos with -1."""
+    if not a.known:
+        return NOTHING
+    under = _shifted(_scaled(_square(a), -1.0), 1.0)
+    value = np.arcsin(a.c[0]) if sign > 0 else np.arccos(a.c[0])
+    return _integral(_scaled(_inverse(_root(under)), sign), float(value), a)
+
+
+def _logarithm(a: PowerSeries) -> PowerSeries:
+    if not a.known or not a.c[0] > 0.0:
+        return NOTHING
+    return _integral(_inverse(a), float(np.log(a.c[0])), a)
+
+
+def _power(a: PowerSeries, b: PowerSeries) -> PowerSeries:
+    if not (a.known and b.known):
+        return NOTHING
+    exponent = float(b.c[0])
+    if not b.c[1:].any():
+        if exponent == int(exponent) and abs(exponent) <= a.known:
+            made = constant(1.0, a.known)
+            for _ in range(abs(int(exponent))):
+                made = product(made, a)
+            return made if exponent >= 0 else _inverse(made)
+        if a.c[0] == 0.0 and exponent == int(exponent) > 0 and a.known:
+            return PowerSeries(np.zeros(a.known), np.zeros(a.known))
+    if a.c[0] < 0.0 and exponent == int(exponent) and not b.c[1:].any():
+        made = _exponential(product(_logarithm(_scaled(a, -1.0)), b))
+        return _scaled(made, -1.0) if int(exponent) % 2 else made
+    return _exponential(product(_logarithm(a), b))
+
+
+def _tanh(a: PowerSeries) -> PowerSeries:
+    n = a.known
+    if not n:
+        return NOTHING
+    made = constant(float(np.tanh(a.c[0])), 1)
+    for k in range(1, n):
+        # Each turn knows one coefficient more of 1 - tanh^2.
+        rate = _shifted(_scaled(_square(made), -1.0), 1.0)
+        made = _integral(rate, float(made.c[0]), PowerSeries(a.c[: k + 1], a.size[: k + 1]))
+    return made
+
+
+def _angle(y: PowerSeries, x: PowerSeries) -> PowerSeries:
+    """atan2(y, x), of the turned quotient that has a divisor."""
+    if not (y.known and x.known):
+        return NOTHING
+    value = float(np.arctan2(y.c[0], x.c[0]))
+    if abs(x.c[0]) >= abs(y.c[0]):
+        return _shifted_to(_arctangent(_quotient(y, x)), value)
+    return _shifted_to(_scaled(_arctangent(_quotient(x, y)), -1.0), value)
+
+
+def _shifted_to(a: PowerSeries, value: float) -> PowerSeries:
+    """The series with another value at the instant."""
+    if not a.known:
+        return NOTHING
+    return PowerSeries(
+        np.concatenate([[value], a.c[1:]]), np.concatenate([a.size[:1] + abs(value), a.size[1:]])
+    )
+
+
+def _arctangent(a: PowerSeries) -> PowerSeries:
+    if not a.known:
+        return NOTHING
+    return _integral(_inverse(_shifted(_square(a), 1.0)), float(np.arctan(a.c[0])), a)
+
+
+_RULES: dict[int, Callable[..., PowerSeries]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: _sum,
+    ca.OP_SUB: lambda a, b: _sum(a, b, -1.0),
+    ca.OP_NEG: lambda a: _scaled(a, -1.0),
+    ca.OP_TWICE: lambda a: _scaled(a, 2.0),
+    ca.OP_MUL: product,
+    ca.OP_SQ: _square,
+    ca.OP_DIV: _quotient,
+    ca.OP_INV: _inverse,
+    ca.OP_SQRT: _root,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_EXP: _exponential,
+    ca.OP_LOG: _logarithm,
+    ca.OP_SIN: lambda a: _wave(a, np.sin, -1.0)[0],
+    ca.OP_COS: lambda a: _wave(a, np.sin, -1.0)[1],
+    ca.OP_TAN: lambda a: _quotient(*_wave(a, np.sin, -1.0)),
+    ca.OP_SINH: lambda a: _wave(a, np.sinh, 1.0)[0],
+    ca.OP_COSH: lambda a: _wave(a, np.sinh, 1.0)[1],
+    ca.OP_TANH: _tanh,
+    ca.OP_ASIN: lambda a: _arc(a, 1.0),
+    ca.OP_ACOS: lambda a: _arc(a, -1.0),
+    ca.OP_ATAN: _arctangent,
+    ca.OP_ATAN2: _angle,
+}

@@ -1,0 +1,440 @@
+"""Instants at which forces or walls jump or bend decide the contacts anew: each against a closed form."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.simulation.events.contact_changes import ContactChanges
+
+pytestmark = pytest.mark.numeric
+
+PARTICLE = """lagcli: 1
+particles: {{a: {{mass: {m}, position: [0, 0, 0]}}}}
+forces: {{load: {{to: a, force: "[0, 0, {force}]"}}}}
+inequality: {{f: {{condition: "a.z >= {wall}", restitution: {e}}}}}
+simulation: {{start: {start}, duration: {duration}, samples: {samples}}}
+"""
+COORDINATE = """lagcli: 1
+coordinates: {{s: {{value: 0}}}}
+particles: {{a: {{mass: {m}, position: [s, 0, 0]}}}}
+forces: {{load: {{to: s, force: "{force}"}}}}
+inequality: {{f: {{condition: "s >= {wall}", restitution: {e}}}}}
+simulation: {{start: {start}, duration: {duration}, samples: {samples}}}
+"""
+Function = Callable[[np.ndarray], np.ndarray]
+STEP = "max(0, sign(t - 1))"
+BEND = "max(0, t - 1)"
+
+
+def after(t: np.ndarray, at: float = 1.0) -> np.ndarray:
+    """The time since an instant, 0 before."""
+    return np.maximum(0.0, t - at)
+
+
+def since(t: np.ndarray, at: float = 1.0) -> np.ndarray:
+    """1 from an instant on: a row at the instant is that of the state after it."""
+    return (t >= at - 1e-12).astype(float)
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A force on a mass 1 and a wall, in t from the start on, with its height, the multiplier and the incidents."""
+
+    force: str
+    z: Function
+    lam: Function
+    incidents: tuple[tuple[float, str], ...] = ()
+    wall: str = "0"
+    e: float = 0.0
+
+
+def nothing(t: np.ndarray) -> np.ndarray:
+    return 0 * t
+
+
+CASES = {
+    # The force jumps.
+    "lifted": Case("sign(t - 1)", lambda t: after(t) ** 2 / 2, lambda t: 1 - since(t), ((1, "release"),)),
+    "pulse": Case(
+        "-1 + 3*max(0, sign((t - 1)*(1.5 - t)))",
+        lambda t: after(t) ** 2 - 1.5 * after(t, 1.5) ** 2,
+        lambda t: 1 - since(t),
+        ((1, "release"),),
+    ),
+    "heavier": Case(f"-1 - {STEP}", nothing, lambda t: 1 + since(t)),
+    "lighter": Case(f"-2 + {STEP}", nothing, lambda t: 2 - since(t)),
+    "off": Case(f"-1 + {STEP}", nothing, lambda t: 1 - since(t), ((1, "release"),)),
+    "on": Case(f"-{STEP}", nothing, since, ((1, "contact"),)),
+    "off and on": Case(
+        "-1 + max(0, sign((t - 1)*(1.5 - t)))",
+        nothing,
+        lambda t: 1 - since(t) + since(t, 1.5),
+        ((1, "release"), (1.5, "contact")),
+    ),
+    "lifted by a jump and a ramp": Case(
+        f"-1 + {STEP} + {BEND}", lambda t: after(t) ** 3 / 6, lambda t: 1 - since(t), ((1, "release"),)
+    ),
+    "lifted by a jump and a cube": Case(
+        f"-1 + {STEP} + {BEND}**3", lambda t: after(t) ** 5 / 20, lambda t: 1 - since(t), ((1, "release"),)
+    ),
+    "jump and pressed by a square": Case(
+        f"-1 + {STEP} - {BEND}**2", nothing, lambda t: 1 - since(t) + after(t) ** 2
+    ),
+    # The force bends, where there was none.
+    "pressed by a ramp": Case(f"-{BEND}", nothing, after, ((1, "contact"),)),
+    "pressed by a square": Case(f"-{BEND}**2", nothing, lambda t: after(t) ** 2, ((1, "contact"),)),
+    "pressed by a cube": Case(f"-{BEND}**3", nothing, lambda t: after(t) ** 3, ((1, "contact"),)),
+    "lifted by a cube": Case(f"{BEND}**3", lambda t: after(t) ** 5 / 20, nothing),
+    # At the start.
+    "smooth step": Case("-(3*t**2 - t**3)/4", nothing, lambda t: (3 * t**2 - t**3) / 4),
+    "square": Case("-t**2", nothing, lambda t: t**2),
+    "cube": Case("-t**3", nothing, lambda t: t**3),
+    "fifth power": Case("-t**5", nothing, lambda t: t**5),
+    "square of a sine": Case("-sin(t)**2", nothing, lambda t: np.sin(t) ** 2),
+    "cosine": Case("cos(t) - 1", nothing, lambda t: 1 - np.cos(t)),
+    "arc tangent": Case("-atan(t)**3", nothing, lambda t: np.arctan(t) ** 3),
+    "hyperbolic tangent": Case("-tanh(t)**4", nothing, lambda t: np.tanh(t) ** 4),
+    "quotient": Case("-t**2/(1 + t)", nothing, lambda t: t**2 / (1 + t)),
+    "logarithm": Case("-log(1 + t)**2", nothing, lambda t: np.log(1 + t) ** 2),
+    "exponential": Case("-(exp(t) - 1)**2", nothing, lambda t: (np.exp(t) - 1) ** 2),
+    "root": Case("-(sqrt(1 + t) - 1)**2", nothing, lambda t: (np.sqrt(1 + t) - 1) ** 2),
+    "lifted by a square at once": Case("t**2", lambda t: t**4 / 12, nothing),
+    "wall that comes": Case("0", lambda t: t**3, lambda t: 6 * t, wall="t**3"),
+    # The wall bends.
+    "floor falls away": Case(
+        "-9.81",
+        lambda t: -9.81 / 2 * after(t) ** 2,
+        lambda t: 9.81 * (1 - since(t)),
+        ((1, "release"),),
+        f"-10*{BEND}**2",
+    ),
+    "floor falls slowly": Case(
+        "-9.81",
+        lambda t: -(after(t) ** 2),
+        lambda t: 9.81 - 2 * since(t),
+        (),
+        f"-{BEND}**2",
+    ),
+    "floor sinks": Case(
+        "-9.81",
+        lambda t: -9.81 / 2 * after(t) ** 2,
+        lambda t: 9.81 * (1 - since(t)),
+        ((1, "release"),),
+        f"-20*{BEND}",
+    ),
+    "floor rises": Case(
+        "-9.81", lambda t: 5 * after(t), lambda t: 9.81 + 0 * t, ((1, "impact"),), f"5*{BEND}"
+    ),
+    "floor throws": Case(
+        "-1",
+        lambda t: 3 * after(t) - after(t) ** 2 / 2,
+        lambda t: 1 - since(t),
+        ((1, "impact"), (1, "release")),
+        f"2*{BEND}",
+        0.5,
+    ),
+    "floor that nothing presses rises": Case(
+        "0", lambda t: 2 * after(t), nothing, ((1, "impact"),), f"2*{BEND}"
+    ),
+}
+RIGHT = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+
+
+def made(text: str, case: Case, start: float, m: float = 1.0, duration: float = 2.0) -> lagcli.Trajectory:
+    shifted = f"(t - ({start}))" if start else "t"
+
+    def later(expression: str) -> str:
+        return "".join(shifted if word == "t" else word for word in words(expression))
+
+    model = text.format(
+        m=m,
+        force=f"{m}*({later(case.force)})",
+        wall=later(case.wall),
+        e=case.e,
+        start=start,
+        duration=duration,
+        samples=17,
+    )
+    return lagcli.simulate(lagcli.loads(model))
+
+
+def words(expression: str) -> list[str]:
+    import re
+
+    return re.findall(r"\w+|\W+", expression)
+
+
+def check(found: lagcli.Trajectory, case: Case, column: str, start: float, m: float) -> None:
+    t = found.t - start
+    assert found[column] == pytest.approx(case.z(t), abs=2e-9)
+    assert found["lambda.f"] == pytest.approx(m * case.lam(t), abs=2e-9 * m)
+    assert found["lambda.f"].min() >= 0.0
+    kinds = list(found.events["kind"])
+    assert kinds == [kind for _, kind in case.incidents]
+    assert list(found.events["t"] - start) == pytest.approx([at for at, _ in case.incidents], abs=1e-10)
+    assert set(found.events["name"]) <= {"f"}
+
+
+@RIGHT
+def test_a_particle(case: Case) -> None:
+    check(made(PARTICLE, case, 0.0), case, "a.z", 0.0, 1.0)
+
+
+@RIGHT
+def test_a_coordinate_from_another_start(case: Case) -> None:
+    check(made(COORDINATE, case, -0.75, 2.5), case, "s", -0.75, 2.5)
+
+
+@pytest.mark.parametrize(
+    "name", ["pulse", "floor falls away", "floor sinks", "floor rises", "floor throws", "heavier"]
+)
+def test_a_table_with_a_row_at_the_instant_passes_the_audit(name: str) -> None:
+    case = CASES[name]
+    text = PARTICLE.format(m=1, force=case.force, wall=case.wall, e=case.e, start=0, duration=2, samples=101)
+    model = lagcli.loads(text)
+    found = lagcli.simulate(model)
+    report = lagcli.audit(model, found, events=found.events)
+    assert not [check.name for check in report.checks if check.verdict == "fail"]
+
+
+def incidents(found: lagcli.Trajectory) -> list[tuple[float, str, str]]:
+    columns = (found.events[name] for name in ("t", "kind", "name"))
+    return [(round(float(t), 9), str(kind), str(name)) for t, kind, name in zip(*columns, strict=True)]
+
+
+def moving(force: str, condition: str, **how: object) -> lagcli.Trajectory:
+    """A particle of mass 1; how: its position, velocity, e, and what stands at the end of the model."""
+    model = f"""lagcli: 1
+particles: {{a: {{mass: 1, position: {how.get("position", [0, 0, 0])}, velocity: {how.get("velocity", [0, 0, 0])}}}}}
+forces: {{load: {{to: a, force: "{force}"}}}}
+inequality: {{f: {{condition: "{condition}", restitution: {how.get("e", 0)}}}}}
+{how.get("rest", "")}
+"""
+    return lagcli.simulate(
+        lagcli.loads(model), duration=how.get("duration", 3.0), samples=how.get("samples", 13)
+    )
+
+
+# In the state: the force on a particle that slides at 0.1 along x, with its incidents, z and lambda over t.
+IN_THE_STATE = {
+    "lifted": (
+        "sign(a.x - 0.1)",
+        [(1.0, "release", "f")],
+        lambda t: after(t) ** 2 / 2,
+        lambda t: 1 - since(t),
+    ),
+    "lifted more": (
+        "-1 + 4*max(0, sign(a.x - 0.1))",
+        [(1.0, "release", "f")],
+        lambda t: 1.5 * after(t) ** 2,
+        lambda t: 1 - since(t),
+    ),
+    "heavier": ("-2 - sign(a.x - 0.1)", [], nothing, lambda t: 1 + 2 * since(t)),
+    "pressed by a square from the start": ("-100*a.x**2", [], nothing, lambda t: t**2),
+    "lifted by a square from the start": ("100*a.x**2", [], lambda t: t**4 / 12, nothing),
+    "bends": ("-1 - 100*max(0, a.x - 0.1)**2", [], nothing, lambda t: 1 + after(t) ** 2),
+}
+
+
+@pytest.mark.parametrize(("force", "expected", "z", "lam"), IN_THE_STATE.values(), ids=IN_THE_STATE)
+def test_a_switch_of_the_state(
+    force: str, expected: list[tuple[float, str, str]], z: Function, lam: Function
+) -> None:
+    found = moving(f"[0, 0, {force}]", "a.z >= 0", velocity=[0.1, 0, 0])
+    assert incidents(found) == expected
+    assert found["a.z"] == pytest.approx(z(found.t), abs=1e-9)
+    assert found["lambda.f"] == pytest.approx(lam(found.t), abs=1e-9)
+
+
+def test_a_coordinate_with_a_velocity_is_pressed_by_what_its_inertia_makes() -> None:
+    """On a disk that begins to turn with the angle t^3 a mass on a spoke leaves its stop: r'' = 9 t^4 r."""
+    model = """lagcli: 1
+coordinates: {r: {value: 1}}
+particles: {a: {mass: 2, position: ["r*cos(t**3)", "r*sin(t**3)", 0]}}
+inequality: {out: r <= 1}
+simulation: {duration: 1, samples: 11}
+"""
+    found = lagcli.simulate(lagcli.loads(model))
+    assert found["r"] == pytest.approx(1, abs=1e-14)
+    assert found["lambda.out"] == pytest.approx(2 * 9 * found.t**4, abs=1e-10)
+    assert not len(found.events["t"])
+    turned = lagcli.simulate(lagcli.loads(model.replace("r <= 1", "r >= 1")))
+    assert (turned["lambda.out"] == 0).all()
+    assert turned["r"][-1] == pytest.approx(1 + 9 / 30 + 81 / 30 / 132, abs=2e-3)
+
+
+def test_a_wall_that_is_a_driven_particle_falls_away() -> None:
+    model = """lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, 0]}, b: {mass: 1, position: [0, 0, 0]}}
+forces: {weight: {to: all, force: "[0, 0, -m*9.81]"}}
+holonomic: {x: b.x = 0, y: b.y = 0, z: "b.z = -10*max(0, t - 1)**2"}
+inequality: {f: a.z >= b.z}
+simulation: {duration: 2, samples: 9}
+"""
+    found = lagcli.simulate(lagcli.loads(model))
+    assert incidents(found) == [(1.0, "release", "f")]
+    assert found["a.z"] == pytest.approx(-9.81 / 2 * after(found.t) ** 2, abs=1e-9)
+    assert found["lambda.f"] == pytest.approx(9.81 * (1 - since(found.t)), abs=1e-9)
+
+
+def test_a_load_that_grows_presses_all_legs_of_a_table() -> None:
+    model = """lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 1, 0]}
+  b: {mass: 1, position: [-1, 1, 0]}
+  c: {mass: 1, position: [-1, -1, 0]}
+  d: {mass: 1, position: [1, -1, 0]}
+rigid: {table: [a, b, c, d]}
+forces: {load: {to: all, force: "[0, 0, -t**2]"}}
+inequality: {fa: a.z >= 0, fb: b.z >= 0, fc: c.z >= 0, fd: d.z >= 0}
+simulation: {duration: 1, samples: 5}
+"""
+    found = lagcli.simulate(lagcli.loads(model))
+    for name in "abcd":
+        assert found[f"lambda.f{name}"] == pytest.approx(found.t**2, abs=1e-11)
+    assert not len(found.events["t"])
+
+
+@pytest.mark.parametrize(
+    "force", ["sign(t - 1)", "-1.5 - 0.5*sign(t - 1)", "-1 + 3*max(0, sign((t - 1)*(1.5 - t)))"]
+)
+def test_a_start_at_a_switch_is_that_of_the_time_after_it(force: str) -> None:
+    found = moving(f"[0, 0, {force}]", "a.z >= 0", rest="simulation: {start: 1}", duration=0.5)
+    pushes = force.startswith("-1.5")
+    assert (found["lambda.f"] == (2.0 if pushes else 0.0)).all()
+    assert found["a.z"][-1] == pytest.approx(
+        {"s": 0.125, ".": 0.0, " ": 0.25}[force[0 if force[0] == "s" else 2]], abs=1e-12
+    )
+    assert not len(found.events["t"])
+
+
+@pytest.mark.parametrize("end", [0.5, 1.0, 1.25])
+def test_a_run_that_is_resumed_decides_as_the_whole_one(end: float, tmp_path) -> None:
+    model = lagcli.loads(
+        PARTICLE.format(
+            m=1, force="-1 + 3*max(0, sign((t - 1)*(1.5 - t)))", wall="0", e=0, start=0, duration=2, samples=9
+        )
+    )
+    mark, grid = tmp_path / "mark.json", {"output_step": 0.25}
+    first = lagcli.simulate(model, duration=end, checkpoint=mark, **grid)
+    rest = lagcli.simulate(model, duration=2.0, resume=mark, **grid)
+    z = lambda t: after(t) ** 2 - 1.5 * after(t, 1.5) ** 2  # noqa: E731
+    assert rest["a.z"] == pytest.approx(z(rest.t), abs=1e-11)
+    assert rest["lambda.f"] == pytest.approx(1.0 - since(rest.t), abs=1e-11)
+    assert [*first.events["kind"], *rest.events["kind"]] == ["release"]
+
+
+def test_a_start_from_a_row_decides_anew(tmp_path) -> None:
+    text = PARTICLE.format(m=1, force="-(t - 1)**2", wall="0", e=0, start=1, duration=2, samples=9)
+    model, table = lagcli.loads(text), tmp_path / "rows.csv"
+    table.write_text("t,a.x,a.y,a.z,a.vx,a.vy,a.vz\n1,0,0,0,0,0,0\n")
+    found = lagcli.simulate(model, begin=table)
+    assert found["lambda.f"] == pytest.approx((found.t - 1) ** 2, abs=1e-11)
+    assert not len(found.events["t"])
+
+
+@pytest.mark.parametrize("w", [1e-3, 5e-4])
+@pytest.mark.parametrize("t0", [1, 0.9, 0.77, 0.5])
+@pytest.mark.parametrize("rtol", [1e-11, 1e-9])
+def test_a_steep_ramp_releases(w: float, t0: float, rtol: float) -> None:
+    rest = f"simulation: {{rtol: {rtol}, atol: {rtol / 100}}}"
+    found = moving(f"[0, 0, -1 + 3*min(1, max(0, (t - {t0})/{w}))]", "a.z >= 0", rest=rest)
+    at, rise = t0 + w / 3, 2 * w / 3
+    assert incidents(found) == [(pytest.approx(at, abs=1e-9), "release", "f")]
+    beyond = 3 - at - rise
+    assert found["a.z"][-1] == pytest.approx(rise**2 / 3 + rise * beyond + beyond**2, abs=1e-7)
+
+
+@pytest.mark.parametrize("t", [0.3, 0.7])
+def test_events_that_look_at_a_multiplier_see_the_switch(t: float) -> None:
+    rest = "events: {gone: {when: multiplier(f) - 0.5, direction: down}}"
+    found = moving(f"[0, 0, -1 + 2*max(0, sign(t - {t}))]", "a.z >= 0", rest=rest)
+    assert sorted(incidents(found)) == [(t, "event", "gone"), (t, "release", "f")]
+
+
+@pytest.mark.parametrize("direction", ["up", "down", "both"])
+def test_a_multiplier_that_is_never_negative_crosses_no_level_below_zero(direction: str) -> None:
+    rest = f"events: {{none: {{when: multiplier(f) + 0.5, direction: {direction}}}}}"
+    found = moving("[0, 0, sign(t - 1)]", "a.z >= 0", rest=rest)
+    assert incidents(found) == [(1.0, "release", "f")]
+
+
+def test_an_event_that_goes_through_zero_at_a_switch_is_reported_beside_the_release() -> None:
+    found = moving("[0, 0, sign(t - 1)]", "a.z >= 0", rest="events: {now: {when: t - 1}}")
+    assert sorted(incidents(found)) == [(1.0, "event", "now"), (1.0, "release", "f")]
+
+
+def test_an_event_of_a_multiplier_comes_with_the_contact_that_makes_it_jump() -> None:
+    rest = "events: {rests: {when: multiplier(f) - 1, direction: up, action: stop}}"
+    found = moving("[0, 0, -9.81]", "a.z >= 0", position=[0, 0, 1], velocity=[0.3, 0, 0], e=0.7, rest=rest)
+    (end, *last), *_ = [each for each in incidents(found) if each[1] == "event"]
+    assert last == ["event", "rests"]
+    assert [each[1] for each in incidents(found) if each[0] == end] == ["accumulation", "contact", "event"]
+    first = (2 / 9.81) ** 0.5
+    assert end == pytest.approx(first * 1.7 / 0.3, abs=1e-9)
+
+
+# Walls that are pieces: conditions, starts, and what is known of the motion.
+def test_a_ball_slides_off_a_table() -> None:
+    found = moving(
+        "[0, 0, -9.81]", "max(a.x, a.z) >= 0", position=[-1, 0, 0], velocity=[1.5, 0, 0], duration=2.0
+    )
+    assert incidents(found) == [(round(1 / 1.5, 9), "release", "f")]
+    assert found["a.z"] == pytest.approx(-9.81 / 2 * after(found.t, 1 / 1.5) ** 2, abs=1e-9)
+    assert found["lambda.f"] == pytest.approx(9.81 * (1 - since(found.t, 1 / 1.5)), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("condition", "position", "velocity", "t", "v"),
+    [
+        ("a.z >= min(0.5*a.x + 1, 1)", [-1, 0, 0.5], [2, 0, 1], (2 - 3.2**0.5) / 0.4, 3.2**0.5 / 2),
+        ("a.z >= -abs(a.x)", [0.5, 0, -0.5], [-2, 0, 2], (2 - 3.5**0.5) / 0.5, 3.5**0.5 / 2 * 1.0),
+        ("a.z + abs(a.x)/2 >= 0", [-1, 0, -0.5], [2, 0, 1], (2 - 3.2**0.5) / 0.4, 3.2**0.5 / 2),
+    ],
+)
+def test_a_ridge_throws(
+    condition: str, position: list[float], velocity: list[float], t: float, v: float
+) -> None:
+    found = moving("[0, 0, -1]", condition, position=position, velocity=velocity, duration=t + 0.1, samples=2)
+    assert incidents(found) == [(pytest.approx(t, abs=1e-8), "release", "f")]
+    slope = abs(velocity[2] / velocity[0])
+    top = position[2] + slope * abs(position[0])
+    assert found["a.z"][-1] == pytest.approx(top + 0.1 * 2 * slope * v - 0.005, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "condition", ["min(a.x, a.z) >= 0", "a.z >= max(0, a.z - a.x)", "2*min(a.x, min(a.z, a.x + 1))/3 >= 0"]
+)
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_a_corner_is_two_walls(condition: str, e: float) -> None:
+    found = moving(
+        "[0, 0, -9.81]", condition, position=[1, 0, 0], velocity=[-1, 0, 0], e=e, duration=2.0, samples=9
+    )
+    ((t, kind, name),) = incidents(found)
+    assert (t, kind) == (1.0, "impact")
+    assert name.startswith("f[")
+    assert found["a.x"] == pytest.approx(np.where(found.t <= 1, 1 - found.t, e * (found.t - 1)), abs=1e-9)
+    assert found["a.z"] == pytest.approx(0, abs=1e-14)
+    pushes = sum(found[column] for column in found.columns if column.startswith("lambda."))
+    assert pushes.max() > 0
+    assert found["R.a.z"] == pytest.approx(9.81, abs=1e-9)
+
+
+def test_a_root_of_a_distance_has_a_plain_reason() -> None:
+    for z in (1, 0):
+        with pytest.raises(
+            lagcli.SimulationStopped, match=r"no finite gradient where the contact closes .*: `f`"
+        ):
+            moving("[0, 0, -1]", "sqrt(a.z) >= 0", position=[0, 0, z])
+
+
+def test_a_closed_contact_that_pulls_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ContactChanges, "at_switch", lambda self, side, events: events)
+    with pytest.raises(lagcli.SimulationStopped, match=r"the closed contacts `f` would pull there") as stop:
+        moving("[0, 0, sign(t - 1)]", "a.z >= 0")
+    assert stop.value.t == pytest.approx(1, abs=1e-12)
