@@ -33,7 +33,8 @@ class ImpactResult:
     onward: the velocities with which the run goes on, without the rebounds that are left out (n,); impacting: contacts
     that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
     those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
-    all C + K whose impulses are not unique.
+    all C + K whose impulses are not unique; accumulated: contacts of which this is the limit of infinitely many
+    impacts, (K,).
     """
 
     v: Floats
@@ -44,15 +45,16 @@ class ImpactResult:
     ended: Flags
     lasting: Floats
     shared: tuple[int, ...]
+    accumulated: Flags
 
 
-def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
-    """The impact of all contacts that are closed; None where none approaches.
+def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactResult | None:
+    """The impact of the contacts `among` all, which are closed; None where none of them approaches.
 
     Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
     Raises `ContactsUndecided`.
     """
-    approaching = here.near & (here.speeds < -here.slow)
+    approaching = among & (here.speeds < -here.slow)
     if not approaching.any():
         return None
     if not here.has_linear_momenta:
@@ -60,7 +62,7 @@ def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
         raise ContactsUndecided(NOT_LINEAR, np.flatnonzero(approaching))
     e = restitution.copy()
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
-    near = np.flatnonzero(here.near)
+    near = np.flatnonzero(among)
     _require_gradients(here, near)
     found = onward = _law(here, near, e)
     # Each turn ends the series of some contact, so that there are few.
@@ -89,7 +91,10 @@ def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
         impacting[others] = impulses[others] > here.slow[others] / here.squares(others)
     rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
     shared = tuple(rows[~found.unique].tolist())
-    return ImpactResult(found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared)
+    none = np.zeros(e.size, dtype=bool)
+    return ImpactResult(
+        found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared, none
+    )
 
 
 def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:

@@ -11,7 +11,12 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.equations import named_functions
-from lagcli.simulation.closed_contacts import contact_change, contact_gradient, contact_mode
+from lagcli.simulation.closed_contacts import (
+    contact_change,
+    contact_gradient,
+    contact_mode,
+    impact_series,
+)
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import (
     ContactInstant,
@@ -197,7 +202,12 @@ class ContactChanges:
         run, when, closed_before = self._run, self.events.now(), set(self.closed)
         before = self.log.line() if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
-        impact = self._decided(lambda: contact_change.impact(here, self._restitution))
+        together = np.zeros(self._count, dtype=bool)
+        together[[*lying_before, *run.contacts.touching]] = True
+        series = self._decided(lambda: impact_series.impacts(here, self._restitution, together))
+        for one in series[:-1]:
+            here, before = self._strike(here, before, one)
+        impact = series[-1] if series else None
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
@@ -253,6 +263,21 @@ class ContactChanges:
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
 
+    def _strike(self, here: ContactInstant, before: Floats, impact: ImpactResult) -> tuple[ContactInstant, Floats]:
+        """Go on behind an impact that another one follows at once, with all contacts open; the contacts and the line
+        there. before: the line ahead of it."""
+        run = self._run
+        self._go_on(self._open, impact.v)
+        contact_crossings.require_projected(run, impact.v, here.state.v)
+        after = self.log.line()
+        run.bound.y[-1] += after[line_functions.JACOBI] - before[line_functions.JACOBI]
+        lines = InstantLines(before, after, np.concatenate([impact.of_equalities, impact.of_contacts]))
+        for j in np.flatnonzero(impact.impacting).tolist():
+            self.log.report("impact", self._names[j], lines)
+        shared = tuple(sorted({*run.contacts.shared, *impact.shared}))
+        run.contacts = dataclasses.replace(run.contacts, shared=shared)
+        return here.moved(impact.v), after
+
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
         run = self._run
@@ -295,6 +320,7 @@ class ContactChanges:
             impulses[: self._rows] = impact.of_equalities
             impulses[self._rows :] = impact.of_contacts
             kinds.append(("impact", np.flatnonzero(impact.impacting).tolist()))
+            kinds.append(("accumulation", np.flatnonzero(impact.accumulated).tolist()))
         if impact is not None or not (is_start or run.t == run.grid.start):
             ending = {j for j, _ in run.contacts.ending}
             kinds.append(("contact", sorted(reported.enforced - reported.enforced_before - ending)))
