@@ -89,7 +89,8 @@ class _Series:
                 within = sum(after.wait for after in self._afters)
                 ever = np.any([after.struck for after in self._afters], axis=0)
                 raise ContactsUndecided(
-                    f"{len(self._impacts)} impacts within {within:.1g} s, and no end of them", np.flatnonzero(ever)
+                    f"{len(self._impacts)} impacts within {within:.1g} s, and no end of them",
+                    np.flatnonzero(ever),
                 )
             self._strike(struck, float(times.min()))
         return tuple(self._impacts)

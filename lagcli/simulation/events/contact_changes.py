@@ -25,7 +25,7 @@ from lagcli.simulation.closed_contacts.contact_instant import (
     Flags,
 )
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
-from lagcli.simulation.events import contact_crossings
+from lagcli.simulation.events import contact_crossings, crowded_impacts
 from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StateAhead
@@ -208,6 +208,7 @@ class ContactChanges:
         for one in series[:-1]:
             here, before = self._strike(here, before, one)
         impact = series[-1] if series else None
+        self._require_no_crowd([one.impacting for one in series])
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
@@ -263,7 +264,9 @@ class ContactChanges:
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
 
-    def _strike(self, here: ContactInstant, before: Floats, impact: ImpactResult) -> tuple[ContactInstant, Floats]:
+    def _strike(
+        self, here: ContactInstant, before: Floats, impact: ImpactResult
+    ) -> tuple[ContactInstant, Floats]:
         """Go on behind an impact that another one follows at once, with all contacts open; the contacts and the line
         there. before: the line ahead of it."""
         run = self._run
@@ -277,6 +280,24 @@ class ContactChanges:
         shared = tuple(sorted({*run.contacts.shared, *impact.shared}))
         run.contacts = dataclasses.replace(run.contacts, shared=shared)
         return here.moved(impact.v), after
+
+    def _require_no_crowd(self, impacts: list[Flags]) -> None:
+        """Count impacts, of contacts (K,) each. Raise `StepFailure` where they would have no end."""
+        run, crowds = self._run, self._run.contacts.crowds
+        at = run.t, run.grid.end - run.grid.start
+        for struck in impacts:
+            crowds = crowded_impacts.counted(crowds, np.flatnonzero(struck).tolist(), self._restitution, at)
+        run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
+        full = [each for each in crowds if each[1] >= crowded_impacts.most(self._restitution[each[0]])]
+        if full:
+            _, count, since = full[0]
+            named = (f"{number} of `{self._names[j]}`" for j, number, _ in crowds if 2 * number > count)
+            raise StepFailure(
+                f"impacts crowd without end, within {run.t - since:.2g} of time {', '.join(named)}: they lose next to"
+                " nothing between walls that close in, or on a contact that is met too slowly to tell it from rest"
+                " (with a `restitution` below 1 they end; on a contact that is only touched begin with dg/dt = 0)",
+                run_stop.CONTACT,
+            )
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""

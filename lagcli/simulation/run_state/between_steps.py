@@ -24,7 +24,8 @@ class ContactState:
     rows, of which the function that is watched has just crossed zero; last: time of the last incident, counted as the
     state; again: changes without a step between them; size: the largest size of the motion at incidents; ending:
     contacts whose rebounds end at a time ahead, with the time; deepest: the largest -g_j so far; shared: rows whose
-    multipliers or impulses were not unique at some time."""
+    multipliers or impulses were not unique at some time; crowds: contacts that were struck of late, each with the
+    number of its impacts since a time, and that time."""
 
     touching: tuple[int, ...] = ()
     unarmed: tuple[int, ...] = ()
@@ -34,6 +35,7 @@ class ContactState:
     ending: tuple[tuple[int, float], ...] = ()
     deepest: float = 0.0
     shared: tuple[int, ...] = ()
+    crowds: tuple[tuple[int, int, float], ...] = ()
 
 
 NOTHING = ContactState()
