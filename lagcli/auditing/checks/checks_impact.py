@@ -142,7 +142,7 @@ class ImpactEvidence:
             self.incidents,
             np.zeros((len(self.incidents.t), len(self.laws.contacts)), dtype=bool),
         )
-        kinds, (g, limit) = np.array(incidents.kinds, dtype=np.str_), self._gaps
+        kinds, limit = np.array(incidents.kinds, dtype=np.str_), self._gaps[1]
         pushed = (np.abs(incidents.impulses) > self.impulse_limit).any(axis=1)
         is_other = (np.diff(incidents.t) > 0) | (np.diff(incidents.impulses, axis=0) != 0).any(axis=1)
         group = np.concatenate([[0], np.cumsum(is_other)])[: len(kinds)]

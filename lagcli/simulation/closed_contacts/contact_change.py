@@ -64,7 +64,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
     near = np.flatnonzero(among)
     _require_gradients(here, near)
-    found = onward = _law(here, near, e)
+    found = onward = law(here, near, e)
     # Each turn ends the series of some contact, so that there are few.
     for _ in near[(e[near] > 0) & (e[near] < ELASTIC)]:
         after = here.moved(onward.x)
@@ -74,7 +74,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
         ended[small] = approaching[small]
         e[small] = 0.0
-        onward = _law(here, near, e)
+        onward = law(here, near, e)
     others = near[~ended[near]]
     if near.size > 1 and others.size:
         after = here.moved(onward.x)
@@ -97,7 +97,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     )
 
 
-def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
+def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
         if near.size == 1 and here.has_independent_rows:
