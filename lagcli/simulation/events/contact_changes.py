@@ -212,6 +212,8 @@ class ContactChanges:
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
+        if impact is not None:
+            level |= impact.accumulated
         look = after
         if impact is None and ahead is not None:
             level[list(lying_before)] = True

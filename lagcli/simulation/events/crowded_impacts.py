@@ -12,17 +12,17 @@ Crowd = tuple[int, int, float]
 class CrowdParameters:
     """The impacts that a run may have.
 
-    The tests are of `tests/physics/test_crowded_impacts.py`.
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
     """
 
     __slots__ = ()
 
     count: int = 10_000
-    """Impacts of a contact that are looked at, as an impact costs what a few steps do: some seconds.
-    `test_a_piston_that_closes_on_an_elastic_ball_stops_the_run` fails at 1000 and 100000."""
+    """Impacts of a contact that may crowd: an impact costs what a few steps do, these some seconds.
+    `test_ten_thousand_impacts_of_a_contact_may_crowd` fails at 1000 and 100000."""
     most: int = 1_000_000
-    """Impacts of one contact in a whole run: some minutes. `test_impacts_that_are_spread_are_no_crowd` fails at
-    100000, `test_a_slow_slide_on_an_elastic_slope_stops_the_run` at 10000000."""
+    """Impacts of one contact at this pace in a whole run, some minutes, are no crowd.
+    `test_a_million_impacts_of_a_contact_in_a_run_are_no_crowd` fails at 100000 and 10000000."""
 
 
 PARAMETERS = CrowdParameters()
