@@ -136,8 +136,8 @@ class ImpactEvidence:
 
     @cached_property
     def _limits_of_series(self) -> Array:
-        """True for contacts (E, K) that accumulate by an impact, the limit of infinitely many: each was struck before
-        and had no time to leave."""
+        """True for contacts (E, K) that accumulate by an impact, the limit of infinitely many: they were struck before
+        and had no time to leave, or one of them was, and others are struck first within it."""
         incidents, found = (
             self.incidents,
             np.zeros((len(self.incidents.t), len(self.laws.contacts)), dtype=bool),
@@ -146,14 +146,17 @@ class ImpactEvidence:
         pushed = (np.abs(incidents.impulses) > self.impulse_limit).any(axis=1)
         is_other = (np.diff(incidents.t) > 0) | (np.diff(incidents.impulses, axis=0) != 0).any(axis=1)
         group = np.concatenate([[0], np.cumsum(is_other)])[: len(kinds)]
-        rates = self.after.values.w[:, self.contacts]
-        for k in np.flatnonzero((kinds == "accumulation") & pushed).tolist():
-            j = int(incidents.contact[k])
-            struck = np.flatnonzero((kinds[:k] == "impact") & (incidents.contact[:k] == j))
-            if struck.size:
-                last = int(struck[-1])
-                way = abs(rates[last, j]) * (incidents.t[k] - incidents.t[last])
-                found[group == group[k], j] = way <= MERGED * limit[k, j]
+        before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
+        limits = np.flatnonzero((kinds == "accumulation") & pushed)
+        for number in np.unique(group[limits]).tolist():
+            own, is_series = limits[group[limits] == number], False
+            for k, j in zip(own.tolist(), incidents.contact[own].tolist(), strict=True):
+                struck = np.flatnonzero((kinds[:k] == "impact") & (incidents.contact[:k] == j))
+                last = int(struck[-1]) if struck.size else k
+                way = abs(after[last, j]) * (incidents.t[k] - incidents.t[last])
+                found[group == number, j] = way <= MERGED * limit[k, j] and (last < k or before[k, j] < 0)
+                is_series |= last < k
+            found[group == number] &= is_series
         return found
 
     def impacts(self) -> Check:
