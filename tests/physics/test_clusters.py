@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lagcli
 from lagcli.output.tables.incident_table import IncidentTable
+from lagcli.simulation.events import crowded_impacts
 from tests.helpers import ballistic
 
 LETTERS = "abcdef"
@@ -205,3 +207,83 @@ def test_common_velocity_and_instant_of_three_equal_bodies() -> None:
     assert speeds == pytest.approx([-1 / 30] * 3, abs=1e-14)
     assert run.events is not None
     assert run.events.numbers[-1, 0] == pytest.approx(0.97038153663, abs=1e-10)
+
+
+def test_a_run_that_is_cut_in_the_middle_of_a_series_goes_on_to_the_same_limit(tmp_path: Path) -> None:
+    case = CASES["wall 10:1, e 0.3"]
+    model, point = lagcli.loads(case.text), tmp_path / "point.json"
+    whole = lagcli.simulate(model, samples=31)
+    # Nine of the impacts that are told apart lie behind t = 2.152.
+    lagcli.simulate(model, duration=2.152, samples=31, checkpoint=point)
+    rest = lagcli.simulate(model, samples=31, resume=point)
+    assert rest.events is not None
+    assert whole.events is not None
+    count = len(rest.events)
+    assert 4 < count < len(whole.events)
+    assert rest.events.kinds == whole.events.kinds[-count:]
+    assert np.array_equal(rest.events.numbers, whole.events.numbers[-count:])
+    assert np.array_equal(rest.rows[-1], whole.rows[-1])
+
+
+CLOSING = """\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0.5, 0, 0], velocity: [1, 0, 0]}
+inequality:
+  left: {condition: "a.x >= 0", restitution: 1}
+  piston: {condition: "a.x <= 1 - t/2", restitution: 1}
+simulation: {duration: 3, samples: 301}
+"""
+SLIDING = """\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 0], velocity: [-0.955336, 0, -0.295521]}
+forces: {w: {to: a, force: [0, 0, -9.81*m]}}
+inequality:
+  slope: {condition: "a.z*cos(0.3) - a.x*sin(0.3) >= 0", restitution: 1}
+simulation: {duration: 1}
+"""
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A budget of five hundred impacts in place of ten thousand."""
+    monkeypatch.setattr(crowded_impacts.CrowdParameters, "count", 500)
+
+
+@pytest.mark.usefixtures("few")
+def test_elastic_impacts_before_a_piston_that_closes_stop_the_run() -> None:
+    with pytest.raises(lagcli.SimulationStopped) as stopped:
+        lagcli.simulate(lagcli.loads(CLOSING))
+    reason = str(stopped.value)
+    assert "without end" in reason
+    assert "500 of `left`" in reason
+    run = stopped.value.trajectory
+    assert run.events is not None
+    # From one hit of the piston to the next (1 - t/2)(u - 1/2) stays, and the speed u grows by 1.
+    hits = run.events.numbers[np.array(run.events.names) == "piston", 0]
+    u = np.arange(len(hits)) + 2.0
+    assert hits == pytest.approx(2 - 2.5 / (u - 0.5), abs=1e-11)
+    assert len(run.rows) == 200
+
+
+@pytest.mark.usefixtures("few")
+def test_an_elastic_slide_with_a_speed_of_rounding_stops_the_run() -> None:
+    with pytest.raises(lagcli.SimulationStopped, match="500 of `slope`"):
+        lagcli.simulate(lagcli.loads(SLIDING))
+
+
+@pytest.mark.usefixtures("few")
+def test_a_ball_that_bounces_with_a_restitution_of_0_999_comes_to_rest() -> None:
+    """It has more impacts than an elastic one may have in so short a time, and an end."""
+    model = lagcli.loads(
+        "lagcli: 1\nparticles:\n  a: {mass: 1, position: [0, 0, 1]}\n"
+        "forces: {w: {to: a, force: [0, 0, -9.81*m]}}\n"
+        'inequality: {floor: {condition: "a.z >= 0", restitution: 0.98}}\n'
+        "simulation: {duration: 60, samples: 11}\n"
+    )
+    run = lagcli.simulate(model)
+    assert run.events is not None
+    t1 = np.sqrt(2 / 9.81)
+    assert run.events.kinds.count("impact") > 600
+    assert run.events.numbers[-1, 0] == pytest.approx(t1 * 1.98 / 0.02, rel=1e-9)

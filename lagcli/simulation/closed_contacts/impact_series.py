@@ -40,18 +40,26 @@ class SeriesParameters:
 PARAMETERS = SeriesParameters()
 
 
-def parted(here: ContactInstant, together: Flags) -> Flags:
-    """Contacts that are as good as closed and part already, so that an impact of others is none of theirs, (K,): they
-    were struck just before. together (K,): contacts that stayed closed so far, which drift by rounding alone."""
-    return np.asarray(here.near & (here.speeds > here.slow) & ~together)
+def apart(here: ContactInstant, together: Flags, last: Floats) -> Flags:
+    """Contacts that are as good as closed, so that an impact of others is none of theirs, (K,): they part already; or
+    they come a little later, as they did before, where an impact of two at one instant would be chance.
+
+    together (K,): contacts that stayed closed so far, which drift by rounding alone; last (K,): times at which contacts
+    were struck of late, or nan.
+    """
+    parting, closing = here.speeds > here.slow, here.near & (here.speeds < -here.slow)
+    first = closing & (here.g <= here.unresolved)
+    in_turn = np.isfinite(last) & np.isfinite(last[first]).all() & ~np.isin(last, last[first])
+    later = closing & ~first & in_turn & first.any()
+    return np.asarray(here.near & parting & ~together | later)
 
 
-def impacts(here: ContactInstant, restitution: Floats, together: Flags) -> tuple[ImpactResult, ...]:
+def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[ImpactResult, ...]:
     """The impact of contacts that are closed, none where none approaches, and those that follow at once.
 
-    together: see `parted`. The last one may be the limit of infinitely many. Raises `ContactsUndecided`.
+    away (K,): closed contacts that it is none of, see `apart`. The last impact may be the limit of infinitely many.
+    Raises `ContactsUndecided`.
     """
-    away = parted(here, together)
     first = contact_change.impact(here, restitution, here.near & ~away)
     if first is None:
         return ()
@@ -99,7 +107,9 @@ class _Series:
             self._strike(struck, float(times.min()))
         own = self._struck
         if len(self._impacts) > 1 and self._now.at_rest[own].all() and self._restitution[own].all():
-            # It has contracted to what is none.
+            # It has contracted to what is none: the last impact still was one.
+            self._impacts.pop()
+            self._now = self._now.moved(self._impacts[-1].v)
             return self._impacts[0], self._limit(own)
         return tuple(self._impacts)
 

@@ -204,7 +204,11 @@ class ContactChanges:
         lying_before = closed_before | set(self.idle)
         together = np.zeros(self._count, dtype=bool)
         together[[*lying_before, *run.contacts.touching]] = True
-        series = self._decided(lambda: impact_series.impacts(here, self._restitution, together))
+        last = np.full(self._count, np.nan)
+        for j, _, _, t in run.contacts.crowds:
+            last[j] = t
+        away = impact_series.apart(here, together, last)
+        series = self._decided(lambda: impact_series.impacts(here, self._restitution, away))
         for one in series[:-1]:
             here, before = self._strike(here, before, one)
         impact = series[-1] if series else None
@@ -292,8 +296,8 @@ class ContactChanges:
         run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
         full = [each for each in crowds if each[1] >= crowded_impacts.most(self._restitution[each[0]])]
         if full:
-            _, count, since = full[0]
-            named = (f"{number} of `{self._names[j]}`" for j, number, _ in crowds if 2 * number > count)
+            _, count, since, _ = full[0]
+            named = (f"{number} of `{self._names[j]}`" for j, number, *_ in crowds if 2 * number > count)
             raise StepFailure(
                 f"impacts crowd without end, within {run.t - since:.2g} of time {', '.join(named)}: they lose next to"
                 " nothing between walls that close in, or on a contact that is met too slowly to tell it from rest"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-# A contact, its impacts since a time, and that time.
-Crowd = tuple[int, int, float]
+# A contact, its impacts since a time, that time, and the time of the last one.
+Crowd = tuple[int, int, float, float]
 
 
 class CrowdParameters:
@@ -45,8 +45,11 @@ def counted(
     """
     t, duration = at
     allowed = duration / PARAMETERS.most
-    counts = {j: (count, since) for j, count, since in crowds if t - since <= allowed * most(restitution[j])}
+    counts = {
+        j: (count, since) for j, count, since, _ in crowds if t - since <= allowed * most(restitution[j])
+    }
+    last = {crowd[0]: crowd[3] for crowd in crowds}
     for j in struck:
         count, since = counts.get(j, (0, t))
-        counts[j] = count + 1, since
-    return tuple((j, count, since) for j, (count, since) in sorted(counts.items()))
+        counts[j], last[j] = (count + 1, since), t
+    return tuple((j, count, since, last[j]) for j, (count, since) in sorted(counts.items()))

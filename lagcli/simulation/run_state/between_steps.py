@@ -25,7 +25,7 @@ class ContactState:
     state; again: changes without a step between them; size: the largest size of the motion at incidents; ending:
     contacts whose rebounds end at a time ahead, with the time; deepest: the largest -g_j so far; shared: rows whose
     multipliers or impulses were not unique at some time; crowds: contacts that were struck of late, each with the
-    number of its impacts since a time, and that time."""
+    number of its impacts since a time, that time, and the time of the last one."""
 
     touching: tuple[int, ...] = ()
     unarmed: tuple[int, ...] = ()
@@ -35,7 +35,7 @@ class ContactState:
     ending: tuple[tuple[int, float], ...] = ()
     deepest: float = 0.0
     shared: tuple[int, ...] = ()
-    crowds: tuple[tuple[int, int, float], ...] = ()
+    crowds: tuple[tuple[int, int, float, float], ...] = ()
 
 
 NOTHING = ContactState()
