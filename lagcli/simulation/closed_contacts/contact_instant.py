@@ -313,7 +313,7 @@ class ContactInstant:
     @property
     def unresolved(self) -> Floats:
         """Gaps (K,) that are closed before a step could end there: they are not known from rounding."""
-        return np.minimum(self.touching_gap, np.maximum(self.lowest, 4 * self.noise))
+        return np.asarray(np.minimum(self.touching_gap, np.maximum(self.lowest, 4 * self.noise)))
 
     @property
     def at_rest(self) -> Flags:

@@ -144,7 +144,7 @@ class _Series:
             sooner = smaller / slower
             lasting = sum(after.wait for after in period) * sooner / (1.0 - sooner)
             if (times[~own] > lasting).all():
-                return own
+                return np.asarray(own)
         return None
 
     def _limit(self, own: Flags) -> ImpactResult:

@@ -182,6 +182,10 @@ class ContactChanges:
             here = self.here()
             self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first])
             self._require_apart(here, PROJECTED)
+            if run.contacts.again > MOST_AGAIN / 2:
+                # What closes again and again without a step approaches, however slowly.
+                struck = [i - self._rows for i in hits if self._rows <= i < first]
+                here.slow[struck] = np.minimum(here.slow, here.speed_roundoff)[struck]
             self._change(here, ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
@@ -292,7 +296,9 @@ class ContactChanges:
         run, crowds = self._run, self._run.contacts.crowds
         at = run.t, run.grid.end - run.grid.start
         for struck in impacts:
-            crowds = crowded_impacts.counted(crowds, np.flatnonzero(struck).tolist(), self._restitution, at)
+            crowds = crowded_impacts.counted(
+                crowds, np.flatnonzero(struck).tolist(), self._restitution.tolist(), at
+            )
         run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
         full = [each for each in crowds if each[1] >= crowded_impacts.most(self._restitution[each[0]])]
         if full:
