@@ -206,17 +206,7 @@ class ContactChanges:
         run, when, closed_before = self._run, self.events.now(), set(self.closed)
         before = self.log.line() if ahead is None or ahead.before is None else ahead.before
         lying_before = closed_before | set(self.idle)
-        together = np.zeros(self._count, dtype=bool)
-        together[[*lying_before, *run.contacts.touching]] = True
-        last = np.full(self._count, np.nan)
-        for j, _, _, t in run.contacts.crowds:
-            last[j] = t
-        away = impact_series.apart(here, together, last)
-        series = self._decided(lambda: impact_series.impacts(here, self._restitution, away))
-        for one in series[:-1]:
-            here, before = self._strike(here, before, one)
-        impact = series[-1] if series else None
-        self._require_no_crowd([one.impacting for one in series])
+        here, before, impact = self._impact(here, before, lying_before)
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
@@ -273,6 +263,22 @@ class ContactChanges:
         stay = lying - (fresh & lying_before)
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
+
+    def _impact(
+        self, here: ContactInstant, before: Floats, lying: set[int]
+    ) -> tuple[ContactInstant, Floats, ImpactResult | None]:
+        """The last of the impacts that follow each other at once, and the contacts and the line before it, with all
+        others behind; lying: contacts that are closed already."""
+        run, together, last = self._run, np.zeros(self._count, dtype=bool), np.full(self._count, np.nan)
+        together[[*lying, *run.contacts.touching]] = True
+        for j, _, _, t in run.contacts.crowds:
+            last[j] = t
+        away = impact_series.apart(here, together, last)
+        series = self._decided(lambda: impact_series.impacts(here, self._restitution, away))
+        for one in series[:-1]:
+            here, before = self._strike(here, before, one)
+        self._require_no_crowd([one.impacting for one in series])
+        return here, before, series[-1] if series else None
 
     def _strike(
         self, here: ContactInstant, before: Floats, impact: ImpactResult
