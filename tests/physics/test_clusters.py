@@ -248,7 +248,7 @@ simulation: {duration: 1}
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A budget of five hundred impacts in place of ten thousand."""
-    monkeypatch.setattr(crowded_impacts.CrowdParameters, "count", 500)
+    monkeypatch.setattr(crowded_impacts.CrowdParameters, "many", 500)
 
 
 @pytest.mark.usefixtures("few")

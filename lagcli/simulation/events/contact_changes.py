@@ -184,8 +184,7 @@ class ContactChanges:
             self._require_apart(here, PROJECTED)
             if run.contacts.again > MOST_AGAIN / 2:
                 # What closes again and again without a step approaches, however slowly.
-                struck = [i - self._rows for i in hits if self._rows <= i < first]
-                here.slow[struck] = np.minimum(here.slow, here.speed_roundoff)[struck]
+                here.slow[:] = np.minimum(here.slow, here.speed_roundoff)
             self._change(here, ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
@@ -267,55 +266,29 @@ class ContactChanges:
     def _impact(
         self, here: ContactInstant, before: Floats, lying: set[int]
     ) -> tuple[ContactInstant, Floats, ImpactResult | None]:
-        """The last of the impacts that follow each other at once, and the contacts and the line before it, with all
-        others behind; lying: contacts that are closed already."""
-        run, together, last = self._run, np.zeros(self._count, dtype=bool), np.full(self._count, np.nan)
+        """The last of the impacts that follow each other at once, with the contacts and the line before it."""
+        run, together = self._run, np.zeros(self._count, dtype=bool)
         together[[*lying, *run.contacts.touching]] = True
-        for j, _, _, t in run.contacts.crowds:
-            last[j] = t
-        away = impact_series.apart(here, together, last)
+        away = impact_series.apart(here, together, crowded_impacts.last(run, self._count))
         series = self._decided(lambda: impact_series.impacts(here, self._restitution, away))
         for one in series[:-1]:
             here, before = self._strike(here, before, one)
-        self._require_no_crowd([one.impacting for one in series])
+        crowded_impacts.count(run, [one.impacting for one in series], self._restitution, self._names)
         return here, before, series[-1] if series else None
 
     def _strike(
         self, here: ContactInstant, before: Floats, impact: ImpactResult
     ) -> tuple[ContactInstant, Floats]:
-        """Go on behind an impact that another one follows at once, with all contacts open; the contacts and the line
-        there. before: the line ahead of it."""
+        """Go on behind an impact that another one follows at once; the contacts and the line there."""
         run = self._run
         self._go_on(self._open, impact.v)
         contact_crossings.require_projected(run, impact.v, here.state.v)
         after = self.log.line()
         run.bound.y[-1] += after[line_functions.JACOBI] - before[line_functions.JACOBI]
-        lines = InstantLines(before, after, np.concatenate([impact.of_equalities, impact.of_contacts]))
-        for j in np.flatnonzero(impact.impacting).tolist():
-            self.log.report("impact", self._names[j], lines)
-        shared = tuple(sorted({*run.contacts.shared, *impact.shared}))
-        run.contacts = dataclasses.replace(run.contacts, shared=shared)
+        self._report(_ContactReport(before, after, impact, set(), set(), [], set()), False)
+        shared = {*run.contacts.shared, *impact.shared}
+        run.contacts = dataclasses.replace(run.contacts, shared=tuple(sorted(shared)))
         return here.moved(impact.v), after
-
-    def _require_no_crowd(self, impacts: list[Flags]) -> None:
-        """Count impacts, of contacts (K,) each. Raise `StepFailure` where they would have no end."""
-        run, crowds = self._run, self._run.contacts.crowds
-        at = run.t, run.grid.end - run.grid.start
-        for struck in impacts:
-            crowds = crowded_impacts.counted(
-                crowds, np.flatnonzero(struck).tolist(), self._restitution.tolist(), at
-            )
-        run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
-        full = [each for each in crowds if each[1] >= crowded_impacts.most(self._restitution[each[0]])]
-        if full:
-            _, count, since, _ = full[0]
-            named = (f"{number} of `{self._names[j]}`" for j, number, *_ in crowds if 2 * number > count)
-            raise StepFailure(
-                f"impacts crowd without end, within {run.t - since:.2g} of time {', '.join(named)}: they lose next to"
-                " nothing between walls that close in, or on a contact that is met too slowly to tell it from rest"
-                " (with a `restitution` below 1 they end; on a contact that is only touched begin with dg/dt = 0)",
-                run_stop.CONTACT,
-            )
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
@@ -337,16 +310,12 @@ class ContactChanges:
         now = run.bound.enforced.selection
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.enforced.keeping(selection))
-        self._project(v)
-        contact_crossings.predict(run)
-
-    def _project(self, v: Floats) -> None:
-        bound = self._run.bound
-        n = v.size
+        bound, n = run.bound, v.size
         bound.y[n : 2 * n] = v
         bound.project.trigger()
         bound.y[:], bound.k[:], *_ = bound.project.results
-        self._run.statistics.evaluations += 1
+        run.statistics.evaluations += 1
+        contact_crossings.predict(run)
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
         run, impact = self._run, reported.impact

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from lagcli.simulation.closed_contacts.contact_instant import Flags, Floats
+from lagcli.simulation.run_state import run_stop
+from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.stepping.stepper import Stepper
 
 # A contact, its impacts since a time, that time, and the time of the last one.
 Crowd = tuple[int, int, float, float]
@@ -17,7 +25,7 @@ class CrowdParameters:
 
     __slots__ = ()
 
-    count: int = 10_000
+    many: int = 10_000
     """Impacts of a contact that may crowd: an impact costs what a few steps do, these some seconds.
     `test_ten_thousand_impacts_of_a_contact_may_crowd` fails at 1000 and 100000."""
     most: int = 1_000_000
@@ -33,7 +41,7 @@ LAST = -math.log(2.0**-52)
 def most(restitution: float) -> int:
     """The impacts of a contact after which it is asked how long they took."""
     own = LAST / (1.0 - restitution) if restitution < 1.0 else math.inf
-    return max(PARAMETERS.count, int(own)) if own <= PARAMETERS.most else PARAMETERS.count
+    return max(PARAMETERS.many, int(own)) if own <= PARAMETERS.most else PARAMETERS.many
 
 
 def counted(
@@ -53,3 +61,30 @@ def counted(
         count, since = counts.get(j, (0, t))
         counts[j], last[j] = (count + 1, since), t
     return tuple((j, count, since, last[j]) for j, (count, since) in sorted(counts.items()))
+
+
+def last(run: Stepper, contacts: int) -> Floats:
+    """Times (K,) at which the contacts of a run were struck of late, or nan."""
+    times = np.full(contacts, np.nan)
+    for j, _, _, t in run.contacts.crowds:
+        times[j] = t
+    return times
+
+
+def count(run: Stepper, impacts: list[Flags], restitution: Floats, names: Sequence[str]) -> None:
+    """Count impacts where the run stands, of contacts (K,) each. Raises `StepFailure` where they would have no end."""
+    crowds = run.contacts.crowds
+    at = run.t, run.grid.end - run.grid.start
+    for struck in impacts:
+        crowds = counted(crowds, np.flatnonzero(struck).tolist(), restitution.tolist(), at)
+    run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
+    full = [each for each in crowds if each[1] >= most(restitution[each[0]])]
+    if full:
+        _, number, since, _ = full[0]
+        named = (f"{own} of `{names[j]}`" for j, own, *_ in crowds if 2 * own > number)
+        raise StepFailure(
+            f"impacts crowd without end, within {run.t - since:.2g} of time {', '.join(named)}: they lose next to"
+            " nothing between walls that close in, or on a contact that is met too slowly to tell it from rest"
+            " (with a `restitution` below 1 they end; on a contact that is only touched begin with dg/dt = 0)",
+            run_stop.CONTACT,
+        )
