@@ -577,7 +577,7 @@ def test_the_form_of_a_file_is_the_one_of_format_9() -> None:
         "table": table,
         "events": None,
     }
-    head = {"lagcli-checkpoint": 8, "version": lagcli.__version__}
+    head = {"lagcli-checkpoint": 9, "version": lagcli.__version__}
     whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
     point = checkpoint.decoded(json.dumps(whole).encode())
     assert point.run_state.invariant_values[0] == (0, 0.6, 0.8)
