@@ -20,6 +20,8 @@ from lagcli.contact.impact_law import ContactBlock, EnergyCreated, Exchange
 from lagcli.contact.least_distance import ContradictoryRows
 from lagcli.contact.zero_search import first_crossing
 from lagcli.linear.metric import Metric
+from lagcli.simulation.closed_contacts import contact_change, impact_series
+from lagcli.simulation.events import crowded_impacts
 
 EPS = zero_bounds.EPS
 
@@ -228,3 +230,100 @@ def test_speeds_after_an_impact_are_known_to_eight_roundings(monkeypatch):
     contact = ca.DM([[1.0]]), np.zeros(1), np.zeros(1)
     impact_law.impact(Metric.unit(1), np.array([-1.0]), nothing, contact)
     assert roundings == [[8 * EPS]]
+
+
+# Series of impacts, and impacts that crowd
+
+
+class Alternating:
+    """Two contacts that are struck in turn until the last impact; the one that is struck parts so fast that its gap is
+    `opened(number)` when the other one is struck, a time 1 later."""
+
+    near = np.array([True, True])
+    at_rest = np.array([False, False])
+    slow = np.full(2, 1e-9)
+    unresolved = np.ones(2)
+
+    def __init__(self, opened, last):
+        self.opened, self.last, self.count = opened, last, 0
+        self.g, self.state = np.array([0.0, 0.5]), SimpleNamespace(v=np.zeros(2))
+        self.speeds, self.gap = np.zeros(2), 0.5
+
+    def moved(self, v):
+        """The same at other speeds, which are the velocities."""
+        self.speeds = v
+        return self
+
+    def impact(self, here, restitution, among):
+        """The next impact."""
+        struck = self.count % 2
+        self.count += 1
+        v = np.full(2, self.opened(self.count))
+        if self.count < self.last:
+            v[1 - struck] = -self.gap
+        self.gap = self.opened(self.count)
+        none = np.zeros(2)
+        return contact_change.ImpactResult(
+            v, v, none[:0], none, among, np.zeros(2, bool), none, (), np.zeros(2, bool)
+        )
+
+
+def followed(monkeypatch, opened, last):
+    """The number of impacts in a series."""
+    contacts = Alternating(opened, last)
+    monkeypatch.setattr(contact_change, "impact", contacts.impact)
+    first = contacts.impact(contacts, None, np.array([True, False]))
+    series = impact_series._Series(contacts, np.full(2, 0.5), first, np.array([False, True]))
+    return len(series.followed())
+
+
+def irregular(number):
+    """Gaps that never return."""
+    return 0.5 + 0.3 * math.sin(number * number)
+
+
+@pytest.mark.parametrize(("opened", "count"), [(5.0, 40), (30.0, 5)])
+def test_a_series_that_opens_tenfold_is_left_to_steps(monkeypatch, opened, count):
+    assert followed(monkeypatch, lambda number: opened if number == 4 else irregular(number), 40) == count
+
+
+def test_a_series_is_followed_for_a_thousand_impacts(monkeypatch):
+    assert followed(monkeypatch, irregular, 500) == 500
+    with pytest.raises(contact_change.ContactsUndecided, match=r"1001 impacts within 1e\+03"):
+        followed(monkeypatch, irregular, 2_000)
+
+
+def crowd(count, pace, restitution=1.0):
+    """The largest count of a contact that is struck at this pace in a run of one second."""
+    crowds, largest = (), 0
+    for number in range(count):
+        crowds = crowded_impacts.counted(crowds, [0], [restitution], (number * pace, 1.0))
+        largest = max(largest, crowds[0][1])
+    return largest
+
+
+def test_ten_thousand_impacts_of_a_contact_may_crowd():
+    assert crowd(9_999, 1e-9) < crowded_impacts.most(1.0) == crowd(10_000, 1e-9)
+
+
+def test_a_million_impacts_of_a_contact_in_a_run_are_no_crowd():
+    assert crowd(30_000, 1 / 0.9e6) < crowded_impacts.most(1.0)
+    assert crowd(30_000, 1 / 1.1e6) >= crowded_impacts.most(1.0)
+
+
+def test_a_contact_that_comes_to_rest_after_many_rebounds_may_have_them():
+    assert crowded_impacts.most(0.99) == 10_000
+    # ln(1e-9)/ln(0.9999) impacts are left when a billionth of the speed is.
+    assert crowded_impacts.most(0.9999) > math.log(1e-15) / math.log(0.9999)
+    assert crowded_impacts.most(1 - 1e-9) == 10_000
+
+
+@pytest.mark.parametrize(("far", "is_next"), [(3e-10, True), (3e-9, False)])
+def test_a_series_goes_on_as_it_did_where_its_directions_agree_to_nine_digits(far, is_next):
+    part = impact_series._part(np.array([1.0, 0.5]), np.array([0.5, 0.25 + 0.5 * far]))
+    assert (part == 0.5) if is_next else (part is None)
+
+
+def test_a_gap_of_none_stays_the_part_of_itself_that_is_none():
+    assert impact_series._part(np.zeros(2), np.zeros(2)) == 0.0
+    assert impact_series._part(np.zeros(2), np.ones(2)) is None

@@ -46,6 +46,7 @@ LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
 BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
+CLOSING = frozenset(("impact", "accumulation", "contact"))
 SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
 SHARPLY = 1e-6  # times the limit of g: contacts that are closed for certain
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
@@ -146,14 +147,6 @@ class ImpactEvidence:
         return np.asarray(jump.max(initial=0.0) * e / (1 - e) * np.ones(self.laws.index.n))
 
     @property
-    def _ends_series(self) -> Array:
-        """True for contacts of which an accumulation is recorded at the instant, (E, K)."""
-        t, found = self.incidents.t, np.zeros((len(self.incidents.t), len(self.laws.contacts)), dtype=bool)
-        for j, _, end in self.unrecorded_rebounds:
-            found[t == end, j] = True
-        return found
-
-    @property
     def _ends_rebounds(self) -> Array:
         """True for contacts while they have rebounds that are no longer recorded, with both ends of that, (E, K)."""
         t = self.incidents.t
@@ -163,10 +156,10 @@ class ImpactEvidence:
         return found
 
     def _are_struck_soon(self, most: Array, rates: Array) -> Array:
-        """True for contacts that approach at rates (E, K) and of which an impact or a contact is recorded as soon as
-        they come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
+        """True for contacts that approach at rates (E, K) and of which it is recorded that they close as soon as they
+        come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
         incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
-        closing = np.array([kind in ("impact", "contact") for kind in incidents.kinds], dtype=bool)
+        closing = np.array([kind in CLOSING for kind in incidents.kinds], dtype=bool)
         for j in range(rates.shape[1]):
             rows = np.flatnonzero(closing & (incidents.contact == j))
             following = np.searchsorted(rows, np.arange(len(rates)), "right")
@@ -175,13 +168,37 @@ class ImpactEvidence:
             found[k, j] = way <= SOON * most[k, j]
         return found
 
+    @cached_property
+    def _limits_of_series(self) -> Array:
+        """True for contacts (E, K) that accumulate by an impact, the limit of infinitely many: they were struck before
+        and had no time to leave, or one of them was, and others are struck first within it."""
+        incidents, found = (
+            self.incidents,
+            np.zeros((len(self.incidents.t), len(self.laws.contacts)), dtype=bool),
+        )
+        kinds, limit = np.array(incidents.kinds, dtype=np.str_), self._gaps[1]
+        pushed = (np.abs(incidents.impulses) > self.impulse_limit).any(axis=1)
+        is_other = (np.diff(incidents.t) > 0) | (np.diff(incidents.impulses, axis=0) != 0).any(axis=1)
+        group = np.concatenate([[0], np.cumsum(is_other)])[: len(kinds)]
+        before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
+        limits = np.flatnonzero((kinds == "accumulation") & pushed)
+        for number in np.unique(group[limits]).tolist():
+            own, is_series = limits[group[limits] == number], False
+            for k, j in zip(own.tolist(), incidents.contact[own].tolist(), strict=True):
+                struck = np.flatnonzero((kinds[:k] == "impact") & (incidents.contact[:k] == j))
+                last = int(struck[-1]) if struck.size else k
+                way = abs(after[last, j]) * (incidents.t[k] - incidents.t[last])
+                found[group == number, j] = way <= MERGED * limit[k, j] and (last < k or before[k, j] < 0)
+                is_series |= last < k
+            found[group == number] &= is_series
+        return found
+
     def impacts(self) -> Check:
         """Complementarity of impulses and rates after, of the contacts with g = 0; others have no impulse."""
         g, limit_g = self._gaps
         impulse = self.incidents.impulses[:, self.contacts]
         before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
-        # A series of rebounds that ends leaves nothing of its rates.
-        e = np.where(self._ends_series, 0.0, self.laws.model.restitution)
+        e = np.where(self._limits_of_series, 0.0, self.laws.model.restitution)
         rebound = after + e * np.minimum(before, 0.0)
         limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
         limit = (

@@ -37,7 +37,8 @@ class ImpactResult:
     onward: the velocities with which the run goes on, without the rebounds that are left out (n,); impacting: contacts
     that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
     those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
-    all C + K whose impulses are not unique.
+    all C + K whose impulses are not unique; accumulated: contacts of which this is the limit of infinitely many
+    impacts, (K,).
     """
 
     v: Floats
@@ -48,15 +49,16 @@ class ImpactResult:
     ended: Flags
     lasting: Floats
     shared: tuple[int, ...]
+    accumulated: Flags
 
 
-def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
-    """The impact of all contacts that are closed; None where none approaches.
+def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactResult | None:
+    """The impact of the contacts `among` all, which are closed; None where none of them approaches.
 
     Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
     Raises `ContactsUndecided`.
     """
-    approaching = here.near & (here.speeds < -here.slow)
+    approaching = among & (here.speeds < -here.slow)
     if not approaching.any():
         return None
     if not here.has_linear_momenta:
@@ -64,9 +66,9 @@ def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
         raise ContactsUndecided(NOT_LINEAR, np.flatnonzero(approaching))
     e = restitution.copy()
     lasting, ended = np.zeros(e.size), np.zeros(e.size, dtype=bool)
-    near = np.flatnonzero(here.near)
+    near = np.flatnonzero(among)
     _require_gradients(here, near)
-    found = onward = _law(here, near, e)
+    found = onward = law(here, near, e)
     # Each turn ends the series of some contact, so that there are few.
     for _ in near[(e[near] > 0) & (e[near] < ELASTIC)]:
         after = here.moved(onward.x)
@@ -76,7 +78,7 @@ def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
         ended[small] = approaching[small]
         e[small] = 0.0
-        onward = _law(here, near, e)
+        onward = law(here, near, e)
     others = near[~ended[near]]
     if near.size > 1 and others.size:
         after = here.moved(onward.x)
@@ -93,10 +95,13 @@ def impact(here: ContactInstant, restitution: Floats) -> ImpactResult | None:
         impacting[others] = impulses[others] > here.slow[others] / here.squares(others)
     rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
     shared = tuple(rows[~found.unique].tolist())
-    return ImpactResult(found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared)
+    none = np.zeros(e.size, dtype=bool)
+    return ImpactResult(
+        found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared, none
+    )
 
 
-def _law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
+def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
         if near.size == 1 and here.has_independent_rows:

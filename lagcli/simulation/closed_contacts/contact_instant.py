@@ -311,6 +311,11 @@ class ContactInstant:
         return np.asarray(self.g <= self.touching_gap)
 
     @property
+    def unresolved(self) -> Floats:
+        """Gaps (K,) that are closed before a step could end there: they are not known from rounding."""
+        return np.asarray(np.minimum(self.touching_gap, np.maximum(self.lowest, 4 * self.noise)))
+
+    @property
     def at_rest(self) -> Flags:
         """The contacts that are closed and neither approach nor part, (K,), in memory of their own."""
         return np.asarray(self.near & (np.abs(self.speeds) <= self.slow))

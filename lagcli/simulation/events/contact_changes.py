@@ -12,7 +12,12 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.equations import named_functions
 from lagcli.frozen import frozen
-from lagcli.simulation.closed_contacts import contact_change, contact_gradient, contact_mode
+from lagcli.simulation.closed_contacts import (
+    contact_change,
+    contact_gradient,
+    contact_mode,
+    impact_series,
+)
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import (
     ContactInstant,
@@ -22,7 +27,7 @@ from lagcli.simulation.closed_contacts.contact_instant import (
 )
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
 from lagcli.simulation.closed_contacts.contact_series import ContactOrders, MotionSeries
-from lagcli.simulation.events import contact_crossings
+from lagcli.simulation.events import contact_crossings, crowded_impacts
 from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StateAhead, StepWatch
@@ -202,6 +207,9 @@ class ContactChanges:
             here = self.here()
             self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first])
             self._require_apart(here, PROJECTED)
+            if run.contacts.again > MOST_AGAIN / 2:
+                # What closes again and again without a step approaches, however slowly.
+                here.slow[:] = np.minimum(here.slow, here.speed_roundoff)
             self._change(here, ahead, hits=hits)
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
@@ -223,11 +231,13 @@ class ContactChanges:
         """Decide the contacts at an instant; False where nothing has changed across a switch."""
         run, lying_before = self._run, {*self.closed, *self.idle}
         line, own, when = None, self.log.line(), self.events.now() if switch is None else switch.events
-        before = own if ahead is None or ahead.before is None else ahead.before
-        impact, jumped = self._decided(lambda: contact_change.impact(here, self._restitution)), list[int]()
+        before, jumped = own if ahead is None or ahead.before is None else ahead.before, list[int]()
+        here, before, impact = self._impact(here, before, lying_before)
         is_apart = impact is not None and here.parts(impact.onward)
         after = here if impact is None or is_apart else here.moved(impact.onward)
         level = np.zeros(self._count, dtype=bool) if is_apart else after.at_rest
+        if impact is not None:
+            level |= impact.accumulated
         look = after
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
@@ -253,8 +263,7 @@ class ContactChanges:
         if impact is not None:
             contact_crossings.require_projected(run, impact.onward, here.state.v)
             # What the impact takes away is work done there: the balance of the energy goes on.
-            begin = before if switch is None else own
-            run.bound.y[-1] += now[line_functions.JACOBI] - begin[line_functions.JACOBI]
+            run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
         fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
         ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
@@ -278,7 +287,7 @@ class ContactChanges:
         jumped += closing
         events = [] if is_start else sorted(set(jumped) - crossed)
         stay = lying - (fresh & lying_before)
-        before = before if switch is None else switch.line
+        before = switch.line if switch is not None and before is own else before
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
         return True
@@ -300,6 +309,33 @@ class ContactChanges:
         return self._decided(
             lambda: contact_mode.mode(self._open, after, forces, numbers.tolist(), self._rows)
         )
+
+    def _impact(
+        self, here: ContactInstant, before: Floats, lying: set[int]
+    ) -> tuple[ContactInstant, Floats, ImpactResult | None]:
+        """The last of the impacts that follow each other at once, with the contacts and the line before it."""
+        run, together = self._run, np.zeros(self._count, dtype=bool)
+        together[[*lying, *run.contacts.touching]] = True
+        away = impact_series.apart(here, together, crowded_impacts.last(run, self._count))
+        series = self._decided(lambda: impact_series.impacts(here, self._restitution, away))
+        for one in series[:-1]:
+            here, before = self._strike(here, before, one)
+        crowded_impacts.count(run, [one.impacting for one in series], self._restitution, self._names)
+        return here, before, series[-1] if series else None
+
+    def _strike(
+        self, here: ContactInstant, before: Floats, impact: ImpactResult
+    ) -> tuple[ContactInstant, Floats]:
+        """Go on behind an impact that another one follows at once; the contacts and the line there."""
+        run = self._run
+        self._go_on(self._open, impact.v)
+        contact_crossings.require_projected(run, impact.v, here.state.v)
+        after = self.log.line()
+        run.bound.y[-1] += after[line_functions.JACOBI] - before[line_functions.JACOBI]
+        self._report(_ContactReport(before, after, impact, set(), set(), [], set()), False)
+        shared = {*run.contacts.shared, *impact.shared}
+        run.contacts = dataclasses.replace(run.contacts, shared=tuple(sorted(shared)))
+        return here.moved(impact.v), after
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
@@ -325,16 +361,12 @@ class ContactChanges:
         now = run.bound.enforced.selection
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.enforced.keeping(selection))
-        self._project(v)
-        contact_crossings.predict(run)
-
-    def _project(self, v: Floats) -> None:
-        bound = self._run.bound
-        n = v.size
+        bound, n = run.bound, v.size
         bound.y[n : 2 * n] = v
         bound.project.trigger()
         bound.y[:], bound.k[:], *_ = bound.project.results
-        self._run.statistics.evaluations += 1
+        run.statistics.evaluations += 1
+        contact_crossings.predict(run)
 
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
         run = self._run
@@ -381,6 +413,7 @@ class _ContactReport:
         ]
         if self.impact is not None:
             found.append(("impact", np.flatnonzero(self.impact.impacting).tolist()))
+            found.append(("accumulation", np.flatnonzero(self.impact.accumulated).tolist()))
         if self.impact is not None or is_told:
             found.append(("contact", sorted(self.enforced - self.enforced_before - ending)))
             found.append(("release", sorted(self.enforced_before - self.enforced)))

@@ -128,6 +128,8 @@ class Run:
             if self.statistics.ended_by or (writer.is_done and not found.is_open):
                 return True
             if not found.is_open:
+                if time.perf_counter() > until:
+                    return False
                 self._find_step()
                 continue
             if not writer.put_rows():
@@ -142,8 +144,6 @@ class Run:
             stepper.accept()
             for event in self._events:
                 event.act()
-            if time.perf_counter() > until and not self._is_due:
-                return False
 
     def _start(self) -> None:
         """Begin, where that is still to be done."""

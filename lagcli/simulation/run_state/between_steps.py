@@ -24,8 +24,9 @@ class ContactState:
     rows, of which the function that is watched has just crossed zero; last: time of the last incident, counted as the
     state; again: changes without a step between them; size: the largest size of the motion at incidents; ending:
     contacts whose rebounds end at a time ahead, with the time; postponed: declared events that the contacts which close
-    with them bring about, with that time; deepest: the largest -g_j so far; shared: rows whose
-    multipliers or impulses were not unique at some time."""
+    with them bring about, with that time; deepest: the largest -g_j so far; shared: rows whose multipliers or impulses
+    were not unique at some time; crowds: contacts that were struck of late, each with the number of its impacts since a
+    time, that time, and the time of the last one."""
 
     touching: tuple[int, ...] = ()
     unarmed: tuple[int, ...] = ()
@@ -36,6 +37,7 @@ class ContactState:
     postponed: tuple[tuple[int, float], ...] = ()
     deepest: float = 0.0
     shared: tuple[int, ...] = ()
+    crowds: tuple[tuple[int, int, float, float], ...] = ()
 
 
 NOTHING = ContactState()

@@ -1,0 +1,177 @@
+"""Impacts that follow each other faster than a run can tell their instants apart, each by itself and in its order.
+
+Within so short a time forces do nothing, and gaps grow and close at constant speeds: the series is what impacts make
+of gaps and speeds. It comes to an end after finitely many impacts, or it contracts: from some impact on gaps and speeds
+are those of an earlier one, all gaps and all speeds by the same parts smaller. Then infinitely many follow within a
+finite time (S. McNamara and W. R. Young, Inelastic collapse in two dimensions, 1994), and in the limit the contacts of
+the series stay together: the impact of these with e = 0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from lagcli.simulation.closed_contacts import contact_change
+from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
+
+
+class SeriesParameters:
+    """Limits of series of impacts; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    """
+
+    __slots__ = ()
+
+    alike: float = 1e-9
+    """Directions of speeds, and of gaps, that differ by this part are the same: the series goes on as it did.
+    `test_a_series_goes_on_as_it_did_where_its_directions_agree_to_nine_digits` fails at 1e-10 and 1e-8."""
+    farther: float = 10.0
+    """Gaps that open to so many times what is not told apart from closed are left to steps again.
+    `test_a_series_that_opens_tenfold_is_left_to_steps` fails at 1 and 100."""
+    most: int = 1_000
+    """Impacts of one series that are looked at: it has been contracting for as long before steps lost it.
+    `test_a_series_is_followed_for_a_thousand_impacts` fails at 100 and 10000."""
+
+
+PARAMETERS = SeriesParameters()
+
+
+def apart(here: ContactInstant, together: Flags, last: Floats) -> Flags:
+    """Contacts that are as good as closed, so that an impact of others is none of theirs, (K,): they part already; or
+    they come a little later, as they did before, where an impact of two at one instant would be chance.
+
+    together (K,): contacts that stayed closed so far, which drift by rounding alone; last (K,): times at which contacts
+    were struck of late, or nan.
+    """
+    parting, closing = here.speeds > here.slow, here.near & (here.speeds < -here.slow)
+    first = closing & (here.g <= here.unresolved)
+    in_turn = np.isfinite(last) & np.isfinite(last[first]).all() & ~np.isin(last, last[first])
+    later = closing & ~first & in_turn & first.any()
+    return np.asarray(here.near & parting & ~together | later)
+
+
+def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[ImpactResult, ...]:
+    """The impact of contacts that are closed, none where none approaches, and those that follow at once.
+
+    away (K,): closed contacts that it is none of, see `apart`. The last impact may be the limit of infinitely many.
+    Raises `ContactsUndecided`.
+    """
+    first = contact_change.impact(here, restitution, here.near & ~away)
+    if first is None:
+        return ()
+    return _Series(here, restitution, first, away).followed()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _After:
+    """Contacts that were struck, (K,), gaps and speeds of all after it, and the time from the one before it."""
+
+    struck: Flags
+    gaps: Floats
+    speeds: Floats
+    wait: float
+
+
+class _Series:
+    """A series of impacts that begins with a `first` one, of all closed contacts but those that are `away`, (K,)."""
+
+    def __init__(self, here: ContactInstant, restitution: Floats, first: ImpactResult, away: Flags) -> None:
+        self._restitution, self._impacts = restitution, [first]
+        self._gaps = np.where(here.near & ~away, 0.0, np.maximum(here.g, 0.0))
+        self._now = here.moved(first.v)
+        self._afters = [_After(first.impacting, self._gaps, self._now.speeds, 0.0)]
+        self._struck = first.impacting
+
+    def followed(self) -> tuple[ImpactResult, ...]:
+        """The impacts up to where all contacts part, or the next one is late enough to be found by steps."""
+        while (closing := self._now.speeds < -self._now.slow).any():
+            now, times = self._now, np.full(closing.size, np.inf)
+            times[closing] = self._gaps[closing] / -now.speeds[closing]
+            struck = closing & (times <= times.min())
+            told = PARAMETERS.farther if len(self._impacts) > 1 else 1.0
+            if (self._gaps > told * now.unresolved)[struck].all():
+                return tuple(self._impacts)
+            own = self._contracts(times)
+            if own is not None:
+                return self._impacts[0], self._limit(own)
+            if len(self._impacts) > PARAMETERS.most:
+                within = sum(after.wait for after in self._afters)
+                raise ContactsUndecided(
+                    f"{len(self._impacts)} impacts within {within:.1g} of time, and no end of them",
+                    np.flatnonzero(self._struck),
+                )
+            self._strike(struck, float(times.min()))
+        own = self._struck
+        if len(self._impacts) > 1 and self._now.at_rest[own].all() and self._restitution[own].all():
+            # It has contracted to what is none: the last impact still was one.
+            self._impacts.pop()
+            self._now = self._now.moved(self._impacts[-1].v)
+            return self._impacts[0], self._limit(own)
+        return tuple(self._impacts)
+
+    def _strike(self, struck: Flags, wait: float) -> None:
+        """The next impact: of contacts that are struck after a time, with those that stay closed."""
+        now, rests = self._now, self._now.at_rest
+        following = contact_change.impact(now, self._restitution, struck | rests)
+        assert following is not None, "contacts that are struck approach"
+        moved = np.maximum(self._gaps + now.speeds * wait, 0.0)
+        self._gaps = np.where(struck | rests, 0.0, moved)
+        self._impacts.append(following)
+        self._now, self._struck = now.moved(following.v), self._struck | struck
+        self._afters.append(_After(struck, self._gaps, self._now.speeds, wait))
+
+    def _contracts(self, times: Floats) -> Flags | None:
+        """The contacts (K,) of a series that goes on as it did without end; None where it does not.
+
+        times: after which contacts would be struck, (K,).
+        """
+        last, count = self._afters[-1], len(self._afters)
+        contacts = int(self._struck.sum())
+        for index in range(count - 2, max(-1, count - 2 - 4 * contacts), -1):
+            before = self._afters[index]
+            if (before.struck != last.struck).any():
+                continue
+            period = self._afters[index + 1 :]
+            own = np.any([after.struck for after in period], axis=0)
+            slower = _part(before.speeds[own], last.speeds[own])
+            smaller = _part(before.gaps[own], last.gaps[own])
+            if slower is None or smaller is None or not smaller < min(slower, 1.0):
+                continue
+            sooner = smaller / slower
+            lasting = sum(after.wait for after in period) * sooner / (1.0 - sooner)
+            if (times[~own] > lasting).all():
+                return np.asarray(own)
+        return None
+
+    def _limit(self, own: Flags) -> ImpactResult:
+        """All impacts from the second on in one, after which the contacts of the series, (K,), stay together."""
+        now, none = self._now, np.zeros(own.size)
+        contacts = np.flatnonzero(own | now.at_rest)
+        of_equalities = np.sum([each.of_equalities for each in self._impacts[1:]], axis=0)
+        of_contacts, v = (
+            np.sum([none, *(each.of_contacts for each in self._impacts[1:])], axis=0),
+            now.state.v,
+        )
+        shared = {row for each in self._impacts for row in each.shared}
+        # The second turn takes away the rounding of large impulses.
+        for _ in range(2):
+            common = contact_change.law(now.moved(v), contacts, none)
+            v, of_equalities = common.x, of_equalities + common.of_equalities
+            of_contacts[contacts] += common.of_contacts
+        is_none = np.zeros(own.size, dtype=bool)
+        return ImpactResult(
+            v, v, of_equalities, of_contacts, is_none, is_none, none, tuple(sorted(shared)), accumulated=own
+        )
+
+
+def _part(before: Floats, after: Floats) -> float | None:
+    """The part of numbers (k,) that they are later, all of them the same; None where they are not."""
+    size = float(np.abs(before).max())
+    if size == 0.0:
+        return None if after.any() else 0.0
+    part = float(np.abs(after).max()) / size
+    return part if (np.abs(after - part * before) <= PARAMETERS.alike * part * size).all() else None
