@@ -120,7 +120,7 @@ class Run:
     def _fill(self, until: float) -> bool:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
         stepper, writer = self.stepper, self._writer
-        found = stepper.found
+        found, has_advanced = stepper.found, False
         self._start()
         while True:
             if self._is_due and not self._put_state():
@@ -128,7 +128,8 @@ class Run:
             if self.statistics.ended_by or (writer.is_done and not found.is_open):
                 return True
             if not found.is_open:
-                if time.perf_counter() > until:
+                # Behind the row of an incident, and never without a step.
+                if has_advanced and time.perf_counter() > until:
                     return False
                 self._find_step()
                 continue
@@ -142,6 +143,7 @@ class Run:
                 return True
             self._is_due = found.is_jump
             stepper.accept()
+            has_advanced = True
             for event in self._events:
                 event.act()
 
