@@ -35,7 +35,7 @@ SHARED_NODES = 20_000
 class SwitchParameters:
     """Contacts of which all sets share the functions of a step.
 
-    The tests are of `tests/unit/test_switched_contacts.py`.
+    The tests are of `tests/unit/test_contact_switches.py`.
     """
 
     __slots__ = ()

@@ -46,6 +46,12 @@ def may_jump(model: nouns.Model) -> bool:
     return _any(_JUMPS, energies) or (_any(_LENGTHS, energies) and _any(_QUOTIENTS, energies))
 
 
+def rows_may_jump(model: nouns.Model) -> bool:
+    """True if an equation of a constraint has a function that may jump."""
+    laws = [*_laws(model.holonomic), *_laws(model.differential), *_shared(model)]
+    return _any(_JUMPS, laws) or (_any(_LENGTHS, laws) and _any(_QUOTIENTS, laws))
+
+
 def velocity_switches(model: nouns.Model) -> tuple[nouns.Force, ...]:
     """The forces in which something may jump with a velocity."""
 

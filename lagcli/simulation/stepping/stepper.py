@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
+from lagcli.equations import named_functions
 from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
@@ -120,9 +121,10 @@ class Stepper:
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
         self.bound.t[0], self.bound.k[:] = self.t, k
-        # Where t occurs, a step has its stages at times that are told apart; without, a jump may be crossed in one
-        # rounding.
-        self._fewest = 64 if self.bound.numeric.has_time else 1
+        # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
+        # crossed in one rounding. That of a row may not: the velocity would have to jump.
+        is_told_apart = self.bound.numeric.has_time or named_functions.rows_may_jump(enforced.system.model)
+        self._fewest = 64 if is_told_apart else 1
 
     def state(self) -> RunState:
         """The run to go on from, but for its last row: as a longer one would be where the end has cut the last step."""
