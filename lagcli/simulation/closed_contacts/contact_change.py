@@ -79,8 +79,9 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
         ended[small] = approaching[small]
         e[small] = 0.0
         onward = law(here, near, e)
-    others = near[~ended[near]]
-    if near.size > 1 and others.size:
+    # Those that the impact is none of, too: without the rebounds it may leave them closed.
+    others = np.flatnonzero(here.near & ~ended)
+    if here.near.sum() > 1 and others.size:
         after = here.moved(onward.x)
         reported = after if onward is found else here.moved(found.x)
         lifted, pull = _staying_closed(reported, after, others)

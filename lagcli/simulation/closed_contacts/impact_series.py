@@ -63,6 +63,8 @@ def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[Imp
     first = contact_change.impact(here, restitution, here.near & ~away)
     if first is None:
         return ()
+    if not (here.near & ~first.impacting).any():
+        return (first,)
     return _Series(here, restitution, first, away).followed()
 
 
