@@ -166,23 +166,29 @@ def _energy(scene: Scene, run: Recorded) -> Iterator[str]:
 
 
 def _impacts(scene: Scene, run: Recorded) -> Iterator[str]:
-    for at in run.instants:
+    for k, at in enumerate(run.instants):
         if not at.names("impact"):
             if not at.names("accumulation") and np.abs(at.after - at.before).max() > TOLERANCE:
                 yield f"velocities jump without an impact at t = {at.t!r}"
             continue
         ends = [o for o in run.instants if o.names("accumulation") & at.names("impact")]
         lax = LAST if any(at.t < o.t < at.t + LAST for o in ends) else TOLERANCE
-        yield from (f"impact at t = {at.t!r}: {text}" for text in _impact(scene, at, lax))
+        # Contacts that are struck a moment later, at the same time to rounding.
+        later = {name for o in run.instants[k + 1 :] if o.t == at.t for name in o.names("impact")}
+        yield from (f"impact at t = {at.t!r}: {text}" for text in _impact(scene, at, lax, later))
 
 
-def _impact(scene: Scene, at: Instant, lax: float) -> Iterator[str]:
+def _impact(scene: Scene, at: Instant, lax: float, later: set[str]) -> Iterator[str]:
     size = 1 + np.abs(at.before).max()
     before, after = Rows(scene, at.t, at.x, at.before), Rows(scene, at.t, at.x, at.after)
     rods, _ = before.rods()
     gaps = {c: abs(c.gap(at.t, at.x)) for c in scene.contacts}
     meant = {name for name, P in at.impulses.items() if P} | at.names("impact")
-    near = [c for c, gap in gaps.items() if gap < TOUCH or (gap < STILL and c.name in meant)]
+    near = [
+        c
+        for c, gap in gaps.items()
+        if gap < (STILL if c.name in meant else TOUCH if c.name not in later else 0)
+    ]
     rows, _, came = before.contacts(near)
     _, _, left = after.contacts(near)
     P = np.array([at.impulses.get(c.name, 0.0) for c in near])

@@ -48,7 +48,8 @@ def recorded(scene: Scene, **options: object) -> Recorded:
     places = [[at[f"p{i}.{axis}"] for axis in "xyz"] for i in count]
     speeds = [[at[f"p{i}.v{axis}"] for axis in "xyz"] for i in count]
     instants = []
-    for t, group in itertools.groupby(incidents, key=lambda each: each.t):
+    # Impacts may follow each other at one instant.
+    for (t, _), group in itertools.groupby(incidents, key=lambda each: (each.t, each.impulses.tobytes())):
         told = list(group)
         line, after = (np.concatenate([[t], state]) for state in (told[0].before, told[0].after))
         impulses = dict(zip(rows, told[0].impulses.tolist(), strict=True))

@@ -107,7 +107,8 @@ class ImpactEvidence:
     def recorded(self) -> Check:
         """Each incident is there once, and as what it is: an impulse is of an impact, or ends a series of rebounds.
 
-        Rows of one instant share the jump: one that stands there twice would change the momenta twice.
+        Rows of one impact share the jump: one that stands there twice would change the momenta twice. Several impacts
+        may follow each other at one instant, each with its own.
         """
         incidents, names = self.incidents, self.laws.contacts
         found = np.zeros((len(incidents.t), len(names)))
@@ -118,10 +119,14 @@ class ImpactEvidence:
         for begin, end in zip(first, last + 1, strict=True):
             at, contact = slice(begin, end), incidents.contact[begin:end]
             for j in {*contact[contact >= 0].tolist(), *np.flatnonzero(pushes[at].any(axis=0)).tolist()}:
-                own = kinds[at][contact == j].tolist()
-                is_missing = pushes[at, j].any() and not {"impact", "accumulation"} & set(own)
+                rows = begin + np.flatnonzero(contact == j)
+                own = set(kinds[rows].tolist())
+                # A contact at rest that the impact of another one touches by little is not named.
+                is_large = pushes[at, j] & (impulses[at, j] > RESOLVED * impulses[at].max(axis=1))
+                is_missing = is_large.any() and not {"impact", "accumulation"} & own
                 is_idle = "impact" in own and not (impulses[at, j] > -self.tolerance.written.unit).any()
-                found[begin, j] = is_missing or is_idle or len(own) > len(set(own))
+                jumps = {(kinds[k], incidents.impulses[k].tobytes()) for k in rows.tolist()}
+                found[begin, j] = is_missing or is_idle or len(jumps) < rows.size
         return judge(RECORDED, names, incidents.t, found, np.full((1, 1), 0.5))
 
     @cached_property

@@ -65,7 +65,11 @@ def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[Imp
         return ()
     if not (here.near & ~first.impacting).any():
         return (first,)
-    return _Series(here, restitution, first, away).followed()
+    series = _Series(here, restitution, first, away).followed()
+    speeds = here.moved(series[-1].v).speeds
+    # What comes more slowly than rest is told from is struck by no later impact: it is struck by this one.
+    left = away & (speeds < -here.speed_roundoff) & (speeds >= -here.slow)
+    return impacts(here, restitution, away & ~left) if left.any() else series
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
