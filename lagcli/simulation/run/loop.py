@@ -121,6 +121,7 @@ class Run:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
         stepper, writer = self.stepper, self._writer
         found = stepper.found
+        is_further = False
         self._start()
         while True:
             if self._is_due and not self._put_state():
@@ -128,9 +129,11 @@ class Run:
             if self.statistics.ended_by or (writer.is_done and not found.is_open):
                 return True
             if not found.is_open:
-                if time.perf_counter() > until:
+                # However slow, a block brings the run on.
+                if is_further and time.perf_counter() > until:
                     return False
                 self._find_step()
+                is_further = True
                 continue
             if not writer.put_rows():
                 return False
