@@ -564,7 +564,7 @@ def test_the_form_of_a_file_is_the_one_of_format_9() -> None:
         "tally": tally, "reported": tally,
         "contacts": {
             "touching": [2], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
-            "deepest": 0.0, "shared": [1], "crowds": [[2, 3, 0.125, 0.25]],
+            "postponed": [[1, 0.75]], "deepest": 0.0, "shared": [1], "crowds": [[2, 3, 0.125, 0.25]],
         },
     }  # fmt: skip
     chart = {"above": "x", "below": "1", "period": None}

@@ -102,7 +102,7 @@ coordinates: {x: {value: 1}}
 lagrangian: rate(x)**2/2 + 1/x
 simulation: {duration: 2, samples: 41}
 """
-LONG = PENDULUM.replace("{duration: 0.5, samples: 6}", "{duration: 1e6, samples: 50000001}")
+LONG = PENDULUM.replace("{duration: 0.5, samples: 6}", "{duration: 1.8e5, samples: 9000001}")
 WARNED = PENDULUM.replace("velocity: [0, 0, -1]", "velocity: [1, 0, -1]")
 BROKEN = PENDULUM.replace("norm(a)", "norm(b)").replace("velocity", "velocty")
 

@@ -146,8 +146,70 @@ def test_rows_that_a_checkpoint_has_passed_survive_a_kill(command, here, ending,
     assert np.array_equal(read(file)[1], whole.rows)
     assert not Path(f"{file}.rows").exists()
     again = cli("-o", file, "--resume", "ck")
-    assert (again.returncode, "nothing is left to do" in again.stderr) == (2, True)
+    assert (again.returncode, f"nothing is left to do: {file} is complete" in again.stderr) == (0, True)
     assert np.array_equal(read(file)[1], whole.rows)
+
+
+@every_format
+def test_a_finished_run_that_is_resumed_has_nothing_left_to_do(command, here, ending):
+    """A script may always give `--resume`: the exit code is 0, and no table and no checkpoint is touched."""
+    files = ["-o", f"run.{ending}", "--events", f"e.{ending}", "--event-rows", "--checkpoint", "ck"]
+    assert cli(*files, "--stats", "s.json").returncode == 0
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in here.iterdir()}
+    for options in ([], ["-q"], ["--stats", "s.json"]):
+        done = cli(*files, *options, "--resume", "ck")
+        assert done.returncode == 0, done.stderr
+        tables = f"run.{ending} and e.{ending}"
+        sentence = f"note: nothing is left to do: {tables} are complete, with all rows of this run\n"
+        assert done.stderr.endswith("" if "-q" in options else sentence)
+    assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in here.iterdir()} == before
+
+
+@every_format
+def test_a_table_that_is_not_proved_to_be_of_the_finished_run_is_refused(command, here, ending):
+    file, options = f"run.{ending}", ("--resume", "ck")
+    assert cli("-q", "-o", file, "--checkpoint", "ck").returncode == 0
+    assert cli("-q", "-o", "few.csv", "--samples", "3", "--stats", "few.json").returncode == 0
+    for arguments, reason in (
+        (("-o", f"other.{ending}"), "the run before did not write it"),
+        (("-o", file, "--events", "e.csv"), "--events e.csv: the run before did not write it"),
+        (("-o", file, "--duration", "1"), f"--output {file}: the run before ended at t = "),
+        (("-o", file, "--samples", "11"), "the run before wrote other rows into it"),
+        (("-o", file, "--event-rows"), "the run before wrote other rows into it"),
+        (("-o", file, "--columns", "t"), "it has other columns"),
+        (("-o", file, "--plot", "f.svg"), "--plot f.svg: `lagcli plot` draws a table"),
+        (("-o", file, "--checkpoint", "second"), "--checkpoint second: ck is the checkpoint of the end"),
+        (("-o", file, "--json"), "--json: the account was printed by the run before"),
+        (("-o", file, "--stats", "s.json"), "--stats s.json: it is not the account of this run"),
+        (("-o", file, "--stats", "few.json"), "--stats few.json: it is not the account of this run"),
+        (("-o", "-"), "rows that went to standard output are not there"),
+    ):
+        before = {path: path.read_bytes() for path in here.iterdir()}
+        done = cli(*arguments, *options)
+        assert (done.returncode, done.stdout) == (2, ""), arguments
+        assert "--resume ck: nothing is left to do" in done.stderr
+        assert reason in done.stderr
+        assert {path: path.read_bytes() for path in here.iterdir()} == before
+    columns, rows = read(file)
+    whole = rows.copy()
+    rows[-1, 1] = np.nextafter(rows[-1, 1], np.inf)
+    for damaged in (rows, rows[:-1]):
+        with sinks.open_sink(Path(file), columns) as sink:
+            sink.write(damaged)
+            sink.finish()
+            sink.commit()
+        done = cli("-o", file, *options)
+        assert (done.returncode, "its rows are not those of the run before" in done.stderr) == (2, True)
+    Path(file).unlink()
+    done = cli("-o", file, *options)
+    assert (done.returncode, "No such file" in done.stderr) == (2, True)
+    if ending != "csv":  # which has no place for a provenance
+        with sinks.open_sink(Path(file), columns, provenance={"sha256": "0"}) as sink:
+            sink.write(whole)
+            sink.finish()
+            sink.commit()
+        done = cli("-o", file, *options)
+        assert (done.returncode, "provenance is that of a different model" in done.stderr) == (2, True)
 
 
 def cli(*arguments):

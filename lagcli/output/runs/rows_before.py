@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import math
+import os
 import pathlib
+from collections.abc import Sequence
 from typing import Literal
 
 from lagcli.output import checkpoint_file
 from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.runs.run_request import RunRequest
 from lagcli.output.runs.safe_table import RowsBefore, TablePlan
 from lagcli.output.runs.simulation_run import SimulationRun
-from lagcli.output.tables import row_file
+from lagcli.output.tables import read_table, row_file
 from lagcli.simulation.run_state.checkpoint import CheckpointTable
 
 
@@ -21,6 +25,10 @@ def _record(ready: SimulationRun, plan: TablePlan) -> CheckpointTable | None:
     if point is None:
         return None
     return point.events if plan.option == "--events" else point.table
+
+
+def _safe(record: CheckpointTable) -> row_file.SafeRows:
+    return row_file.SafeRows(record.count, record.checksum)
 
 
 def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBefore | None:
@@ -58,7 +66,7 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
             f"{option_text}: the run before went on to t = {reached:.9g} without a row at {end:.9g}, where this one"
             f" ends: give a longer duration, or {instead.removeprefix('give ')}"
         )
-    rows = row_file.SafeRows(record.count, record.checksum)
+    rows = _safe(record)
     try:
         with contextlib.closing(row_file.read(path, plan.names, rows)) as blocks:
             for _ in blocks:
@@ -81,6 +89,69 @@ def require_saved_rows(ready: SimulationRun, resume: str | None, plan: TablePlan
             f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
             f" {plan.noun} after t = {t:.9g}: give another file, or move that one away"
         )
+
+
+def unfinished(ready: SimulationRun, request: RunRequest, plans: Sequence[TablePlan]) -> str:
+    """Why the files of a run with nothing left to do are not known to be complete, or nothing where they are.
+
+    A figure and an account are made as rows are computed.
+    """
+    resume = pathlib.Path(request.resume or "")
+    if request.is_stdout_taken:
+        return "rows that went to standard output are not there"
+    if request.plot is not None:
+        return f"--plot {request.plot}: `lagcli plot` draws a table"
+    if request.as_json:
+        return "--json: the account was printed by the run before"
+    if request.checkpoint is not None and os.path.realpath(request.checkpoint) != os.path.realpath(resume):
+        return f"--checkpoint {request.checkpoint}: {request.resume} is the checkpoint of the end"
+    for plan in plans:
+        if difference := _difference(ready, resume, plan):
+            return f"{plan.option} {plan.file}: {difference}"
+    if request.stats is not None and not _is_account(ready, pathlib.Path(request.stats)):
+        return f"--stats {request.stats}: it is not the account of this run"
+    return ""
+
+
+def _is_account(ready: SimulationRun, path: pathlib.Path) -> bool:
+    """True if a file is the account of a run to the same end. The step beyond the last row is in no checkpoint, so
+    that the steps are not compared."""
+    expected = ready.stats.as_json()
+    try:
+        found = json.loads(path.read_bytes())
+    except (ValueError, RecursionError, OSError):
+        return False
+    return isinstance(found, dict) and all(
+        found.get(key) == json.loads(json.dumps(expected[key]))
+        for key in ("provenance", "stopped", "rows", "t_end", "impacts")
+    )
+
+
+def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> str:
+    """What a table that is complete differs in from the one this run writes, whose rows the checkpoint counts."""
+    point, record, table = ready.resumed, _record(ready, plan), plan.path
+    if point is None or record is None or checkpoint_file.table_of(resume, record.file) != table:
+        return "the run before did not write it"
+    end, t_end = ready.grid.end, point.run_state.origin + point.run_state.row
+    if t_end != end and not ready.grid.is_rounding(t_end - end, end):
+        return f"the run before ended at t = {t_end:.9g}"
+    if (record.step, record.has_event_rows) != (plan.step, plan.has_event_rows):
+        return "the run before wrote other rows into it"
+    try:
+        found = read_table.opened(table)
+        if found.columns != plan.names:
+            return "it has other columns"
+        # All else that rows depend on is in the checkpoint, with which the run agrees.
+        if found.provenance is not None and found.provenance.get("sha256") != ready.model.sha256:
+            return "its provenance is that of a different model file"
+        texts = [found.words(name) for name in plan.texts]
+        rows = found.take([name for name in plan.names if name not in plan.words])
+    except (*read_table.UNREADABLE, OSError) as error:
+        return str(error)
+    is_known = all(set(cells) <= set(words) for cells, words in zip(texts, plan.words.values(), strict=True))
+    if is_known and row_file.of_rows(plan.names, plan.numbers(rows, texts)) == _safe(record):
+        return ""
+    return "its rows are not those of the run before"
 
 
 def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", "events"]) -> str:

@@ -77,6 +77,7 @@ class WrittenRun:
         self._names = tuple(everything[i] for i in self._picked)
         self._table = run_tables.table(run, request, self._names)
         self._events = run_tables.events(run, request)
+        self._is_over = False  # every file of it is complete
         with request.locked() as locks:
             self._first, self._happened = self._before()
             self._locks = locks.pop_all()
@@ -103,7 +104,10 @@ class WrittenRun:
             try:
                 run.require_rows_left()
             except checkpoint.CheckpointError as error:
-                raise BadRequest(f"--resume {resume}: {error}") from None
+                if reason := rows_before.unfinished(run, self._request, plans):
+                    raise BadRequest(f"--resume {resume}: {error}; {reason}") from None
+                self._is_over = True
+                return None, None
         for plan in plans:
             if found[plan.option] is None:
                 rows_before.require_saved_rows(run, resume, plan)
@@ -114,6 +118,10 @@ class WrittenRun:
         run, request, model = self._run, self._request, self._run.model
         for warning in run.warnings:
             yield warning.render()
+        if self._is_over:
+            files = [name for name in (request.file, request.events_file) if name is not None]
+            yield f"note: nothing is left to do: {run_tables.completed(files)}, with all rows of this run"
+            return
         if run.resumed is not None:
             yield from self._messages_before()
         if run.assembly is not None:
@@ -164,6 +172,9 @@ class WrittenRun:
         Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`; what there is of the run is in order then.
         """
         run, request = self._run, self._request
+        if self._is_over:
+            self._locks.close()
+            return
         decimated: DecimatedRows | None = None
         if request.plot is not None:
             from lagcli.output.figures.decimate import DecimatedRows

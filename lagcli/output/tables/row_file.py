@@ -34,6 +34,11 @@ class SafeRows:
     checksum: int
 
 
+def of_rows(columns: Sequence[str], rows: NDArray[np.float64]) -> SafeRows:
+    """The number and the checksum of rows (k, columns)."""
+    return SafeRows(len(rows), zlib.crc32(_data(rows), _begin(columns)))
+
+
 def path_of(target: Path) -> Path:
     """The path of the rows of a table while it is not complete."""
     return target.with_name(target.name + ".rows")
@@ -83,7 +88,7 @@ class RowFile:
 
     def write(self, rows: NDArray[np.float64]) -> None:
         """Append rows, shape (k, columns)."""
-        data = np.ascontiguousarray(rows, "<f8").tobytes()
+        data = _data(rows)
         self._put(self._end, data)
         self._count += len(rows)
         self._checksum = zlib.crc32(data, self._checksum)
@@ -139,6 +144,10 @@ def _require_columns(file: BinaryIO, path: Path, columns: Sequence[str]) -> None
     digits = expected.rindex(b"0,)") + 1  # where the number of rows ends
     if (found[: digits - DIGITS], found[digits:]) != (expected[: digits - DIGITS], expected[digits:]):
         raise UnfitRows(f"{path} has other columns")
+
+
+def _data(rows: NDArray[np.float64]) -> bytes:
+    return np.ascontiguousarray(rows, "<f8").tobytes()
 
 
 def _begin(columns: Sequence[str]) -> int:
