@@ -73,3 +73,37 @@ simulation: {duration: 1, samples: 3}
 @pytest.mark.parametrize("k", ["1e300", "1e-300"])
 def test_a_count_does_not_depend_on_the_factor(k: str) -> None:
     assert lagcli.dof(model("holonomic", k)).velocity_dof == 2
+
+
+STACK = """lagcli: 1
+particles:
+  a: {{mass: 1, position: [0, 0, {z}]}}
+  b: {{mass: {M}, position: [0, 0, 1.5]}}
+forces: {{weight: {{to: all, force: [0, 0, -9.81*m]}}}}
+inequality:
+  floor: {{condition: a.z >= 0, restitution: {e}}}
+  pair: {{condition: b.z - a.z >= 1, restitution: {e}}}
+simulation: {{duration: 1, samples: 11}}
+"""
+
+
+@pytest.mark.parametrize(("M", "e"), itertools.product(["1e3", "1e7"], [0, 0.5]))
+def test_a_heavy_ball_comes_to_rest_on_a_light_one(M: str, e: float) -> None:
+    found = lagcli.simulate(lagcli.loads(STACK.format(M=M, e=e, z=0.5)))
+    weight = 9.81 * float(M)
+    assert [found["lambda.pair"][-1], found["lambda.floor"][-1]] == pytest.approx(
+        [weight, weight + 9.81], rel=1e-8
+    )
+    assert [found["a.z"][-1], found["b.z"][-1]] == pytest.approx([0, 1], abs=1e-12)
+
+
+@pytest.mark.parametrize(("M", "e"), itertools.product(["1e10", "1e12", "1e15"], [0, 0.5]))
+def test_inertias_that_differ_by_ten_digits_are_the_reason_of_a_stop_at_contacts(M: str, e: float) -> None:
+    with pytest.raises(
+        lagcli.SimulationStopped, match=r"inertias that differ by so much.*`floor`, `pair`"
+    ) as caught:
+        lagcli.simulate(lagcli.loads(STACK.format(M=M, e=e, z=0.5)))
+    found, fall = caught.value.trajectory, np.sqrt(2 * 0.5 / 9.81)
+    assert caught.value.t >= fall * (1 - 1e-12)
+    t = found["t"][found["t"] < fall]
+    assert found["b.z"][: t.size] == pytest.approx(1.5 - 9.81 / 2 * t**2, abs=1e-12)

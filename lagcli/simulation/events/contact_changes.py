@@ -254,7 +254,8 @@ class ContactChanges:
         if impact is not None and impact.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(impact.ended).tolist()))
-            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), impact.v)
+            rows = self._decided(lambda: contact_mode.selection(self._open, after, bouncing, self._rows))
+            self._go_on(rows, impact.v)
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if impact is None else impact.onward)
