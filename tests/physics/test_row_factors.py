@@ -107,3 +107,13 @@ def test_inertias_that_differ_by_ten_digits_are_the_reason_of_a_stop_at_contacts
     assert caught.value.t >= fall * (1 - 1e-12)
     t = found["t"][found["t"] < fall]
     assert found["b.z"][: t.size] == pytest.approx(1.5 - 9.81 / 2 * t**2, abs=1e-12)
+
+
+def test_a_count_stands_where_a_row_over_its_inertia_is_beyond_the_range_of_numbers() -> None:
+    text = """lagcli: 1
+particles:
+  a: {mass: 1e-300, position: [0, 0, 0], velocity: [1, 0, 0]}
+  b: {mass: 1, position: [1, 0, 0], velocity: [1, 0, 0]}
+holonomic: {c: 1e300*a.z = 0, d: b.z - a.z = 0, e: b.z + a.z = 0}
+"""
+    assert lagcli.dof(lagcli.loads(text)).velocity_dof == 4
