@@ -67,7 +67,8 @@ class Metric:
         values = np.array(fixed.nonzeros(), dtype=float)
         scale = 1.0 / self._lengths[free]
         if not self._blocks:
-            return ca.DM(fixed.sparsity(), ca.DM(values * scale[columns]))
+            with np.errstate(over="ignore"):  # rows are asked for their lengths
+                return ca.DM(fixed.sparsity(), ca.DM(values * scale[columns]))
         rows = np.asarray(fixed.sparsity().row(), dtype=np.intp)
         return self._turned(_Entries(rows, columns, values), scale, fixed.shape)
 

@@ -169,7 +169,14 @@ class MetricRows:
         self._metric, self._B = metric, B
         rows = LocalRows(metric.whitened(B))
         self.lengths = rows.divisors
-        self.unit: Sparse = ca.DM(rows.B.sparsity(), ca.DM(rows.values / self.lengths[rows.row]))
+        is_lost = ~((rows.norms >= np.finfo(float).tiny) & np.isfinite(rows.norms))
+        if is_lost.any() and (is_lost & ((plain := LocalRows(B)).norms > 0)).any():
+            # Their own sizes and the inertia are beyond the range of numbers together, and not each.
+            unit = ca.DM(B.sparsity(), ca.DM(plain.values / plain.divisors[plain.row]))
+            rows = LocalRows(metric.whitened(unit))
+            with np.errstate(over="ignore"):
+                self.lengths = rows.divisors * plain.divisors
+        self.unit: Sparse = ca.DM(rows.B.sparsity(), ca.DM(rows.values / rows.divisors[rows.row]))
         self.count = rows.count
 
     def take(self, indices: list[int]) -> MetricRows:

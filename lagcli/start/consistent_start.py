@@ -48,7 +48,8 @@ def find(system: System, numeric: NumericSystem) -> ConsistentStart:
     Raises `diagnostics.ModelError` where no run can begin.
     """
     declared = initial.declared(system)
-    initial.inertia(system, numeric, declared)
+    metric = initial.inertia(system, numeric, declared)
+    initial.require_squares(system, numeric, declared, metric)
     residuals = initial.residuals(system, numeric, declared)
     if not system.model.simulation.assemble:
         if not residuals.consistent:
@@ -62,7 +63,8 @@ def find(system: System, numeric: NumericSystem) -> ConsistentStart:
             declared = gaps.settled(system, numeric, declared)
         return ConsistentStart(declared)
     moved = nearest(system, numeric)
-    initial.inertia(system, numeric, moved.state)
+    metric = initial.inertia(system, numeric, moved.state)
+    initial.require_squares(system, numeric, moved.state, metric)
     return ConsistentStart(moved.state, moved)
 
 

@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
+from lagcli.compiled.parts import TINY
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric, NotDefiniteError
-from lagcli.linear.metric_rows import LocalRows
+from lagcli.linear.metric_rows import LocalRows, stacked
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
@@ -252,6 +253,32 @@ def finite_rows(
             [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
         )
     return f, rows, b
+
+
+def require_squares(system: System, numeric: NumericSystem, state: State, metric: Metric) -> None:
+    """Raise `diagnostics.ModelError` where squares of the entries of a row, its own or those in the metric, are beyond
+    the range of numbers: S = B M^-1 B^T would be 0 or infinite, and the row without effect."""
+    B = numeric.rows(state.t, state.q, state.v, state.p)[0][: len(system.rows.rows), :]
+    if system.contacts.count:
+        B = stacked(B, numeric.contacts(state.t, state.q, state.v, state.p)[1])
+    rows = LocalRows(B).finite()
+    for lengths in (rows.norms, LocalRows(metric.whitened(rows.B)).norms):
+        with np.errstate(over="ignore", under="ignore"):
+            squares = lengths**2
+        # What is added to squares that are divided by must not count.
+        is_beyond = (squares < TINY / np.finfo(float).eps) | ~np.isfinite(squares)
+        for i in np.flatnonzero(is_beyond & (lengths != 0))[:1]:
+            row = system.multiplier_rows[int(i)]
+            size = (
+                f"{rows.norms[i]:.3g}"
+                if lengths is rows.norms
+                else f"{lengths[i]:.3g} in units of the inertia"
+            )
+            message = f"the gradient of `{row.name}` is {size}: its square is beyond the range of numbers"
+            hint = "divide the equation by its size, or choose units in which it and the inertia are near 1"
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
+            )
 
 
 def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: LocalRows) -> Floats:

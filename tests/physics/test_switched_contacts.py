@@ -438,3 +438,35 @@ def test_a_closed_contact_that_pulls_ends_the_run(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(lagcli.SimulationStopped, match=r"the closed contacts `f` would pull there") as stop:
         moving("[0, 0, sign(t - 1)]", "a.z >= 0")
     assert stop.value.t == pytest.approx(1, abs=1e-12)
+
+
+HELD = """lagcli: 1
+particles:
+  p0: {mass: 2.51, position: [0.2584, 0, 0], velocity: [0.2634, 0, 0]}
+  p1: {mass: 2.44, position: [0.4175, 0, 0], velocity: [-0.2634, 0, 0]}
+  p2: {mass: 0.859, position: [0, 0, 0], velocity: [0, 0, 0]}
+forces:
+  f0: {to: p0, force: "[(-24.62) + (0.3427)*max(0, t - 1.86)**1 + (4.607)*(1 + sign(t - 0.485))/2
+    + (-4.607)*(1 + sign(t - 0.89))/2, 0, 0]"}
+  f1: {to: p1, force: "[(-23.94) + (-2.92)*(1 + sign(t - 2.15))/2, 0, 0]"}
+  f2: {to: p2, force: "[(-8.427) + (11.22)*(1 + sign(t - 0.287))/2 + (2.006)*max(0, t - 2.4)**2
+    + (7.519)*(1 + sign(t - 2.64))/2, 0, 0]"}
+holonomic:
+  row0: "(1)*p0.x + (1)*p1.x = 0.6759"
+inequality:
+  left: {condition: "(1)*p0.x - ((0) + (0.135)*t**1) >= 0", restitution: 0}
+  right: {condition: "(1)*p1.x - ((-0.2)) >= 0", restitution: 0}
+  below: {condition: "(1)*p2.x - ((0) + (-1.46)*max(0, t - 0.957)**3 + (0.7163)*max(0, t - 1.41)**1) >= 0",
+    restitution: 0}
+  pair: {condition: "(1)*p1.x + (-1)*p2.x - ((0.05)) >= 0", restitution: 0}
+simulation: {start: 0, duration: 3, samples: 61}
+"""
+
+
+def test_rounding_of_accelerations_at_switches_is_no_pole() -> None:
+    found = lagcli.simulate(lagcli.loads(HELD))
+    x, pair = 0.135 * 3, 2.793 + 2.006 * 0.6**2 + 7.519
+    row = 23.94 + 2.92 - pair
+    expected = {"p0.x": x, "p1.x": 0.6759 - x, "p2.x": 0.6259 - x, "lambda.pair": pair, "lambda.row0": row}
+    expected["lambda.left"] = 24.62 - 0.3427 * (3 - 1.86) - row
+    assert {name: found[name][-1] for name in expected} == pytest.approx(expected, rel=1e-9)

@@ -56,4 +56,10 @@ def test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on(margi
 @pytest.mark.parametrize(("order", "is_pole"), [(0.3, True), (0.2, False)])
 def test_a_pole_is_of_the_order_of_a_quarter_at_least(order, is_pole):
     rates = [np.array([0.0, far**-order, 0.0]) for far in (1.0, 3.0, 9.0)]
-    assert stop_diagnosis.is_pole(rates) is is_pole
+    assert stop_diagnosis.is_pole(rates, 1.0) is is_pole
+
+
+def test_accelerations_that_are_rounding_of_the_forces_are_no_pole():
+    rates = [np.array([0.0, 1e-15 / far, 0.0]) for far in (1.0, 3.0, 9.0)]
+    assert not stop_diagnosis.is_pole(rates, 1.0)
+    assert stop_diagnosis.is_pole(rates, 1e-15)

@@ -27,6 +27,10 @@ NO_DIRECTION = 1e-8
 MOST_TRIED = 256
 # Accelerations that differ by less than this part of them are the same.
 SAME = 1e-9
+APART = (
+    "inertias that differ by so much amplify rounding: in their metric the rows of closed contacts cannot be told from"
+    " dependent ones, and their pushes not from one another"
+)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +135,7 @@ class _ModeChoice:
             independent = list(range(len(numbers)))
         else:
             for row in range(len(open_.independent), len(numbers)):
-                if found.take([*independent, row]).are_independent:
+                if not _depend(found.take([*independent, row]), closed):
                     independent.append(row)
         dependencies = independent_rows.over(found, tuple(independent)).selection.dependencies
         shared = tuple(tuple(numbers[k] for k in dependency) for dependency in dependencies)
@@ -154,7 +158,7 @@ class _ModeChoice:
         independent, found = range(len(chosen.independent)), []
         for j in contacts:
             together = self._metric_rows(equalities, [*enforced, j])
-            if self._here.has_gradient[j] and not together.are_independent:
+            if self._here.has_gradient[j] and _depend(together, [*enforced, j]):
                 dependency = independent_rows.over(together, tuple(independent)).selection.dependencies[0]
                 found.append((rows + j, *(chosen.independent[k] for k in dependency[1:])))
         return tuple(found)
@@ -201,6 +205,16 @@ class _ModeChoice:
 
     def _metric_rows(self, equalities: list[int], contacts: list[int]) -> MetricRows:
         return MetricRows(self._here.rows_of(equalities, contacts), self._here.metric)
+
+
+def _depend(rows: MetricRows, contacts: Sequence[int]) -> bool:
+    """True for rows that depend on one another. Raises `ContactsUndecided` for those that do so in the mass metric
+    alone: their multipliers would be rounding."""
+    if rows.are_independent:
+        return False
+    if rows.plain().are_independent:
+        raise ContactsUndecided(APART, contacts)
+    return True
 
 
 def closed_in(numeric: NumericSystem, rows: int) -> tuple[int, ...]:

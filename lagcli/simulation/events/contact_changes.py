@@ -254,7 +254,8 @@ class ContactChanges:
         if impact is not None and impact.ended.any():
             # The impact is reported as it is, with rebounds that are left out from here on.
             bouncing = sorted(closed - set(np.flatnonzero(impact.ended).tolist()))
-            self._go_on(contact_mode.selection(self._open, after, bouncing, self._rows), impact.v)
+            selection = contact_mode.selection
+            self._go_on(self._decided(lambda: selection(self._open, after, bouncing, self._rows)), impact.v)
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
         self._go_on(mode.selection, here.state.v if impact is None else impact.onward)
@@ -271,14 +272,9 @@ class ContactChanges:
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
         ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh) if impact is not None]
         shared = {*run.contacts.shared, *mode.selection.indeterminate, *(impact.shared if impact else ())}
+        decided = dataclasses.replace(run.contacts, touching=touching, unarmed=unarmed, last=run.t)
         run.contacts = dataclasses.replace(
-            run.contacts,
-            touching=touching,
-            unarmed=unarmed,
-            last=run.t,
-            size=here.size,
-            ending=tuple(ending),
-            shared=tuple(sorted(shared)),
+            decided, size=here.size, ending=tuple(ending), shared=tuple(sorted(shared))
         )
         closing = self.events.jumped(when, self.events.now())
         # A multiplier jumps where the rebounds that are left out are at their end.

@@ -45,10 +45,10 @@ class SwitchEvent(Event):
         y, k = bound.y, bound.k
         project = bound.projected_at
         projected, rate, *_ = project(after, y)
-        if self._is_pole(run.t, -dt) or self._is_pole(after, dt):
-            raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         here = run.state_at(run.t, y)
-        acceleration = self._acceleration(here)
+        acceleration = stop_diagnosis.of_forces(bound.numeric, here)
+        if self._is_pole(run.t, -dt, acceleration) or self._is_pole(after, dt, acceleration):
+            raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         if not _is_same((y, k), (projected, rate), dt, acceleration):
             project = functools.partial(opened, run)
             projected, rate = project(after, y)
@@ -73,19 +73,14 @@ class SwitchEvent(Event):
         room = SAME * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beyond.t - here.t) * speed
         return not bool((np.abs(g_beyond - g).ravel() <= room).all())
 
-    def _acceleration(self, here: State) -> float:
-        """The largest that forces alone make of a coordinate."""
-        sizes = np.array(self._stepper.bound.numeric.sizes(here.t, here.q, here.v, here.p)).ravel()
-        return float(sizes[: here.q.size].max(initial=0.0) * sizes[-1])
-
-    def _is_pole(self, t: float, away: float) -> bool:
+    def _is_pole(self, t: float, away: float, acceleration: float) -> bool:
         """True if y' at the state grows without bound towards a switch, half of `away` behind a time."""
         run, bound = self._stepper, self._stepper.bound
         rates = [
             np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
         ]
         run.statistics.evaluations += len(rates)
-        return stop_diagnosis.is_pole(rates)
+        return stop_diagnosis.is_pole(rates, acceleration)
 
 
 def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:

@@ -377,4 +377,5 @@ class Stepper:
         times = (ahead - part * (ahead - t) for part in (1.0, 3.0, 9.0))
         rates = [np.array(bound.numeric.rhs(at, bound.y, bound.p)).ravel() for at in times]
         self.statistics.evaluations += len(rates)
-        return stop_diagnosis.is_pole(rates)
+        acceleration = stop_diagnosis.of_forces(bound.numeric, self.state_at(t, bound.y))
+        return stop_diagnosis.is_pole(rates, acceleration)

@@ -180,12 +180,20 @@ def _wall(enforced: EnforcedInvariants, here: initial.State, beyond: initial.Sta
     return system.contacts.rows[closed[worst]].name if change[worst] > 0 else ""
 
 
-def is_pole(rates: Sequence[Floats]) -> bool:
+def is_pole(rates: Sequence[Floats], acceleration: float) -> bool:
     """True if y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
-    far away."""
+    far away; acceleration: that of `of_forces`, whose rounding is all that is left where rows hold all still."""
     n = rates[0].size // 2
-    sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
-    return all(0.0 < far <= 3.0**-PARAMETERS.order * near for near, far in itertools.pairwise(sizes))
+    near, *_ = sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
+    is_noise = near <= initial.PARAMETERS.roundings * np.finfo(float).eps * acceleration
+    order = PARAMETERS.order
+    return not is_noise and all(0.0 < b <= 3.0**-order * a for a, b in itertools.pairwise(sizes))
+
+
+def of_forces(numeric: NumericSystem, state: initial.State) -> float:
+    """The largest acceleration of a coordinate that forces alone make."""
+    sizes = np.array(numeric.sizes(state.t, state.q, state.v, state.p)).ravel()
+    return float(sizes[: state.q.size].max(initial=0.0) * sizes[-1])
 
 
 def impulse(reported: str) -> StepFailure:
