@@ -600,7 +600,7 @@ def test_a_pulse_between_rows_of_what_t_moves_is_no_fault(name: str) -> None:
         assert "steps" in failing(lagcli.audit(model, wrong)), fault
 
 
-# A bend in t exactly at a row, of a wall that stays closed and of a row that is an equation: the row has one side of it.
+# A bend in t exactly at a row, of a wall that stays closed and of an equation: the row has one side of it.
 BENDS = {
     "wall falls": 'inequality: {f: {condition: "a.z >= -max(0, t - 1)**2"}}',
     "wall rises": 'inequality: {f: {condition: "a.z >= 0.7*max(0, t - 1)**2"}}',
