@@ -24,9 +24,6 @@ from lagcli.auditing.evidence.tolerances import COST, RESOLVED, SAFETY, Evidence
 from lagcli.auditing.evidence.virtual_space import NEAR
 
 FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the next row or incident")
-KINEMATICS = CheckedLaw(
-    "flights", "D.24", "q from an incident to the next row or incident: the integral of its rates"
-)
 FEW = 1e-13  # of the length of a flight: what is shorter is none
 MOST_SETS = 60  # sets of contacts that rest, those with most flights
 # A formula of the fourth order knows by so many times what one of the second one is off how far off it is.
@@ -149,7 +146,7 @@ def flights(e: Evidence) -> list[Check]:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Sides:
+class _InstantSides:
     """M sides of instants of incidents: the states there, the row next to each, and the number of rows up to the next
     instant, (M,); ahead: 1 after an instant, -1 before it; has_rebounds: some until there are not recorded."""
 
@@ -160,7 +157,7 @@ class _Sides:
     has_rebounds: Array
 
 
-def _sides(e: Evidence, impact: ImpactEvidence) -> _Sides:
+def _sides(e: Evidence, impact: ImpactEvidence) -> _InstantSides:
     """Both sides of all instants, less one before the first row and one after the last."""
     incidents, t = impact.incidents, e.record.t
     first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
@@ -171,7 +168,7 @@ def _sides(e: Evidence, impact: ImpactEvidence) -> _Sides:
     for _, start, stop in impact.unrecorded_rebounds:
         rebounds |= (since < stop) & (until > start)
     count = end - begin
-    sides = _Sides(
+    sides = _InstantSides(
         _joined(incidents.before.part(first), incidents.after.part(last)),
         np.concatenate([end[:-1] - 1, begin[1:]]),
         np.concatenate([count[:-1], count[1:]]),
@@ -181,7 +178,7 @@ def _sides(e: Evidence, impact: ImpactEvidence) -> _Sides:
     at_end = (sides.state.t <= t[0]) & (sides.ahead < 0) | (sides.state.t >= t[-1]) & (sides.ahead > 0)
     k = np.flatnonzero(~at_end)
     parts = (sides.row, sides.count, sides.ahead, sides.has_rebounds)
-    return _Sides(sides.state.part(k), *(part[k] for part in parts))
+    return _InstantSides(sides.state.part(k), *(part[k] for part in parts))
 
 
 def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
@@ -193,7 +190,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     sides, r = _sides(e, impact), e.record
     state, names = sides.state, e.names.q
     if not len(state.t):
-        return judge(KINEMATICS, names, state.t, state.q, state.q)
+        return judge(FLIGHTS, names, state.t, state.q, state.q)
     h = np.abs(r.t[np.clip(sides.row, 0, len(r.t) - 1)] - state.t)[:, None]
     residual, best = np.zeros(state.q.shape), np.full(state.q.shape, np.inf)
     off = 2 * SAFETY * (e.off_q + h * e.off_v) + e.clock * np.abs(state.v)
@@ -216,7 +213,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     close = best <= np.maximum(RESOLVED * h * np.abs(r.v).max(axis=0, initial=0.0), off)
     judged = (close | (np.abs(residual) > best + off)) & ~e.is_coarse[0] & ~sides.has_rebounds[:, None]
     order = np.argsort(state.t, kind="stable")
-    return judge(KINEMATICS, names, state.t[order], residual[order], (best + off)[order], judged[order])
+    return judge(FLIGHTS, names, state.t[order], residual[order], (best + off)[order], judged[order])
 
 
 def _extrapolated(t: Array, times: Array, rates: Array) -> tuple[Array, Array, Array]:

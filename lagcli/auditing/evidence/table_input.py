@@ -220,7 +220,7 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
 
 
 def at_rows(incidents: Incidents, r: Record) -> Incidents:
-    """The same with the time of a row where one stands within the rounding of it and has the state after: it is found
+    """Incidents with the time of a row where one stands within the rounding of it and has the state after: it is found
     by solving for its time, and that of the row is one of a grid."""
     t = incidents.t.copy()
     if not len(t):
