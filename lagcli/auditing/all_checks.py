@@ -84,6 +84,8 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     incidents = None if table.events is None else table_input.incidents(laws, table.events)
     known = set(table_input.wanted(laws, table.columns))
     found = table_input.read(laws, table.columns, table.rows, repeats=not is_smooth)
+    if incidents is not None:
+        incidents = table_input.at_rows(incidents, found)
     checks = [_numbers(laws, found)]
     sentences: tuple[str, ...] = ()
     figures: Figures = ()

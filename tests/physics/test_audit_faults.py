@@ -598,3 +598,38 @@ def test_a_pulse_between_rows_of_what_t_moves_is_no_fault(name: str) -> None:
     for fault in ("two swapped", "ten rows frozen"):
         wrong = with_rows_of(run, FAULTS[fault](np.arange(201)))
         assert "steps" in failing(lagcli.audit(model, wrong)), fault
+
+
+# A bend in t exactly at a row, of a wall that stays closed and of an equation: the row has one side of it.
+BENDS = {
+    "wall falls": 'inequality: {f: {condition: "a.z >= -max(0, t - 1)**2"}}',
+    "wall rises": 'inequality: {f: {condition: "a.z >= 0.7*max(0, t - 1)**2"}}',
+    "wall turns": 'inequality: {f: {condition: "a.z >= 0.3*(t - 1)*abs(t - 1) + 0.3 - 0.6*t"}}',
+    "row": 'holonomic: {f: "a.z = max(0, t - 1)**2"}',
+    "slope": 'inequality: {f: {condition: "a.z - 0.2*a.x >= -0.5*max(0, t - 1)**2 - 0.5*max(0, t - 1.5)**2"}}',
+}
+
+
+def bent(name: str) -> str:
+    velocity = "[0.3, 0, -0.6]" if name == "wall turns" else "[0.3, 0, 0]"
+    return f"""lagcli: 1
+particles: {{a: {{mass: 1, position: [0, 0, 0], velocity: {velocity if name != "slope" else "[0, 0, 0]"}}}}}
+forces: {{w: {{to: a, force: [0, 0, -9.81*m]}}}}
+{BENDS[name]}
+simulation: {{duration: 2, samples: 201}}
+"""
+
+
+@pytest.mark.parametrize("name", BENDS)
+def test_accelerations_are_right_on_either_side_of_a_bend_at_a_row(name: str) -> None:
+    found = lagcli.audit(lagcli.loads(bent(name)))
+    assert found.passed, found
+    assert found.check("accelerations").verdict == "pass"
+
+
+def test_an_acceleration_beside_both_sides_of_a_bend_is_found() -> None:
+    model = lagcli.loads(bent("wall falls"))
+    run = lagcli.simulate(model)
+    for name in ("R.a.z", "lambda.f"):  # of a force that is too large, with the multiplier of it
+        run.rows[100, list(run.columns).index(name)] += 1e-5
+    assert "accelerations" in failing(lagcli.audit(model, run))

@@ -295,3 +295,36 @@ def test_an_impact_that_is_late_while_contacts_rest_is_found(name: str) -> None:
     rows = [k for k, each in enumerate(found.names) if each == name]
     found.incidents[found.incidents[:, 0] == found.incidents[rows[0], 0], 0] += 1e-6
     assert "flights" in fails(found.audited())
+
+
+# A pendulum in its angle that strikes a wall.
+PENDULUM = """\
+lagcli: 1
+coordinates: {th: {value: 1, rate: 0}}
+particles: {a: {mass: 1, position: [sin(th), 0, -cos(th)]}}
+forces: {weight: {to: a, force: [0, 0, -9.81*m]}}
+inequality: {wall: {condition: a.x >= -0.2, restitution: 0.7}}
+simulation: {duration: 3, samples: 301}
+"""
+GENERALIZED = {"places": MOVING_PLACES, "skate": SKATE, "pendulum": PENDULUM}
+
+
+@pytest.mark.parametrize("name", GENERALIZED)
+def test_coordinates_at_an_incident_follow_from_the_rates_of_rows(name: str) -> None:
+    found = Tables(GENERALIZED[name])
+    right = found.audited().check("flights")
+    assert right.verdict == "pass"
+    for shift in (1e-6, -1e-6):
+        for k in range(min(3, len(found.kinds))):
+            moved = copy.copy(found)
+            moved.incidents = found.incidents.copy()
+            moved.incidents[k, 0] += shift
+            assert "flights" in fails(moved.audited())
+
+
+def test_incidents_without_rows_around_them_are_not_judged() -> None:
+    found = Tables(PENDULUM)
+    found.rows = found.rows[::40]
+    told = found.audited()
+    assert told.check("flights").verdict == "not judged"
+    assert "flights" in told.conclusion

@@ -316,3 +316,27 @@ simulation: {{duration: 1.2, samples: 25, assemble: true}}
         found = lagcli.audit(model, run, events=alone.events)
         assert found.passed, fails(found)
         assert found.check("steps").judged > 0
+
+
+def test_an_impact_one_rounding_after_a_row_with_the_state_after_it_is_at_the_row() -> None:
+    text = """
+lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, 0], velocity: [1.5, 0, 0]}}
+inequality: {wall: {condition: "a.x <= 0.45", restitution: 0.5}}
+simulation: {duration: 0.6, samples: 121}
+"""
+    model = lagcli.loads(text)
+    run = lagcli.simulate(model)
+    assert run.events is not None
+    table, rows = run.events, run.rows.copy()
+    row = int(np.argmin(np.abs(rows[:, 0] - 0.3)))
+    assert abs(rows[row, list(run.columns).index("a.vx")] + 0.75) < 1e-9
+    heads = ("t", *table.columns[3:])
+    for late in (-1, 0, 1, 2):
+        numbers = np.array(table.numbers)
+        numbers[0, 0] = rows[row, 0] + late * np.spacing(rows[row, 0])
+        events = EventTable(tuple(table.kinds), tuple(table.names), heads, numbers)
+        found = all_checks.audit(
+            model, AuditedTable(tuple(run.columns), rows, (), events), Tolerance(1e-9, 1e-12)
+        )
+        assert found.passed, (late, fails(found))

@@ -8,7 +8,7 @@ import pytest
 from lagcli.auditing.evidence import written_digits
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.tolerances import SAFETY, Tolerance
-from lagcli.auditing.evidence.written_digits import ALL, PARAMETERS, WrittenDigits
+from lagcli.auditing.evidence.written_digits import ALL, WrittenDigits
 
 T = np.array([0.0, 0.5, 1.0])
 
@@ -54,8 +54,25 @@ def test_four_numbers_tell_the_digits(count: int, is_short: bool) -> None:
     assert of(numbers).is_short == is_short
 
 
-def test_no_more_than_two_thousand_numbers_are_looked_at_where_all_digits_are_there() -> None:
-    assert PARAMETERS.sample == 2000
+def test_no_more_than_two_thousand_numbers_are_looked_at_where_all_digits_are_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts: list[int] = []
+    judged = written_digits._of_numbers
+
+    def counted(numbers: Array) -> WrittenDigits:
+        counts.append(len(numbers))
+        return judged(numbers)
+
+    monkeypatch.setattr(written_digits, "_of_numbers", counted)
+    assert of(generic(100_000)) is ALL
+    assert counts == [2000]
+    # Of a table that is rounded all are looked at: one number that is not tells.
+    counts.clear()
+    numbers = rounded(generic(100_000), 8)
+    numbers[1] = np.pi
+    assert of(numbers) is ALL
+    assert len(counts) == 2
 
 
 def test_a_digit_is_compared_with_two_units_in_the_last_place() -> None:

@@ -17,6 +17,7 @@ from lagcli.auditing.checks.audit_report import NEARLY_ALL, Check, CheckedLaw, j
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import PARAMETERS, values_at
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import COST, RESOLVED, SAFETY, Evidence
@@ -106,12 +107,13 @@ def _joined(one: Record, other: Record) -> Record:
 
 
 def flights(e: Evidence) -> list[Check]:
-    """Momenta and positions over each flight, of models in Cartesian coordinates without a `lagrangian`."""
+    """Momenta and positions over each flight; positions alone where there are generalized coordinates, dependent
+    particles or a `lagrangian`."""
     impact, laws = e.once(checks_impact.impact_evidence), e.laws
     if impact is None or not len(impact.incidents.t):
         return []
     if e.record.x.size or laws.index.coordinates.names or laws.model.lagrangian:
-        return []
+        return [_kinematics(e, impact)]
     found = _flights(e, e.once(checks_contact.contact_states), impact)
     names = (*e.names.q, *e.names.v)
     every = np.arange(len(found.closed))
@@ -141,6 +143,89 @@ def flights(e: Evidence) -> list[Check]:
     if verdict == "pass" and check.judged < NEARLY_ALL * entries:
         verdict = "partly judged"
     return [dataclasses.replace(check, verdict=verdict, entries=entries, note=note)]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _InstantSides:
+    """M sides of instants of incidents: the states there, the row next to each, and the number of rows up to the next
+    instant, (M,); ahead: 1 after an instant, -1 before it; has_rebounds: some until there are not recorded."""
+
+    state: Record
+    row: Array
+    count: Array
+    ahead: Array
+    has_rebounds: Array
+
+
+def _sides(e: Evidence, impact: ImpactEvidence) -> _InstantSides:
+    """Both sides of all instants, less one before the first row and one after the last."""
+    incidents, t = impact.incidents, e.record.t
+    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+    at = incidents.t[first]
+    since, until = np.concatenate([[-np.inf], at]), np.concatenate([at, [np.inf]])
+    begin, end = np.searchsorted(t, since, "right"), np.searchsorted(t, until, "left")
+    rebounds = np.zeros(len(since), dtype=bool)
+    for _, start, stop in impact.unrecorded_rebounds:
+        rebounds |= (since < stop) & (until > start)
+    count = end - begin
+    sides = _InstantSides(
+        _joined(incidents.before.part(first), incidents.after.part(last)),
+        np.concatenate([end[:-1] - 1, begin[1:]]),
+        np.concatenate([count[:-1], count[1:]]),
+        np.repeat([-1, 1], len(at)),
+        np.concatenate([rebounds[:-1], rebounds[1:]]),
+    )
+    at_end = (sides.state.t <= t[0]) & (sides.ahead < 0) | (sides.state.t >= t[-1]) & (sides.ahead > 0)
+    k = np.flatnonzero(~at_end)
+    parts = (sides.row, sides.count, sides.ahead, sides.has_rebounds)
+    return _InstantSides(sides.state.part(k), *(part[k] for part in parts))
+
+
+def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
+    """Coordinates at an incident and at the row next to it against the integral of the rates of rows.
+
+    The states of incidents take no part in the integral: one that is wrong would hide itself in the bound of it. By how
+    much its rate is off the rows may have come about all along the way, as where a force switches on it.
+    """
+    sides, r = _sides(e, impact), e.record
+    state, names = sides.state, e.names.q
+    if not len(state.t):
+        return judge(FLIGHTS, names, state.t, state.q, state.q)
+    h = np.abs(r.t[np.clip(sides.row, 0, len(r.t) - 1)] - state.t)[:, None]
+    residual, best = np.zeros(state.q.shape), np.full(state.q.shape, np.inf)
+    off = 2 * SAFETY * (e.off_q + h * e.off_v) + e.clock * np.abs(state.v)
+    before: tuple[Array, Array] | None = None
+    for width in PARAMETERS.widths:
+        k = np.flatnonzero(sides.count >= width)
+        rows = sides.row[k, None] + sides.ahead[k, None] * np.arange(width)
+        way, rate, spread = _extrapolated(state.t[k], r.t[rows], r.v[rows])
+        apart = np.zeros(state.q.shape), np.zeros(state.q.shape)
+        apart[0][k], apart[1][k] = r.q[rows[:, 0]] - state.q[k] - way, np.abs(state.v[k] - rate)
+        if before is not None:
+            unknown = PARAMETERS.caution * np.abs(apart[0] - before[0])[k] + h[k] * apart[1][k]
+            unknown = unknown + spread[:, None] * h[k] * SAFETY * e.off_v
+            better = unknown < best[k]
+            residual[k], best[k] = (
+                np.where(better, apart[0][k], residual[k]),
+                np.where(better, unknown, best[k]),
+            )
+        before = apart
+    close = best <= np.maximum(RESOLVED * h * np.abs(r.v).max(axis=0, initial=0.0), off)
+    judged = (close | (np.abs(residual) > best + off)) & ~e.is_coarse[0] & ~sides.has_rebounds[:, None]
+    order = np.argsort(state.t, kind="stable")
+    return judge(FLIGHTS, names, state.t[order], residual[order], (best + off)[order], judged[order])
+
+
+def _extrapolated(t: Array, times: Array, rates: Array) -> tuple[Array, Array, Array]:
+    """The integrals (M, n) from t (M,) to the first of times (M, W) of the polynomials through rates (M, W, n), their
+    values at t, and the sums of the sizes of the weights of the mean, (M,)."""
+    nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
+    way = times[:, 0] - t
+    mean = np.zeros(times.shape)
+    for node, share in zip(nodes, shares, strict=True):
+        mean += share / 2 * values_at(times - (t + way * (1 + node) / 2)[:, None])
+    integral = way[:, None] * np.einsum("ms,msn->mn", mean, rates)
+    return integral, np.einsum("ms,msn->mn", values_at(times - t[:, None]), rates), np.abs(mean).sum(axis=1)
 
 
 def _flown(e: Evidence, motion: _FreeMotion, found: Flights, k: Array) -> tuple[Array, Array, Array]:

@@ -41,12 +41,19 @@ def demand(e: Evidence) -> list[Check]:
     if not laws.C or len(laws.index.coordinates) or laws.model.lagrangian is not None:
         return []
 
-    def second(q: Array, v: Array, forces: Array) -> Array:
-        return laws.demanded(r.t, q, v, (forces.reshape(len(q), -1) + r.R_q) / e.masses)
+    def second(q: Array, v: Array, forces: Array, later: float = 0.0) -> Array:
+        return laws.demanded(r.t + later, q, v, (forces.reshape(len(q), -1) + r.R_q) / e.masses)
 
     forces = e.particle_forces[rows]
     found = second(r.q, r.v, forces)
     limit = e.spread(found, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
+    # What bends at the time itself has the state after it where it is a contact; of an equation it is one in between.
+    sides = np.stack([found, *(second(r.q, r.v, forces, side * e.clock) for side in (-1, 1))])
+    bends = np.ptp(np.sign(sides), axis=0) > 1
+    nearest = np.take_along_axis(
+        sides, np.abs(np.nan_to_num(sides, nan=np.inf)).argmin(axis=0)[None], axis=0
+    )[0]
+    found = np.where(bends & ~np.isin(laws.rows, laws.contacts), 0.0, nearest)
     # F is known to its own noise, R to that of B^T lambda.
     off = e.particle_noise[rows].reshape(len(r.t), -1) + e.reaction_limit[rows]
     off = off + e.recorded(np.abs(r.R_q).max(axis=1, initial=0.0))[:, None]

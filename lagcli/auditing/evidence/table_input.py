@@ -217,3 +217,18 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
         raise TableError("the table of events has entries that are no finite numbers")
     numbers = [contacts.get(name, -1) for name in table.names]
     return Incidents(table.kinds, table.names, state(BEFORE), state(AFTER), np.array(numbers, dtype=np.int64))
+
+
+def at_rows(incidents: Incidents, r: Record) -> Incidents:
+    """Incidents with the time of a row where one stands within the rounding of it and has the state after: it is found
+    by solving for its time, and that of the row is one of a grid."""
+    t = incidents.t.copy()
+    if not len(t):
+        return incidents
+    row = np.clip(np.searchsorted(r.t, t), 1, max(1, len(r.t) - 1))
+    for k in (row - 1, np.minimum(row, len(r.t) - 1)):
+        is_near = np.abs(r.t[k] - t) <= ROUNDINGS * np.spacing(np.abs(t))
+        off = [np.abs(r.v[k] - state.v).max(axis=1) for state in (incidents.before, incidents.after)]
+        t = np.where(is_near & (off[1] < off[0]), r.t[k], t)
+    before, after = (dataclasses.replace(state, t=t) for state in (incidents.before, incidents.after))
+    return dataclasses.replace(incidents, before=before, after=after)
