@@ -145,27 +145,30 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     )
 
 
-def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows) -> tuple[list[int], ca.Function]:
-    """The switches of contacts that depend on coordinates: the contact of each, and (t, q, v, p) -> the switches and
-    their rates, (U,) each."""
-    inputs, numbers, values = [s.t, s.q, s.v, p], [], []
-    for j in range(contacts.count):
-        found = [value for value in _arguments(contacts.g[j], inputs) if ca.depends_on(value, s.q)]
-        values += found
-        numbers += [j] * len(found)
-    u = ca.densify(ca.vertcat(ca.SX(0, 1), *values))
-    rates = ca.jtimes(u, s.q, s.v) + ca.jtimes(u, s.t, ca.SX(1))
-    return numbers, SizedFunction("switch_rates", inputs, [u, ca.densify(rates)])
+def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows, h: ca.SX) -> tuple[list[int], ca.Function]:
+    """The switches of contacts that depend on coordinates, and then those of the forces h (n,) that depend on the
+    state: the contact of each, K for forces, and (t, q, v, a, p) -> the switches and their rates, (U,) each."""
+    a = ca.SX.sym("a", s.q.numel())
+    inputs, numbers, values = [s.t, s.q, s.v, p], [], dict[tuple[int, int], ca.SX]()
+    for j in range(contacts.count + 1):
+        state = s.q if j < contacts.count else ca.vertcat(s.q, s.v)
+        found = _arguments(contacts.g[j] if j < contacts.count else h, inputs)
+        values.update({(j, u.element_hash()): u for u in found if ca.depends_on(u, state)})
+    numbers = [j for j, _ in values]
+    u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
+    rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, a))
+    return numbers, SizedFunction("switch_rates", [*inputs[:3], a, p], [u, ca.densify(rates)])
 
 
 def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
-    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max` compare."""
+    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
+    derivatives, compare."""
     found: list[ca.SX] = []
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
         if op in (ca.OP_FABS, ca.OP_SIGN):
             found.append(parts[0])
-        elif op in (ca.OP_FMIN, ca.OP_FMAX):
+        elif op in (ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE):
             found.append(parts[0] - parts[1])
         return result
 
