@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
+from lagcli.equations import operation_graph, operation_rules
 from lagcli.equations.rows import ConstraintRows, ContactRows, Row
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
@@ -147,9 +147,10 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
 
 def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows, h: ca.SX) -> tuple[list[int], ca.Function]:
     """The switches of contacts that depend on coordinates, and then those of the forces h (n,) that depend on the
-    state: the contact of each, K for forces, and (t, q, v, a, p) -> the switches and their rates, (U,) each."""
+    state: the contact of each, K for forces, and (t, q, v, a, p) -> the switches, their rates and the sizes of their terms,
+    (U,) each."""
     a = ca.SX.sym("a", s.q.numel())
-    inputs, numbers, values = [s.t, s.q, s.v, p], [], dict[tuple[int, int], ca.SX]()
+    inputs, values = [s.t, s.q, s.v, p], dict[tuple[int, int], ca.SX]()
     for j in range(contacts.count + 1):
         state = s.q if j < contacts.count else ca.vertcat(s.q, s.v)
         found = _arguments(contacts.g[j] if j < contacts.count else h, inputs)
@@ -157,7 +158,8 @@ def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows, h: ca.SX) -> tuple[
     numbers = [j for j, _ in values]
     u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
     rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, a))
-    return numbers, SizedFunction("switch_rates", [*inputs[:3], a, p], [u, ca.densify(rates)])
+    sizes = operation_rules.term_sizes(u, inputs)
+    return numbers, SizedFunction("switch_rates", [*inputs[:3], a, p], [u, ca.densify(rates), ca.densify(sizes)])
 
 
 def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:

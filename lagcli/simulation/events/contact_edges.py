@@ -22,6 +22,7 @@ Flags = npt.NDArray[np.bool_]
 
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10
+EPS = float(np.finfo(float).eps)
 
 
 class EdgeEvent(Event):
@@ -52,27 +53,27 @@ class EdgeEvent(Event):
         run, watched = self._run, self._watched()
         if not watched.any():
             return False
-        times = self._times(watched)
+        times, blurred = self._times(watched)
         time = float(times.min(initial=np.inf))
         if not time <= run.control.step:
             return False
-        nearest = self._nearest(time)
-        if time > nearest:
+        is_near = times <= np.maximum(self._nearest(time), blurred)
+        if not is_near.any():
             self._wished = max(self._wished, run.control.step)
             run.control.step = time * (1.0 - BEFORE)
             return False
-        self._cross(2 * max(time, math.ulp(run.t)), times <= nearest)
-        return True
+        return self._crosses(2 * max(float(times[is_near].max()), math.ulp(run.t)), is_near)
 
     def cut(self) -> None:
         """See `Event`: a step in which a force switches unforeseen ends before it."""
         run, found = self._run, self._run.found
         if not self._kinked[-1] or found.is_still or not found.is_open or found.singular_step is not None:
             return
-        are_watched = self._watched()[self._switches[0]] & (self._switches[0] == self._kinked.size - 1)
+        are_watched = self._watched()[self._switches[0]] & self._of_forces
         if not are_watched.any():
             return
-        begin = self._at(run.t, run.bound.y, run.bound.k)[0]
+        begin, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
+        are_watched &= (np.abs(begin) > EPS * sizes) | (begin * rates > 0)
         part = 1.0
         while found.taken > self._nearest(found.taken):
             crossed = self._first_crossing(np.where(are_watched, begin, 0.0))
@@ -110,43 +111,57 @@ class EdgeEvent(Event):
         closed[-1] = closed.any() or bool(run.contacts.touching)
         return np.asarray(closed & self._kinked)
 
-    def _at(self, t: float, y: Floats, k: Floats) -> tuple[Floats, Floats]:
-        """The switches and their rates (U,) at a state with its rate."""
+    def _at(self, t: float, y: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
+        """The switches, their rates and the sizes of their terms (U,) at a state with its rate."""
         state = self._run.state_at(t, y)
         n = state.q.size
-        u, rates = self._switches[1](state.t, state.q, state.v, k[n : 2 * n], state.p)
-        return np.array(u).ravel(), np.array(rates).ravel()
+        u, rates, sizes = self._switches[1](state.t, state.q, state.v, k[n : 2 * n], state.p)
+        return np.array(u).ravel(), np.array(rates).ravel(), np.array(sizes).ravel()
 
     def _nearest(self, time: float) -> float:
         """A time that is no more than the rounding of the time of the run."""
         run = self._run
         return timetable.PARAMETERS.still * math.ulp(max(abs(run.origin + run.t), time))
 
-    def _times(self, watched: Flags) -> Floats:
-        """The times to the switches (U,) by their rates."""
-        contacts = self._switches[0]
-        u, rates = self._at(self._run.t, self._run.bound.y, self._run.bound.k)
-        is_on = (u == 0) & (rates != 0) & (contacts == watched.size - 1)
+    def _times(self, watched: Flags) -> tuple[Floats, Floats]:
+        """The times to the switches (U,) by their rates, and those that forces need for the rounding of their terms."""
+        u, rates, sizes = self._at(self._run.t, self._run.bound.y, self._run.bound.k)
+        of_forces, are_watched = self._of_forces, watched[self._switches[0]]
+        is_on = of_forces & (u == 0) & (rates != 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            times = np.where(watched[contacts] & ((u * rates < 0) | is_on), -u / rates, np.inf)
-        return np.asarray(np.abs(times))
+            times = np.where(are_watched & ((u * rates < 0) | is_on), np.abs(u / rates), np.inf)
+            blurred = np.where(of_forces & are_watched, np.abs(EPS * sizes / rates), 0.0)
+        return times, np.where(np.isfinite(times), blurred, 0.0)
 
-    def _cross(self, dt: float, which: Flags) -> None:
-        """Find the step across some of the switches (U,)."""
+    @property
+    def _of_forces(self) -> Flags:
+        """The switches (U,) that are those of forces."""
+        return np.asarray(self._switches[0] == self._kinked.size - 1)
+
+    def _crosses(self, dt: float, which: Flags) -> bool:
+        """Find the step across some of the switches (U,); False where the motion turns round at one of a force."""
         run, bound, found = self._run, self._run.bound, self._run.found
-        forces = which[self._switches[0] == self._kinked.size - 1]
-        if forces.any():
+        if (which & self._of_forces).any():
             self._require_no_stick(dt)
             dt = self._beyond(dt, which)
+            if dt >= run.control.step:
+                return False
         found.reached = run.t + dt
-        ahead = bound.y + dt * bound.k
-        if forces.sum() == which.sum():
-            bound.new[:], bound.k_new[:], *_ = bound.projected_at(found.reached, ahead)
+        if self._of_forces[which].all():
+            bound.new[:], bound.k_new[:], *_ = bound.projected_at(found.reached, self._ahead(dt))
         else:
-            bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, ahead)
+            bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, self._ahead(dt))
         found.is_open = found.is_still = True
         found.taken, found.proposed = found.reached - run.t, max(self._wished, run.control.step)
         self._wished = 0.0
+        return True
+
+    def _ahead(self, dt: float) -> Floats:
+        """The state on a parabola of the time."""
+        bound, n = self._run.bound, self._run.bound.y.size // 2
+        y = bound.y + dt * bound.k
+        y[:n] += dt * dt / 2 * bound.k[n : 2 * n]
+        return np.asarray(y)
 
     def _require_no_stick(self, dt: float) -> None:
         run = self._run
@@ -160,7 +175,7 @@ class EdgeEvent(Event):
         run, bound = self._run, self._run.bound
         rates = self._at(run.t, bound.y, bound.k)[1]
         while dt < run.control.step:
-            u = self._at(run.t + dt, bound.y + dt * bound.k, bound.k)[0]
+            u = self._at(run.t + dt, self._ahead(dt), bound.k)[0]
             if (u * rates > 0)[which].all():
                 break
             dt *= 2
