@@ -159,7 +159,9 @@ def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows, h: ca.SX) -> tuple[
     u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
     rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, a))
     sizes = operation_rules.term_sizes(u, inputs)
-    return numbers, SizedFunction("switch_rates", [*inputs[:3], a, p], [u, ca.densify(rates), ca.densify(sizes)])
+    return numbers, SizedFunction(
+        "switch_rates", [*inputs[:3], a, p], [u, ca.densify(rates), ca.densify(sizes)]
+    )
 
 
 def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:

@@ -90,7 +90,9 @@ class EdgeEvent(Event):
             if (self._inside(high) * begin < 0.0).any():
                 while high - low > BEFORE * high:
                     middle = (low + high) / 2
-                    low, high = (low, middle) if (self._inside(middle) * begin < 0.0).any() else (middle, high)
+                    low, high = (
+                        (low, middle) if (self._inside(middle) * begin < 0.0).any() else (middle, high)
+                    )
                 return high
             low = high
         return None
