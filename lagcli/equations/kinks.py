@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph, operation_rules
-from lagcli.equations.rows import ConstraintRows, ContactRows, Row
+from lagcli.equations import operation_graph
+from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
@@ -128,7 +128,7 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
         f = equalities.f[i] if i < holonomic else ca.SX(0)
         slope = ca.horzcat(ca.densify(equalities.B[i, :]), equalities.b[i], f)
         value = f if i < holonomic else slope
-        for argument in _arguments(value, [s.t, s.q, s.v, p]):
+        for argument in arguments(value, [s.t, s.q, s.v, p]):
             if ca.depends_on(argument, ca.vertcat(s.t, s.q)):
                 rows.append(row)
                 arguments.append(argument)
@@ -145,26 +145,7 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     )
 
 
-def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows, h: ca.SX) -> tuple[list[int], ca.Function]:
-    """The switches of contacts that depend on coordinates, and then those of the forces h (n,) that depend on the
-    state: the contact of each, K for forces, and (t, q, v, a, p) -> the switches, their rates and the sizes of their terms,
-    (U,) each."""
-    a = ca.SX.sym("a", s.q.numel())
-    inputs, values = [s.t, s.q, s.v, p], dict[tuple[int, int], ca.SX]()
-    for j in range(contacts.count + 1):
-        state = s.q if j < contacts.count else ca.vertcat(s.q, s.v)
-        found = _arguments(contacts.g[j] if j < contacts.count else h, inputs)
-        values.update({(j, u.element_hash()): u for u in found if ca.depends_on(u, state)})
-    numbers = [j for j, _ in values]
-    u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
-    rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, a))
-    sizes = operation_rules.term_sizes(u, inputs)
-    return numbers, SizedFunction(
-        "switch_rates", [*inputs[:3], a, p], [u, ca.densify(rates), ca.densify(sizes)]
-    )
-
-
-def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
+def arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
     """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
     derivatives, compare."""
     found: list[ca.SX] = []

@@ -9,7 +9,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import kinks, named_functions
+from lagcli.compiled import force_switches
+from lagcli.contact.least_distance import EPS
+from lagcli.equations import named_functions
 from lagcli.simulation.events import step_watch, switch_event
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import FEW
@@ -22,7 +24,6 @@ Flags = npt.NDArray[np.bool_]
 
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10
-EPS = float(np.finfo(float).eps)
 
 
 class EdgeEvent(Event):
@@ -43,9 +44,8 @@ class EdgeEvent(Event):
 
     @cached_property
     def _switches(self) -> tuple[npt.NDArray[np.intp], Compiled]:
-        """See `kinks.of_contacts`."""
-        system = self._system
-        contacts, function = kinks.of_contacts(system.symbols, system.p, system.contacts, system.dynamics.h)
+        """See `force_switches.at_contacts`."""
+        contacts, function = force_switches.at_contacts(self._system)
         return np.array(contacts, dtype=np.intp), function
 
     def passes(self) -> bool:
@@ -93,7 +93,7 @@ class EdgeEvent(Event):
                     low, high = (
                         (low, middle) if (self._inside(middle) * begin < 0.0).any() else (middle, high)
                     )
-                return high
+                return float(high)
             low = high
         return None
 

@@ -79,8 +79,8 @@ class SwitchEvent(Event):
         return float(sizes[: here.q.size].max(initial=0.0) * sizes[-1])
 
     def _is_pole(self, t: float, away: float) -> bool:
-        """True if y' at the state grows without bound towards a switch, half of `away` behind a time; where contacts and
-        rows carry the forces it is rounding of them, which does not count."""
+        """True if y' at the state grows without bound towards a switch, half of `away` behind a time: by more
+        than the rounding of forces that contacts and rows carry."""
         run, bound = self._stepper, self._stepper.bound
         rates = [
             np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
