@@ -73,7 +73,7 @@ def at_contacts(system: System) -> tuple[list[int], ca.Function]:
     for j in range(contacts.count + 1):
         state = s.q if j < contacts.count else ca.vertcat(s.q, s.v)
         value = contacts.g[j] if j < contacts.count else system.dynamics.h
-        found = kinks.arguments(value, inputs)
+        found = kinks.switch_arguments(value, inputs)
         values.update({(j, u.element_hash()): u for u in found if ca.depends_on(u, state)})
     u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
     rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, system.a))

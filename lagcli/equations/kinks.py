@@ -128,7 +128,7 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
         f = equalities.f[i] if i < holonomic else ca.SX(0)
         slope = ca.horzcat(ca.densify(equalities.B[i, :]), equalities.b[i], f)
         value = f if i < holonomic else slope
-        for argument in arguments(value, [s.t, s.q, s.v, p]):
+        for argument in switch_arguments(value, [s.t, s.q, s.v, p]):
             if ca.depends_on(argument, ca.vertcat(s.t, s.q)):
                 rows.append(row)
                 arguments.append(argument)
@@ -145,7 +145,7 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     )
 
 
-def arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
+def switch_arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
     """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
     derivatives, compare."""
     found: list[ca.SX] = []
