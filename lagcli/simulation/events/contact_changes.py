@@ -284,8 +284,7 @@ class ContactChanges:
         # A multiplier jumps where the rebounds that are left out are at their end.
         if fresh:
             run.contacts, closing = _postponed(run.contacts, set(closing) - crossed), []
-        jumped += closing
-        events = [] if is_start else sorted(set(jumped) - crossed)
+        events = [] if is_start else sorted({*jumped, *closing} - crossed)
         stay = lying - (fresh & lying_before)
         before = switch.line if switch is not None and before is own else before
         self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
