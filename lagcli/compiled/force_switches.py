@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import pieces
-from lagcli.equations import energy, named_functions, operation_rules
+from lagcli.equations import energy, kinks, named_functions, operation_rules
 from lagcli.equations.environment import Environment
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents
@@ -62,6 +62,24 @@ def find(system: System) -> ForceSwitches | None:
     Q = ca.vertcat(*(Q for _, Q in found))
     forces = SizedFunction("forces", inputs, [Q, operation_rules.roundings(Q, inputs)])
     return ForceSwitches(tuple(name for name, _ in found), tuple(coordinates), rates, _drawn(rates), forces)
+
+
+def at_contacts(system: System) -> tuple[list[int], ca.Function]:
+    """The switches of contacts that depend on coordinates, and then those of the forces that depend on the state: the
+    contact of each, K for forces, and (t, q, v, a, p) -> the switches, their rates and the sizes of their terms, (U,)
+    each."""
+    s, contacts, values = system.symbols, system.contacts, dict[tuple[int, int], ca.SX]()
+    inputs = [s.t, s.q, s.v, system.p]
+    for j in range(contacts.count + 1):
+        state = s.q if j < contacts.count else ca.vertcat(s.q, s.v)
+        value = contacts.g[j] if j < contacts.count else system.dynamics.h
+        found = kinks.switch_arguments(value, inputs)
+        values.update({(j, u.element_hash()): u for u in found if ca.depends_on(u, state)})
+    u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
+    rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, system.a))
+    outputs = [u, ca.densify(rates), ca.densify(operation_rules.term_sizes(u, inputs))]
+    function = SizedFunction("switch_rates", [s.t, s.q, s.v, system.a, system.p], outputs)
+    return [j for j, _ in values], function
 
 
 def _columns(pattern: ca.Sparsity) -> tuple[list[int], list[int]]:

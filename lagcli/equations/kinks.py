@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import operation_graph
-from lagcli.equations.rows import ConstraintRows, ContactRows, Row
+from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
@@ -128,7 +128,7 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
         f = equalities.f[i] if i < holonomic else ca.SX(0)
         slope = ca.horzcat(ca.densify(equalities.B[i, :]), equalities.b[i], f)
         value = f if i < holonomic else slope
-        for argument in _arguments(value, [s.t, s.q, s.v, p]):
+        for argument in switch_arguments(value, [s.t, s.q, s.v, p]):
             if ca.depends_on(argument, ca.vertcat(s.t, s.q)):
                 rows.append(row)
                 arguments.append(argument)
@@ -145,27 +145,15 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     )
 
 
-def of_contacts(s: Symbols, p: ca.SX, contacts: ContactRows) -> tuple[list[int], ca.Function]:
-    """The switches of contacts that depend on coordinates: the contact of each, and (t, q, v, p) -> the switches and
-    their rates, (U,) each."""
-    inputs, numbers, values = [s.t, s.q, s.v, p], [], []
-    for j in range(contacts.count):
-        found = [value for value in _arguments(contacts.g[j], inputs) if ca.depends_on(value, s.q)]
-        values += found
-        numbers += [j] * len(found)
-    u = ca.densify(ca.vertcat(ca.SX(0, 1), *values))
-    rates = ca.jtimes(u, s.q, s.v) + ca.jtimes(u, s.t, ca.SX(1))
-    return numbers, SizedFunction("switch_rates", inputs, [u, ca.densify(rates)])
-
-
-def _arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
-    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max` compare."""
+def switch_arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
+    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
+    derivatives, compare."""
     found: list[ca.SX] = []
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
         if op in (ca.OP_FABS, ca.OP_SIGN):
             found.append(parts[0])
-        elif op in (ca.OP_FMIN, ca.OP_FMAX):
+        elif op in (ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE):
             found.append(parts[0] - parts[1])
         return result
 

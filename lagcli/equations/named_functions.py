@@ -38,6 +38,13 @@ def switching_contacts(model: nouns.Model) -> npt.NDArray[np.bool_]:
     return np.repeat(np.array(found, dtype=bool), [law.members.count for law in model.inequality])
 
 
+def have_switching_forces(model: nouns.Model) -> bool:
+    """True if a function switches in an expression that forces are made of."""
+    energies = [] if model.lagrangian is None else [model.lagrangian.text]
+    forces = [expression.text for expression in model.force_expressions()]
+    return _any(_SWITCHES, forces, energies, _shared(model))
+
+
 def may_jump(model: nouns.Model) -> bool:
     """True if a potential, the Lagrangian or a position of a dependent particle has a function that may jump."""
     energies = [force.expression.text for force in model.forces if isinstance(force, nouns.Potential)]

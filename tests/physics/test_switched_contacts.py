@@ -470,3 +470,88 @@ def test_rounding_of_accelerations_at_switches_is_no_pole() -> None:
     expected = {"p0.x": x, "p1.x": 0.6759 - x, "p2.x": 0.6259 - x, "lambda.pair": pair, "lambda.row0": row}
     expected["lambda.left"] = 24.62 - 0.3427 * (3 - 1.86) - row
     assert {name: found[name][-1] for name in expected} == pytest.approx(expected, rel=1e-9)
+
+
+STATES = {
+    "jump": ("-1 - sign(a.x - 0.1)", lambda t: 2 * since(t), "contact"),
+    "ramp": ("-max(0, a.x - 0.1)", lambda t: 0.1 * after(t), "contact"),
+    "square": ("-max(0, a.x - 0.1)**2", lambda t: (0.1 * after(t)) ** 2, "contact"),
+    "cube": ("-max(0, a.x - 0.1)**3", lambda t: (0.1 * after(t)) ** 3, "contact"),
+    "off": ("-1 + sign(a.x - 0.1)", lambda t: 2 * (1 - since(t)), "release"),
+    "with t": ("-1 - sign(a.x - 0.2 + 0.1*t)", lambda t: 2 * since(t), "contact"),
+    "far": ("-1 - sign((1e6 + a.x) - (1e6 + 0.1))", lambda t: 2 * since(t), "contact"),
+}
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_a_force_that_switches_where_a_contact_lies_decides_it(name: str) -> None:
+    force, lam, kind = STATES[name]
+    found = moving(f"[0, 0, {force}]", "a.z >= 0", velocity=[0.1, 0, 0], duration=2.0, samples=17)
+    room = 1e-8 if name == "far" else 1e-12
+    [(at, told)] = zip(found.events["t"], found.events["kind"], strict=True)
+    assert (float(at), str(told)) == (pytest.approx(1.0, abs=room), kind)
+    assert found["lambda.f"] == pytest.approx(lam(found.t), abs=1e-12)
+    assert found["R.a.z"] == pytest.approx(lam(found.t), abs=1e-12)
+    assert found["a.z"] == pytest.approx(0.0, abs=1e-14)
+    assert found["a.x"] == pytest.approx(0.1 * found.t, abs=max(1e-14, 0.1 * room))
+
+
+def test_a_relay_on_an_oscillation_presses_again_and_again() -> None:
+    found = moving(
+        "[-9*a.x, 0, -1 - sign(a.x - 0.5)]", "a.z >= 0", velocity=[3, 0, 0], duration=5.0, samples=21
+    )
+    first, period = np.arcsin(0.5), 2 * np.pi
+    times = [x for k in range(3) for x in (first + k * period, np.pi - first + k * period)]
+    expected = [x / 3 for x in times if x / 3 < 5]
+    assert list(found.events["t"]) == pytest.approx(expected, abs=1e-10)
+    assert [str(kind) for kind in found.events["kind"]] == (["contact", "release"] * 3)[: len(expected)]
+    assert found["lambda.f"] == pytest.approx(1 + np.sign(np.sin(3 * found.t) - 0.5), abs=1e-12)
+
+
+def test_a_force_that_switches_in_a_velocity_presses_from_there_on() -> None:
+    found = moving(
+        "[-0.5, 0, -1 - sign(0.1 - a.vx)]", "a.z >= 0", velocity=[0.5, 0, 0], duration=2.0, samples=9
+    )
+    assert incidents(found) == [(0.8, "contact", "f")]
+    assert found["lambda.f"] == pytest.approx(2 * since(found.t, 0.8), abs=1e-12)
+
+
+@pytest.mark.parametrize(("level", "times"), [(0.5, []), (0.4999, [1 - 2e-4**0.5, 1 + 2e-4**0.5])])
+def test_a_motion_that_turns_round_on_a_switch_or_just_beyond(level: float, times: list[float]) -> None:
+    force = f"[-1, 0, -1 - sign(a.x - {level})]"
+    found = moving(force, "a.z >= 0", velocity=[1, 0, 0], duration=3.0, samples=9)
+    assert list(found.events["t"]) == pytest.approx(times, abs=1e-10)
+    assert "impact" not in set(found.events["kind"])
+
+
+def test_a_potential_that_bends_in_another_coordinate_closes_a_contact() -> None:
+    found = lagcli.simulate(
+        lagcli.loads("""lagcli: 1
+coordinates: {s: {value: 0}, u: {value: 0, rate: 0.1}}
+particles: {a: {mass: 2, position: [s, u, 0]}}
+forces: {w: {potential: "s*max(0, u - 0.1)"}}
+inequality: {f: {condition: "s >= 0", restitution: 0.5}}
+simulation: {duration: 2, samples: 9}
+""")
+    )
+    assert incidents(found) == [(1.0, "contact", "f")]
+    assert found["lambda.f"] == pytest.approx(0.1 * after(found.t), abs=1e-12)
+
+
+def test_masses_that_are_held_stand_at_switches_without_a_pole() -> None:
+    """A wall and a rod hold two masses, whose accelerations are the rounding of the forces."""
+    found = lagcli.simulate(
+        lagcli.loads("""lagcli: 1
+coordinates: {a: {value: 0.1, rate: 0.006063}, b: {value: 0.9, rate: -0.006063}}
+lagrangian: "0.176/2*rate(a)**2 + 0.102/2*rate(b)**2"
+forces:
+  f: {to: a, force: "-7.727 - 2.451*sin(t) - 2.451*sign(sin(200*t))"}
+  g: {to: b, force: "-1.001 + 1.3*sign(sin(200*t))"}
+holonomic: {rod: "a + b = 1"}
+inequality: {left: {condition: "a >= 0.1 + 0.006063*t"}}
+simulation: {duration: 3, samples: 9}
+""")
+    )
+    wave = np.sign(np.sin(200 * found.t))[1:]
+    force = 7.727 + 2.451 * np.sin(found.t[1:]) + 2.451 * wave - 1.001 + 1.3 * wave
+    assert found["lambda.left"][1:] == pytest.approx(force, abs=1e-9)

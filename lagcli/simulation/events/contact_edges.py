@@ -1,4 +1,5 @@
-"""Edges of closed contacts: where `min`, `max` or `abs` in a condition switches in the motion, its gradient jumps."""
+"""Edges of closed contacts, where `min`, `max` or `abs` in a condition switches in the motion and its gradient jumps;
+and switches of forces in the motion while contacts are closed or touch."""
 
 from __future__ import annotations
 
@@ -8,71 +9,176 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import kinks, named_functions
-from lagcli.simulation.events import switch_event
+from lagcli.compiled import force_switches
+from lagcli.contact.least_distance import EPS
+from lagcli.equations import named_functions
+from lagcli.simulation.events import step_watch, switch_event
 from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.impulse_event import FEW
 from lagcli.simulation.scheme.step_end import Compiled
-from lagcli.simulation.stepping import timetable
+from lagcli.simulation.stepping import sticking, timetable
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10
 
 
 class EdgeEvent(Event):
-    """An edge of a contact that is closed.
+    """An edge of a contact that is closed, or a switch of a force.
 
-    A motion with the contact closed has no step across: velocities would have to jump. Steps end before it, and from
-    the other side, which is a few roundings of the time away, contacts decide.
+    A motion with the contact closed has no step across an edge: velocities would have to jump. Steps end before it, and
+    from the other side, which is a few roundings of the time away, contacts decide. So they do where a force switches.
     """
 
     def __init__(self, stepper: Stepper) -> None:
         self._run = stepper
-        self._system = stepper.bound.enforced.system
-        self._kinked = named_functions.switching_contacts(self._system.model)
+        self._system = system = stepper.bound.enforced.system
+        forces = named_functions.have_switching_forces(system.model)
+        # Of contacts, and of the forces (K + 1,).
+        self._kinked = np.append(named_functions.switching_contacts(system.model), forces)
         # The step that was wished before those towards an edge.
         self._wished = 0.0
 
     @cached_property
     def _switches(self) -> tuple[npt.NDArray[np.intp], Compiled]:
-        """See `kinks.of_contacts`."""
-        system = self._system
-        contacts, function = kinks.of_contacts(system.symbols, system.p, system.contacts)
+        """See `force_switches.at_contacts`."""
+        contacts, function = force_switches.at_contacts(self._system)
         return np.array(contacts, dtype=np.intp), function
 
     def passes(self) -> bool:
         """See `Event`; a step that comes close to an edge is shortened."""
+        run, watched = self._run, self._watched()
+        if not watched.any():
+            return False
+        times, blurred = self._times(watched)
+        time = float(times.min(initial=np.inf))
+        if not time <= run.control.step:
+            return False
+        is_near = times <= np.maximum(self._nearest(time), blurred)
+        if not is_near.any():
+            self._wished = max(self._wished, run.control.step)
+            run.control.step = time * (1.0 - BEFORE)
+            return False
+        return self._crosses(2 * max(float(times[is_near].max()), math.ulp(run.t)), is_near)
+
+    def cut(self) -> None:
+        """See `Event`: a step in which a force switches unforeseen ends before it."""
+        run, found = self._run, self._run.found
+        if not self._kinked[-1] or found.is_still or not found.is_open or found.singular_step is not None:
+            return
+        are_watched = self._watched()[self._switches[0]] & self._of_forces
+        if not are_watched.any():
+            return
+        begin, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
+        are_watched &= (np.abs(begin) > EPS * sizes) | (begin * rates > 0)
+        part = 1.0
+        while found.taken > self._nearest(found.taken):
+            crossed = self._first_crossing(np.where(are_watched, begin, 0.0))
+            if crossed is None or (found.barrier is not None and found.barrier.part < crossed):
+                return
+            self._wished, found.barrier = max(self._wished, run.control.step), None
+            step_watch.take_again(run, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
+            part /= 2
+
+    def _first_crossing(self, begin: Floats) -> float | None:
+        """The part of the step that was found at which a switch leaves the side of its value at the begin (U,)."""
+        low = 0.0
+        for high in FEW[1:].tolist():
+            if (self._inside(high) * begin < 0.0).any():
+                while high - low > BEFORE * high:
+                    middle = (low + high) / 2
+                    low, high = (
+                        (low, middle) if (self._inside(middle) * begin < 0.0).any() else (middle, high)
+                    )
+                return float(high)
+            low = high
+        return None
+
+    def _inside(self, x: float) -> Floats:
+        """The switches (U,) on the cubic through the ends of the step that was found."""
+        bound, h = self._run.bound, self._run.found.taken
+        ahead = bound.new - bound.y
+        bends = h * ((1 - x) * bound.k - x * bound.k_new) + (2 * x - 1) * ahead
+        return self._at(self._run.t + x * h, bound.y + x * ahead + x * (1 - x) * bends, bound.k)[0]
+
+    def _watched(self) -> Flags:
+        """The contacts that are closed, and the forces where some are or touch, as far as they switch (K + 1,)."""
         run, first = self._run, len(self._system.rows.rows)
         numeric = run.bound.numeric
         closed = np.zeros(self._kinked.size, dtype=bool)
         closed[[i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]] = True
-        if not (closed & self._kinked).any():
-            return False
-        time = self._time_to_edge(closed)
-        if not time <= run.control.step:
-            return False
-        nearest = timetable.PARAMETERS.still * math.ulp(max(abs(run.origin + run.t), time))
-        if time > nearest:
-            self._wished = max(self._wished, run.control.step)
-            run.control.step = time * (1.0 - BEFORE)
-            return False
-        self._cross(2 * max(time, math.ulp(run.t)))
+        closed[-1] = closed.any() or bool(run.contacts.touching)
+        return np.asarray(closed & self._kinked)
+
+    def _at(self, t: float, y: Floats, k: Floats) -> tuple[Floats, Floats, Floats]:
+        """The switches, their rates and the sizes of their terms (U,) at a state with its rate."""
+        state = self._run.state_at(t, y)
+        n = state.q.size
+        u, rates, sizes = self._switches[1](state.t, state.q, state.v, k[n : 2 * n], state.p)
+        return np.array(u).ravel(), np.array(rates).ravel(), np.array(sizes).ravel()
+
+    def _nearest(self, time: float) -> float:
+        """A time that is no more than the rounding of the time of the run."""
+        run = self._run
+        return timetable.PARAMETERS.still * math.ulp(max(abs(run.origin + run.t), time))
+
+    def _times(self, watched: Flags) -> tuple[Floats, Floats]:
+        """The times to the switches (U,) by their rates, and those that forces need for the rounding of their terms."""
+        u, rates, sizes = self._at(self._run.t, self._run.bound.y, self._run.bound.k)
+        of_forces, are_watched = self._of_forces, watched[self._switches[0]]
+        is_on = of_forces & (u == 0) & (rates != 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = np.where(are_watched & ((u * rates < 0) | is_on), np.abs(u / rates), np.inf)
+            blurred = np.where(of_forces & are_watched, np.abs(EPS * sizes / rates), 0.0)
+        return times, np.where(np.isfinite(times), blurred, 0.0)
+
+    @property
+    def _of_forces(self) -> Flags:
+        """The switches (U,) that are those of forces."""
+        return np.asarray(self._switches[0] == self._kinked.size - 1)
+
+    def _crosses(self, dt: float, which: Flags) -> bool:
+        """Find the step across some of the switches (U,); False where the motion turns round at one of a force."""
+        run, bound, found = self._run, self._run.bound, self._run.found
+        if (which & self._of_forces).any():
+            self._require_no_stick(dt)
+            dt = self._beyond(dt, which)
+            if dt >= run.control.step:
+                return False
+        found.reached = run.t + dt
+        if self._of_forces[which].all():
+            bound.new[:], bound.k_new[:], *_ = bound.projected_at(found.reached, self._ahead(dt))
+        else:
+            bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, self._ahead(dt))
+        found.is_open = found.is_still = True
+        found.taken, found.proposed = found.reached - run.t, max(self._wished, run.control.step)
+        self._wished = 0.0
         return True
 
-    def _time_to_edge(self, closed: npt.NDArray[np.bool_]) -> float:
-        contacts, function = self._switches
-        state = self._run.state_at(self._run.t, self._run.bound.y)
-        u, rates = (np.array(each).ravel() for each in function(state.t, state.q, state.v, state.p))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            times = np.where(closed[contacts] & (u * rates < 0), -u / rates, np.inf)
-        return float(times.min(initial=np.inf))
+    def _ahead(self, dt: float) -> Floats:
+        """The state on a parabola of the time."""
+        bound, n = self._run.bound, self._run.bound.y.size // 2
+        y = bound.y + dt * bound.k
+        y[:n] += dt * dt / 2 * bound.k[n : 2 * n]
+        return np.asarray(y)
 
-    def _cross(self, dt: float) -> None:
-        run, bound, found = self._run, self._run.bound, self._run.found
-        found.reached = run.t + dt
-        bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, bound.y + dt * bound.k)
-        found.is_open = found.is_still = True
-        found.taken, found.proposed = dt, max(self._wished, run.control.step)
-        self._wished = 0.0
+    def _require_no_stick(self, dt: float) -> None:
+        run = self._run
+        switches = run.bound.enforced.plain.functions.numeric.force_switches
+        if switches is not None:
+            run.bound.h[0] = 2 * dt
+            sticking.require_step(run.bound, switches, run.origin + run.t)
+
+    def _beyond(self, dt: float, which: Flags) -> float:
+        """The time, not below dt, in which positions and velocities are told apart from those on the switches."""
+        run, bound = self._run, self._run.bound
+        rates = self._at(run.t, bound.y, bound.k)[1]
+        while dt < run.control.step:
+            u = self._at(run.t + dt, self._ahead(dt), bound.k)[0]
+            if (u * rates > 0)[which].all():
+                break
+            dt *= 2
+        return dt

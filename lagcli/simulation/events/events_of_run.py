@@ -32,8 +32,10 @@ def _impulses(stepper: Stepper) -> Event | None:
 
 
 def _edges(stepper: Stepper) -> Event | None:
-    """Edges of conditions."""
-    if not named_functions.switching_contacts(stepper.bound.enforced.system.model).any():
+    """Edges of conditions, and switches of forces at contacts."""
+    model = stepper.bound.enforced.system.model
+    kinked = named_functions.switching_contacts(model)
+    if not (kinked.any() or (kinked.size and named_functions.have_switching_forces(model))):
         return None
     from lagcli.simulation.events.contact_edges import EdgeEvent
 
