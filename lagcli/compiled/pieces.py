@@ -47,8 +47,8 @@ SWITCHES = {ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX}
 
 
 def ends(value: ca.SX, inputs: Sequence[ca.SX]) -> list[tuple[ca.SX, ca.SX]]:
-    """What vanishes at the ends of the pieces of a matrix of functions of some `inputs`, and what is positive where it
-    counts."""
+    """Find functions of some `inputs` that vanish at the ends of the pieces of a matrix, each with one that is positive
+    where it counts."""
     found: list[tuple[ca.SX, ca.SX]] = []
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:

@@ -48,8 +48,7 @@ class Tolerance:
     written: WrittenDigits = written_digits.ALL
 
     def by(self, written: WrittenDigits) -> Tolerance:
-        """The same of a table whose numbers have these digits: what is compared with `SAFETY` times it is off by what
-        rounding left."""
+        """The tolerance for a table whose numbers have these digits: `SAFETY` times it contains the rounding."""
         share = written_digits.PARAMETERS.halves / SAFETY
         rtol, atol = self.rtol + share * written.part, self.atol + share * written.unit
         return Tolerance(rtol, atol, self.jumps, written)
@@ -128,9 +127,8 @@ class Evidence:
 
     @property
     def _apart(self) -> float:
-        """The longest time between two rows of the run, or from its start to the first."""
-        t = np.concatenate([[self.laws.model.simulation.start], self._whole.t])
-        return float(np.abs(np.diff(t)).max(initial=0.0))
+        """The longest time between two rows of the run."""
+        return float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""

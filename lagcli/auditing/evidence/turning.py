@@ -1,4 +1,4 @@
-"""What turns with a generalized coordinate between two rows: B(q), the inertia, and the forces.
+"""The turn of B(q), of the inertia and of the forces with a generalized coordinate between two rows.
 
 Rows at whole or half turns of an angle all show the same B and the same forces, and every formula through them agrees
 and is wrong. So these are looked at between the rows, on the way that the rates of each row point to.
@@ -14,7 +14,7 @@ from lagcli.auditing.evidence.table_input import Record
 
 
 class TurningParameters:
-    """Where B, the inertia and the forces are looked at between two rows, and what is too much of a turn.
+    """Points between two rows at which B, the inertia and the forces are looked at, and too much of a turn.
 
     The tests are of `tests/physics/test_audit_spacing.py`.
     """

@@ -15,7 +15,7 @@ from lagcli.auditing.evidence.autodiff import Array
 
 
 class DigitsParameters:
-    """When the numbers of a table are taken for rounded ones. The tests are of `tests/unit/test_written_digits.py`."""
+    """Limits of taking the numbers of a table for rounded ones. The tests are of `tests/unit/test_written_digits.py`."""
 
     __slots__ = ()
 
@@ -38,7 +38,7 @@ PARAMETERS = DigitsParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class WrittenDigits:
-    """How numbers were rounded: to a count of digits, or of decimals; 0 where they were not. time: half of a unit in
+    """The rounding of numbers: to a count of digits, or of decimals; 0 where they were not. time: half of a unit in
     the last place of the times, 0 where they have fewer digits."""
 
     digits: int = 0
@@ -61,7 +61,7 @@ class WrittenDigits:
         return self.part + self.unit > 0
 
     def of_times(self, t: Array) -> WrittenDigits:
-        """The same with these times (T,), which may have fewer digits: those of a grid are exact."""
+        """These digits with times (T,), which may have fewer digits: those of a grid are exact."""
         if (
             not self.is_short
             or _is_whole(np.abs(t[t != 0]), self.digits + self.decimals - 1, self.digits > 0).all()
@@ -78,7 +78,7 @@ class WrittenDigits:
 
     @property
     def sentence(self) -> str:
-        """What a report says of it."""
+        """The sentence of a report."""
         counts = [
             f"{count} {word}"
             for count, word in ((self.digits, "digits"), (self.decimals, "decimals"))

@@ -92,7 +92,7 @@ def require_saved_rows(ready: SimulationRun, resume: str | None, plan: TablePlan
 
 
 def unfinished(ready: SimulationRun, request: RunRequest, plans: Sequence[TablePlan]) -> str:
-    """Why the files of a run with nothing left to do are not known to be complete, or nothing where they are.
+    """Return why the files of a run with nothing left to do are not known to be complete; empty where they are.
 
     A figure and an account are made as rows are computed.
     """
@@ -128,7 +128,7 @@ def _is_account(ready: SimulationRun, path: pathlib.Path) -> bool:
 
 
 def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> str:
-    """What a table that is complete differs in from the one this run writes, whose rows the checkpoint counts."""
+    """Name the difference of a complete table from the one this run writes, whose rows the checkpoint counts."""
     point, record, table = ready.resumed, _record(ready, plan), plan.path
     if point is None or record is None or checkpoint_file.table_of(resume, record.file) != table:
         return "the run before did not write it"
