@@ -31,8 +31,8 @@ def _layout(function: ca.Function) -> _Layout:
 
 
 def _with_full_results(function: ca.Function) -> ca.Function:
-    """Give each result of a function all of its entries: what is zero by structure, as the multiplier of an open contact
-    is, differs from mode to mode, and the size of a result must not."""
+    """Give each result of a function all of its entries: what is zero by structure, as the multiplier of an open
+    contact is, differs from mode to mode, and the size of a result must not."""
     if all(shape[0] * shape[1] == entries for shape, entries in _layout(function)[1]):
         return function
     known = _full.get(function)

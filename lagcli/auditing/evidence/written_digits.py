@@ -15,7 +15,10 @@ from lagcli.auditing.evidence.autodiff import Array
 
 
 class DigitsParameters:
-    """Limits of taking the numbers of a table for rounded ones. The tests are of `tests/unit/test_written_digits.py`."""
+    """Limits of taking the numbers of a table for rounded ones.
+
+    The tests are of `tests/unit/test_written_digits.py`.
+    """
 
     __slots__ = ()
 
