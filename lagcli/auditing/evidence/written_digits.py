@@ -64,7 +64,7 @@ class WrittenDigits:
         return self.part + self.unit > 0
 
     def of_times(self, t: Array) -> WrittenDigits:
-        """These digits with times (T,), which may have fewer digits: those of a grid are exact."""
+        """Add the digits of times (T,), which may be fewer: those of a grid are exact."""
         if (
             not self.is_short
             or _is_whole(np.abs(t[t != 0]), self.digits + self.decimals - 1, self.digits > 0).all()
