@@ -53,10 +53,15 @@ def may_jump(model: nouns.Model) -> bool:
     return _any(_JUMPS, energies) or (_any(_LENGTHS, energies) and _any(_QUOTIENTS, energies))
 
 
-def rows_may_jump(model: nouns.Model) -> bool:
-    """True if an equation of a constraint has a function that may jump."""
-    laws = [*_laws(model.holonomic), *_laws(model.differential), *_shared(model)]
-    return _any(_JUMPS, laws) or (_any(_LENGTHS, laws) and _any(_QUOTIENTS, laws))
+def only_forces_may_jump(model: nouns.Model) -> bool:
+    """True if a force has a function that may jump, and no equation of a constraint has."""
+
+    def may_jump(own: Iterable[str]) -> bool:
+        found = [*own, *_shared(model)]
+        return _any(_JUMPS, found) or (_any(_LENGTHS, found) and _any(_QUOTIENTS, found))
+
+    forces = (expression.text for expression in model.force_expressions())
+    return may_jump(forces) and not may_jump([*_laws(model.holonomic), *_laws(model.differential)])
 
 
 def velocity_switches(model: nouns.Model) -> tuple[nouns.Force, ...]:

@@ -123,8 +123,8 @@ class Stepper:
         self.bound.t[0], self.bound.k[:] = self.t, k
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
-        is_told_apart = self.bound.numeric.has_time or named_functions.rows_may_jump(enforced.system.model)
-        self._fewest = 64 if is_told_apart else 1
+        has_time, model = self.bound.numeric.has_time, enforced.system.model
+        self._fewest = 1 if not has_time and named_functions.only_forces_may_jump(model) else 64
 
     def state(self) -> RunState:
         """The run to go on from, but for its last row: as a longer one would be where the end has cut the last step."""
