@@ -192,7 +192,7 @@ class Stepper:
             if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN and self._let_go(last):
                 continue
             grow = 1.0
-            if t + smaller / self._fewest == t or t + smaller >= reached:
+            if t + smaller / self._fewest == t or (self._fewest == 1 and t + smaller >= reached):
                 raise self._no_step(error, status[3])
             if is_cut:
                 shorter = smaller
