@@ -88,11 +88,12 @@ def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float
     system, numeric, here = enforced.system, enforced.functions.numeric, tried.here
     is_near, is_alone = tried.rank_margin < PARAMETERS.dependent, tried.is_alone
     apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
-    if is_near and tried.is_soon and apart is None:
+    run, last = system.model.simulation, tried.last
+    # So close behind an incident no instant may be predicted.
+    is_behind = run.start < last and here.t - last < PARAMETERS.behind * run.duration
+    if is_near and (tried.is_soon or is_behind) and apart is None:
         reported = _named(system, singular_point.closest(numeric, here, is_alone))
         what = f"the gradient of {reported} vanishes" if is_alone else f"the rows {reported} become dependent"
-        run, last = system.model.simulation, tried.last
-        is_behind = run.start < last and here.t - last < PARAMETERS.behind * run.duration
         behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
         return StepFailure(
             f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
