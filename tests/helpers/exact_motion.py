@@ -20,7 +20,8 @@ import mpmath
 MP = mpmath.MPContext()
 MP.dps = 60
 ZERO = MP.mpf(10) ** -35
-# Three impacts within this time have an end at once; contacts that were struck as lately as `LATELY` take part in it.
+# Three impacts of one contact within this time have an end at once: fewer may go down a chain whose gaps are as small.
+# Contacts that were struck as lately as `LATELY` take part in it.
 CROWDED, LATELY, NEAR = MP.mpf(10) ** -20, MP.mpf(10) ** -12, MP.mpf(10) ** -16
 
 Number = Any  # of sixty digits
@@ -417,7 +418,8 @@ class _Flight:
             self._end_series()
 
     def _is_crowded(self) -> bool:
-        return len(self.recent) > 2 and self.recent[-1][0] - self.recent[-3][0] < CROWDED
+        struck = [j for t, numbers in self.recent if self.t - t < CROWDED for j in numbers]
+        return any(struck.count(j) > 2 for j in self.recent[-1][1])
 
     def _impact(self, numbers: list[int], e: list[Number], gaps: dict[int, Polynomial]) -> None:
         c = {j: [gaps[j][1] + r * min(gaps[j][1], MP.zero)] for j, r in zip(numbers, e, strict=True)}

@@ -124,6 +124,15 @@ CASES = {
     "four, e 0.02": chain([1, 1, 1, 1], [0, 1, 2, 3.5], [1, 0.3, -0.2, -0.5], [0.02] * 3, duration=2.2),
     "four onto a wall": chain([3, 1, 2, 1], [0, 1, 2.2, 3], [1, 0.5, 0.2, 0], [0.05] * 3, (4.0, 0.05)),
     "five, e 0.01": chain([1] * 5, [0, 1, 2, 3.1, 4.5], [1, 0.4, 0, -0.3, 0], [0.01] * 4, duration=2.3),
+    "onto a wall, in no order that returns": chain(
+        [2520, 5, 9.01], [0.9967, 1.536, 1.957], [0.7552, 0.1336, -0.4506], [0.6, 0.6], (2.276, 0.6)
+    ),
+    "struck while impacts of others slow down": chain(
+        [0.934, 0.00156, 0.00193, 0.476],
+        [0.9072, 1.683, 2.285, 3.346],
+        [1.319, -0.1289, 0.4617, 0.1],
+        [0.2] * 3,
+    ),
     "pulled along": dataclasses.replace(
         chain([10, 1], [0.0, 1.0], [3.0, 0.0], [0.3], (2.0, 0.3)), pulled=1.5
     ),
@@ -199,6 +208,23 @@ def test_the_audit_sees_a_limit_that_is_none() -> None:
     forged = IncidentTable(rigid.events.columns, ["accumulation"], ["k0"], rigid.events.numbers)
     elastic = lagcli.loads(chain([1, 1], [0.0, 1.0], [1.0, 0.0], [0.5], duration=2.0).text)
     assert "impacts" in failing(elastic, rigid, forged)
+
+
+def test_a_small_push_that_a_heavy_body_hands_on_is_an_impact_too() -> None:
+    """Its speed changes by less than what counts as none."""
+    run = lagcli.simulate(
+        lagcli.loads(
+            "lagcli: 1\nparticles:\n  M: {mass: 5000, position: [0, 0, 9]}\n"
+            "  m: {mass: 1, position: [0, 0, 9.001], velocity: [0, 0, -0.002]}\n"
+            'forces: {w: {to: M, force: "[0, 0, -20000]"}}\n'
+            "inequality:\n  floor: {condition: 'M.z >= 9', restitution: 0.5}\n"
+            "  pair: {condition: 'm.z >= M.z', restitution: 0.5}\nsimulation: {duration: 1, samples: 3}\n"
+        )
+    )
+    assert run.events is not None
+    assert [*run.events.kinds, *run.events.names] == ["impact", "impact", "floor", "pair"]
+    impulses = [run.events.columns.index(f"impulse.{name}") - 2 for name in ("floor", "pair")]
+    assert run.events.numbers[-1, impulses] == pytest.approx([0.003, 0.003], rel=1e-9)
 
 
 def test_common_velocity_and_instant_of_three_equal_bodies() -> None:

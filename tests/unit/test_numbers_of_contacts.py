@@ -241,7 +241,7 @@ class Alternating:
 
     near = np.array([True, True])
     at_rest = np.array([False, False])
-    slow = np.full(2, 1e-9)
+    slow, noise = np.full((2, 2), 1e-9)
     unresolved = np.ones(2)
 
     def __init__(self, opened, last):
@@ -264,7 +264,7 @@ class Alternating:
         self.gap = self.opened(self.count)
         none = np.zeros(2)
         return contact_change.ImpactResult(
-            v, v, none[:0], none, among, np.zeros(2, bool), none, (), np.zeros(2, bool)
+            v, v, none[:0], none, among, np.zeros(2, bool), none, (), np.zeros(2, bool), among
         )
 
 

@@ -38,7 +38,7 @@ class ImpactResult:
     that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
     those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
     all C + K whose impulses are not unique; accumulated: contacts of which this is the limit of infinitely many
-    impacts, (K,).
+    impacts, (K,); apart: contacts that go on with a gap above zero, even where it is not told from it, (K,).
     """
 
     v: Floats
@@ -50,6 +50,7 @@ class ImpactResult:
     lasting: Floats
     shared: tuple[int, ...]
     accumulated: Flags
+    apart: Flags
 
 
 def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactResult | None:
@@ -93,12 +94,15 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     impacting = approaching.copy()
     others = near[(found.of_contacts > 0) & ~impacting[near]]
     if others.size:
-        impacting[others] = impulses[others] > here.slow[others] / here.squares(others)
+        # Less would take a speed away that counts as none.
+        still = near[~approaching[near]]
+        left = np.maximum(np.abs(here.speeds[still]), here.speed_roundoff[still])
+        impacting[others] = impulses[others] > 2.0 * float((left / here.squares(still)).max())
     rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
     shared = tuple(rows[~found.unique].tolist())
-    none = np.zeros(e.size, dtype=bool)
+    none, apart = np.zeros(e.size, dtype=bool), approaching & (restitution > 0) & ~ended
     return ImpactResult(
-        found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared, none
+        found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared, none, apart
     )
 
 
@@ -198,6 +202,12 @@ def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None
     except impact_law.LawError as error:
         raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
     return _carrying(here, numbers, (found.x, found.of_contacts), sunk)
+
+
+def opening(here: ContactInstant, among: Flags) -> Flags:
+    """Closed contacts `among` all that forces open, (K,)."""
+    forces = contact_forces(here, among)
+    return np.asarray(among & (forces.accelerations > here.least_accelerations(forces.x)))
 
 
 def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> ContactForces | None:

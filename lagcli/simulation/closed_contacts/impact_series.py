@@ -13,6 +13,7 @@ import dataclasses
 
 import numpy as np
 
+from lagcli.contact.least_distance import EPS
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
@@ -40,18 +41,34 @@ class SeriesParameters:
 PARAMETERS = SeriesParameters()
 
 
-def apart(here: ContactInstant, together: Flags, last: Floats) -> Flags:
-    """Contacts that are as good as closed, so that an impact of others is none of theirs, (K,): they part already; or
-    they come a little later, as they did before, where an impact of two at one instant would be chance.
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ClosedBefore:
+    """Contacts before an impact, (K,) each: that pressed; that stayed closed without a push, and drift by rounding
+    alone; that touch, but whose impacts had no end."""
 
-    together (K,): contacts that stayed closed so far, which drift by rounding alone; last (K,): times at which contacts
-    were struck of late, or nan.
+    pressed: Flags
+    touching: Flags
+    bouncing: Flags
+
+
+def apart(here: ContactInstant, before: ClosedBefore, last: Floats) -> Flags:
+    """Contacts that are as good as closed, so that an impact of others is none of theirs, (K,): they part already, or
+    have begun to; or they come a little later, as they did before, where an impact of two at one instant would be
+    chance.
+
+    last (K,): times at which contacts were struck of late, or nan. Raises `ContactsUndecided`.
     """
     parting, closing = here.speeds > here.slow, here.near & (here.speeds < -here.slow)
+    if not closing.any():
+        return np.zeros(closing.size, dtype=bool)
     first = closing & (here.g <= here.unresolved)
     in_turn = np.isfinite(last) & np.isfinite(last[first]).all() & ~np.isin(last, last[first])
     later = closing & ~first & in_turn & first.any()
-    return np.asarray(here.near & parting & ~together | later)
+    opened, still = before.bouncing, here.near & before.touching & ~closing
+    if still.any():
+        opened = opened | contact_change.opening(here, still)
+    left = parting & ~before.pressed & ~before.touching | opened & ~closing
+    return np.asarray(here.near & left | later)
 
 
 def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[ImpactResult, ...]:
@@ -87,7 +104,12 @@ class _Series:
 
     def __init__(self, here: ContactInstant, restitution: Floats, first: ImpactResult, away: Flags) -> None:
         self._restitution, self._impacts = restitution, [first]
-        self._gaps = np.where(here.near & ~away, 0.0, np.maximum(here.g, 0.0))
+        # Which of those that are not told from closed ones comes first is not known.
+        self._gaps = np.where(here.near & ~away, 0.0, np.maximum(here.g, here.noise))
+        # Contacts that are not closed, however small their gaps.
+        self._apart = away | first.apart
+        # Impacts so many are not part of a limit.
+        self._alone = 1
         self._now = here.moved(first.v)
         self._afters = [_After(first.impacting, self._gaps, self._now.speeds, 0.0)]
         self._struck = first.impacting
@@ -98,12 +120,13 @@ class _Series:
             now, times = self._now, np.full(closing.size, np.inf)
             times[closing] = self._gaps[closing] / -now.speeds[closing]
             struck = closing & (times <= times.min())
-            told = PARAMETERS.farther if len(self._impacts) > 1 else 1.0
-            if (self._gaps > told * now.unresolved)[struck].all():
-                return tuple(self._impacts)
+            far = PARAMETERS.farther if len(self._impacts) > 1 else 1.0
+            if (self._gaps > far * now.unresolved)[struck].all():
+                break
             own = self._contracts(times)
             if own is not None:
-                return self._impacts[0], self._limit(own)
+                self._end(own)
+                continue
             if len(self._impacts) > PARAMETERS.most:
                 within = sum(after.wait for after in self._afters)
                 raise ContactsUndecided(
@@ -113,22 +136,41 @@ class _Series:
             self._strike(struck, float(times.min()))
         own = self._struck
         if len(self._impacts) > 1 and self._now.at_rest[own].all() and self._restitution[own].all():
-            # It has contracted to what is none: the last impact still was one.
-            self._impacts.pop()
-            self._now = self._now.moved(self._impacts[-1].v)
-            return self._impacts[0], self._limit(own)
-        return tuple(self._impacts)
+            last, before = self._windows(own)
+            if last < before:
+                # It has contracted to what is none: the last impact still was one.
+                self._impacts.pop()
+                self._now = self._now.moved(self._impacts[-1].v)
+                self._end(own)
+        return self._reported()
+
+    def _reported(self) -> tuple[ImpactResult, ...]:
+        return (*self._impacts[:-1], dataclasses.replace(self._impacts[-1], apart=self._apart))
 
     def _strike(self, struck: Flags, wait: float) -> None:
         """The next impact: of contacts that are struck after a time, with those that stay closed."""
-        now, rests = self._now, self._now.at_rest
+        now, rests = self._now, self._now.at_rest & ~self._apart
         following = contact_change.impact(now, self._restitution, struck | rests)
         assert following is not None, "contacts that are struck approach"
-        moved = np.maximum(self._gaps + now.speeds * wait, 0.0)
-        self._gaps = np.where(struck | rests, 0.0, moved)
+        # Gaps that close too slowly to tell do not close.
+        closing = now.speeds < -now.slow
+        moved = self._gaps + wait * np.where(closing, now.speeds, np.maximum(now.speeds, 0.0))
+        self._gaps = np.where(struck | rests, 0.0, np.maximum(moved, 0.0))
+        self._apart = self._apart & ~following.impacting | following.apart
         self._impacts.append(following)
         self._now, self._struck = now.moved(following.v), self._struck | struck
         self._afters.append(_After(struck, self._gaps, self._now.speeds, wait))
+
+    def _end(self, own: Flags) -> None:
+        """Go on behind the limit of the series, after which its contacts, (K,), stay together."""
+        limit, alone = self._limit(own), self._alone
+        wait = sum(after.wait for after in self._afters[alone:])
+        self._now, self._gaps = self._now.moved(limit.v), np.where(own, 0.0, self._gaps)
+        self._apart = self._apart & ~own | contact_change.opening(self._now, own | self._now.at_rest)
+        self._impacts[alone:] = [limit]
+        self._afters[alone:] = [_After(own, self._gaps, self._now.speeds, wait)]
+        # The impact that goes before the next limit is reported by itself too.
+        self._alone = len(self._impacts) + 1
 
     def _contracts(self, times: Floats) -> Flags | None:
         """The contacts (K,) of a series that goes on as it did without end; None where it does not.
@@ -151,17 +193,35 @@ class _Series:
             lasting = sum(after.wait for after in period) * sooner / (1.0 - sooner)
             if (times[~own] > lasting).all():
                 return np.asarray(own)
-        return None
+        return self._crowding(times)
+
+    def _crowding(self, times: Floats) -> Flags | None:
+        """The contacts (K,) of a series that adds nothing to its time any more, in whatever order they are struck."""
+        own = np.any([after.struck for after in self._afters[len(self._afters) // 2 :]], axis=0)
+        last, before = self._windows(own)
+        took = sum(after.wait for after in self._afters)
+        is_lost = last < EPS * took and last < before
+        return own if is_lost and (times[~own] > last).all() else None
+
+    def _windows(self, own: Flags) -> tuple[float, float]:
+        """The time in which contacts (K,) were struck last, all of them, and that before it, infinite where there is
+        none: a series whose times grow has no end, though its speeds become none."""
+        times, left = [0.0], own.copy()
+        for after in reversed(self._afters):
+            left, times[-1] = left & ~after.struck, times[-1] + after.wait
+            if not left.any():
+                times, left = [*times, 0.0], own.copy()
+                if len(times) > 2:
+                    return times[0], times[1]
+        return times[0], np.inf
 
     def _limit(self, own: Flags) -> ImpactResult:
-        """All impacts from the second on in one, after which the contacts of the series, (K,), stay together."""
-        now, none = self._now, np.zeros(own.size)
-        contacts = np.flatnonzero(own | now.at_rest)
-        of_equalities = np.sum([each.of_equalities for each in self._impacts[1:]], axis=0)
-        of_contacts, v = (
-            np.sum([none, *(each.of_contacts for each in self._impacts[1:])], axis=0),
-            now.state.v,
-        )
+        """All impacts of the limit in one, after which the contacts of the series, (K,), stay together."""
+        now, none, later = self._now, np.zeros(own.size), self._impacts[self._alone :]
+        contacts, v = np.flatnonzero(own | now.at_rest & ~self._apart), now.state.v
+        of_equalities = np.zeros(self._impacts[0].of_equalities.size)
+        of_equalities = np.sum([of_equalities, *(each.of_equalities for each in later)], axis=0)
+        of_contacts = np.sum([none, *(each.of_contacts for each in later)], axis=0)
         shared = {row for each in self._impacts for row in each.shared}
         # The second turn takes away the rounding of large impulses.
         for _ in range(2):
@@ -169,9 +229,8 @@ class _Series:
             v, of_equalities = common.x, of_equalities + common.of_equalities
             of_contacts[contacts] += common.of_contacts
         is_none = np.zeros(own.size, dtype=bool)
-        return ImpactResult(
-            v, v, of_equalities, of_contacts, is_none, is_none, none, tuple(sorted(shared)), accumulated=own
-        )
+        rows = tuple(sorted(shared))
+        return ImpactResult(v, v, of_equalities, of_contacts, is_none, is_none, none, rows, own, is_none)
 
 
 def _part(before: Floats, after: Floats) -> float | None:

@@ -248,7 +248,8 @@ class ContactChanges:
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         if switch is not None and impact is None and _stays(run, here, mode.selection, lying_before):
-            run.contacts = dataclasses.replace(run.contacts, touching=touching)
+            apart = tuple(j for j in touching if j in run.contacts.apart)
+            run.contacts = dataclasses.replace(run.contacts, touching=touching, apart=apart)
             return False
         crossed = {i - self._rows - self._count for i in hits} | set(switch.crossing if switch else ())
         if impact is not None and impact.ended.any():
@@ -272,7 +273,11 @@ class ContactChanges:
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
         ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh) if impact is not None]
         shared = {*run.contacts.shared, *mode.selection.indeterminate, *(impact.shared if impact else ())}
-        decided = dataclasses.replace(run.contacts, touching=touching, unarmed=unarmed, last=run.t)
+        opened = {*run.contacts.apart} if impact is None else {*np.flatnonzero(impact.apart).tolist()}
+        apart = tuple(j for j in touching if j in opened)
+        decided = dataclasses.replace(
+            run.contacts, touching=touching, apart=apart, unarmed=unarmed, last=run.t
+        )
         run.contacts = dataclasses.replace(
             decided, size=here.size, ending=tuple(ending), shared=tuple(sorted(shared))
         )
@@ -309,10 +314,15 @@ class ContactChanges:
         self, here: ContactInstant, before: Floats, lying: set[int]
     ) -> tuple[ContactInstant, Floats, ImpactResult | None]:
         """The last of the impacts that follow each other at once, with the contacts and the line before it."""
-        run, together = self._run, np.zeros(self._count, dtype=bool)
-        together[[*lying, *run.contacts.touching]] = True
-        away = impact_series.apart(here, together, crowded_impacts.last(run, self._count))
-        series = self._decided(lambda: impact_series.impacts(here, self._restitution, away))
+        run, (touching, bouncing, lies) = self._run, np.zeros((3, self._count), dtype=bool)
+        touching[list(run.contacts.touching)] = True
+        bouncing[list(run.contacts.apart)] = True
+        lies[list(lying)] = True
+        closed = impact_series.ClosedBefore(lies, touching & ~bouncing, bouncing)
+        last = crowded_impacts.last(run, self._count)
+        series = self._decided(
+            lambda: impact_series.impacts(here, self._restitution, impact_series.apart(here, closed, last))
+        )
         for one in series[:-1]:
             here, before = self._strike(here, before, one)
         crowded_impacts.count(run, [one.impacting for one in series], self._restitution, self._names)

@@ -20,15 +20,17 @@ Floats = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ContactState:
-    """touching: contacts that are closed and do not press; unarmed: numbers of rows, and of declared events after all
-    rows, of which the function that is watched has just crossed zero; last: time of the last incident, counted as the
-    state; again: changes without a step between them; size: the largest size of the motion at incidents; ending:
-    contacts whose rebounds end at a time ahead, with the time; postponed: declared events that the contacts which close
-    with them bring about, with that time; deepest: the largest -g_j so far; shared: rows whose multipliers or impulses
-    were not unique at some time; crowds: contacts that were struck of late, each with the number of its impacts since a
-    time, that time, and the time of the last one."""
+    """touching: contacts that are closed and do not press; apart: those of them whose gaps are above zero, though they
+    are not told from it; unarmed: numbers of rows, and of declared events after all rows, of which the function that is
+    watched has just crossed zero; last: time of the last incident, counted as the state; again: changes without a step
+    between them; size: the largest size of the motion at incidents; ending: contacts whose rebounds end at a time
+    ahead, with the time; postponed: declared events that the contacts which close with them bring about, with that
+    time; deepest: the largest -g_j so far; shared: rows whose multipliers or impulses were not unique at some time;
+    crowds: contacts that were struck of late, each with the number of its impacts since a time, that time, and the time
+    of the last one."""
 
     touching: tuple[int, ...] = ()
+    apart: tuple[int, ...] = ()
     unarmed: tuple[int, ...] = ()
     last: float = 0.0
     again: int = 0
