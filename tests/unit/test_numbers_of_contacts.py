@@ -293,29 +293,47 @@ def test_a_series_is_followed_for_a_thousand_impacts(monkeypatch):
         followed(monkeypatch, irregular, 2_000)
 
 
-def crowd(count, pace, restitution=1.0):
-    """The largest count of a contact that is struck at this pace in a run of one second."""
-    crowds, largest = (), 0
+def is_crowd(count, time, end, restitution=1.0):
+    """True where impacts of one contact at the times of their numbers would have no end, once there are so many."""
+    crowds = ()
     for number in range(count):
-        crowds = crowded_impacts.counted(crowds, [0], [restitution], (number * pace, 1.0))
-        largest = max(largest, crowds[0][1])
-    return largest
+        crowds = crowded_impacts.counted(crowds, [0], [restitution], time(number))
+        _, since, _, times = crowds[0]
+    between = crowded_impacts.between(restitution)
+    if since or len(times) < 4:
+        return False
+    return crowded_impacts.to_come(times, between, end) > crowded_impacts.PARAMETERS.most
 
 
-def test_ten_thousand_impacts_of_a_contact_may_crowd():
-    assert crowd(9_999, 1e-9) < crowded_impacts.most(1.0) == crowd(10_000, 1e-9)
+def test_three_thousand_impacts_of_a_contact_may_crowd():
+    assert not is_crowd(3_000, lambda number: number * 1e-9, 1.0)
+    assert is_crowd(3_001, lambda number: number * 1e-9, 1.0)
 
 
-def test_a_million_impacts_of_a_contact_in_a_run_are_no_crowd():
-    assert crowd(30_000, 1 / 0.9e6) < crowded_impacts.most(1.0)
-    assert crowd(30_000, 1 / 1.1e6) >= crowded_impacts.most(1.0)
+@pytest.mark.parametrize(("pace", "is_told"), [(1 / 0.9e6, False), (1 / 1.1e6, True)])
+def test_a_million_impacts_of_a_contact_may_be_to_come(pace, is_told):
+    assert is_crowd(3_001, lambda number: number * pace, 1.0 + 3_000 * pace) == is_told
+    # In a billiard they lie at equal angles.
+    angle = math.pi * pace
+    assert is_crowd(3_001, lambda number: -1 / math.tan((number + 0.5) * angle), 1e9) == is_told
+
+
+def test_a_piston_that_closes_in_is_told_from_a_heavy_body_that_turns():
+    for after in (0.3, 3.0, 30.0):
+        assert is_crowd(3_001, lambda number, n=after: 2 - 1 / (number + n), 3.0)
+        assert not is_crowd(3_001, lambda number, n=after: -1 / math.tan((number + n) * 1e-4), 1e9)
+
+
+def test_impacts_that_thin_out_are_no_crowd():
+    assert not is_crowd(3_001, lambda number: 1e-9 / (3_100 - number), 1.0)
+    assert is_crowd(3_001, lambda number: -math.exp(-number / 1e3), 1e3)
 
 
 def test_a_contact_that_comes_to_rest_after_many_rebounds_may_have_them():
-    assert crowded_impacts.most(0.99) == 10_000
-    # ln(1e-9)/ln(0.9999) impacts are left when a billionth of the speed is.
-    assert crowded_impacts.most(0.9999) > math.log(1e-15) / math.log(0.9999)
-    assert crowded_impacts.most(1 - 1e-9) == 10_000
+    assert crowded_impacts.between(0.99) == 1_201
+    # ln(1e-15)/ln(0.9999) impacts are left when a part of 1e-15 of the speed is.
+    assert 3 * crowded_impacts.between(0.9999) > math.log(1e-15) / math.log(0.9999)
+    assert crowded_impacts.between(1 - 1e-9) == 1_000
 
 
 @pytest.mark.parametrize(("far", "is_next"), [(3e-10, True), (3e-9, False)])

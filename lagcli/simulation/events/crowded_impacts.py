@@ -1,8 +1,15 @@
-"""Impacts of a contact that crowd: so many in so small a part of a run that it would have no end."""
+"""Impacts of a contact that crowd: so many in so small a part of a run that it would have no end.
+
+A ball between a heavy body and a wall is struck ever faster, and ever more slowly once the heavy body has turned; a
+piston that closes in on it never turns. In both the intervals are 1/u^2 of a number of the impact with u'' = -k^2 u: on
+a billiard table that is unfolded the ball goes along a straight line, and impacts lie at equal angles (G. Galperin,
+Playing pool with pi, 2003). Impacts at one pace, and on a parabola of times, are those with k = 0.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -13,8 +20,8 @@ from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping.stepper import Stepper
 
-# A contact, its impacts since a time, that time, and the time of the last one.
-Crowd = tuple[int, int, float, float]
+# A contact, its impacts since the last of at most four times, the time of the last one, and the times.
+Crowd = tuple[int, int, float, tuple[float, ...]]
 
 
 class CrowdParameters:
@@ -25,12 +32,12 @@ class CrowdParameters:
 
     __slots__ = ()
 
-    many: int = 10_000
-    """Impacts of a contact that may crowd: an impact costs what a few steps do, these some seconds.
-    `test_ten_thousand_impacts_of_a_contact_may_crowd` fails at 1000 and 100000."""
+    many: int = 1_000
+    """Impacts of a contact between two times: an impact costs what a few steps do, those between four times some
+    seconds. `test_three_thousand_impacts_of_a_contact_may_crowd` fails at 100 and 10000."""
     most: int = 1_000_000
-    """Impacts of one contact at this pace in a whole run, some minutes, are no crowd.
-    `test_a_million_impacts_of_a_contact_in_a_run_are_no_crowd` fails at 100000 and 10000000."""
+    """Impacts of one contact that may be to come, some minutes.
+    `test_a_million_impacts_of_a_contact_may_be_to_come` fails at 100000 and 10000000."""
 
 
 PARAMETERS = CrowdParameters()
@@ -38,53 +45,72 @@ PARAMETERS = CrowdParameters()
 LAST = -math.log(2.0**-52)
 
 
-def most(restitution: float) -> int:
-    """The impacts of a contact after which it is asked how long they took."""
-    own = LAST / (1.0 - restitution) if restitution < 1.0 else math.inf
+def between(restitution: float) -> int:
+    """The impacts of a contact between two of the four times by which it is asked how many are to come."""
+    own = LAST / 3 / (1.0 - restitution) if restitution < 1.0 else math.inf
     return max(PARAMETERS.many, int(own)) if own <= PARAMETERS.most else PARAMETERS.many
 
 
-def counted(
-    crowds: tuple[Crowd, ...], struck: Iterable[int], restitution: Sequence[float], at: tuple[float, float]
-) -> tuple[Crowd, ...]:
-    """The crowds with one impact more of each contact that is struck; at: the time, and the duration of the run.
+def to_come(times: Sequence[float], count: int, end: float) -> float:
+    """The impacts up to an end, after four times with so many between each two, if they go on as they did; infinite
+    where they would be more than may be.
 
-    A contact is counted anew once so many impacts would not be too many for the run.
+    As fast as they are now, or with u at the times: D_i = S/(u_i u_i+1) are the times between, and u_i+1 + u_i-1 =
+    2 c u_i, so that c^2 = (D_1 + D_2)(D_2 + D_3)/(4 D_1 D_3).
     """
-    t, duration = at
-    allowed = duration / PARAMETERS.most
-    counts = {
-        j: (count, since) for j, count, since, _ in crowds if t - since <= allowed * most(restitution[j])
-    }
-    last = {crowd[0]: crowd[3] for crowd in crowds}
+    most, (first, second, third) = PARAMETERS.most / count, (b - a for a, b in itertools.pairwise(times))
+    if third > 0 and (end - times[-1]) / third <= most:
+        return count * (end - times[-1]) / third
+    if not min(first, second, third) > 0:
+        return math.inf
+    c = math.sqrt((first + second) * (second + third) / (4 * first * third))
+    u = (1 + first / second) / (2 * c)
+    total, before, now, t = first * u, first / second, u * second / third, times[-1]
+    for windows in range(int(most)):
+        before, now = now, 2 * c * now - before
+        if now <= 0 or t >= end:
+            return float(windows * count)
+        t += total / (before * now)
+    return math.inf
+
+
+def counted(
+    crowds: tuple[Crowd, ...], struck: Iterable[int], restitution: Sequence[float], t: float
+) -> tuple[Crowd, ...]:
+    """The crowds with one impact more at time t of each contact that is struck."""
+    found = {crowd[0]: crowd for crowd in crowds}
     for j in struck:
-        count, since = counts.get(j, (0, t))
-        counts[j], last[j] = (count + 1, since), t
-    return tuple((j, count, since, last[j]) for j, (count, since) in sorted(counts.items()))
+        _, count, _, times = found.get(j, (j, 0, t, ()))
+        is_next = not times or count + 1 >= between(restitution[j])
+        found[j] = (j, 0, t, (*times[-3:], t)) if is_next else (j, count + 1, t, times)
+    return tuple(found[j] for j in sorted(found))
 
 
 def last(run: Stepper, contacts: int) -> Floats:
-    """Times (K,) at which the contacts of a run were struck of late, or nan."""
+    """Times (K,) at which the contacts of a run were struck of late, as those that crowd are, or nan."""
     times = np.full(contacts, np.nan)
-    for j, _, _, t in run.contacts.crowds:
-        times[j] = t
+    late = run.t - (run.grid.end - run.grid.start) * PARAMETERS.many / PARAMETERS.most
+    for j, _, t, _ in run.contacts.crowds:
+        times[j] = t if t >= late else np.nan
     return times
 
 
 def count(run: Stepper, impacts: list[Flags], restitution: Floats, names: Sequence[str]) -> None:
     """Count impacts where the run stands, of contacts (K,) each. Raises `StepFailure` where they would have no end."""
-    crowds = run.contacts.crowds
-    at = run.t, run.grid.end - run.grid.start
+    crowds, e = run.contacts.crowds, restitution.tolist()
     for struck in impacts:
-        crowds = counted(crowds, np.flatnonzero(struck).tolist(), restitution.tolist(), at)
+        crowds = counted(crowds, np.flatnonzero(struck).tolist(), e, run.t)
     run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
-    full = [each for each in crowds if each[1] >= most(restitution[each[0]])]
-    if full:
-        _, number, since, _ = full[0]
-        named = (f"{own} of `{names[j]}`" for j, own, *_ in crowds if 2 * own > number)
-        raise StepFailure(
-            f"impacts crowd without end, within {run.t - since:.2g} of time {', '.join(named)}: they lose next to"
-            " nothing between walls that close in, or on a contact that is met too slowly to tell it from rest"
-            " (with a `restitution` below 1 they end; on a contact that is only touched begin with dg/dt = 0)",
-            run_stop.CONTACT,
-        )
+    for j, since, t, times in crowds:
+        if since or t < run.t or len(times) < 4:
+            continue
+        number = between(e[j])
+        if to_come(times, number, run.grid.end) > PARAMETERS.most:
+            named = (f"`{names[i]}`" for i, _, _, own in crowds if i == j or own[1:2] >= times[:1])
+            raise StepFailure(
+                f"impacts crowd without end, {3 * number} within {run.t - times[0]:.2g} of time, of {', '.join(named)}:"
+                " they lose next to nothing between walls that close in, or on a contact that is met too slowly to tell"
+                " it from rest (with a `restitution` below 1 they end; on a contact that is only touched begin with"
+                " dg/dt = 0)",
+                run_stop.CONTACT,
+            )

@@ -26,8 +26,7 @@ class ContactState:
     between them; size: the largest size of the motion at incidents; ending: contacts whose rebounds end at a time
     ahead, with the time; postponed: declared events that the contacts which close with them bring about, with that
     time; deepest: the largest -g_j so far; shared: rows whose multipliers or impulses were not unique at some time;
-    crowds: contacts that were struck of late, each with the number of its impacts since a time, that time, and the time
-    of the last one."""
+    crowds: contacts that were struck of late, see `crowded_impacts.Crowd`."""
 
     touching: tuple[int, ...] = ()
     apart: tuple[int, ...] = ()
@@ -39,7 +38,7 @@ class ContactState:
     postponed: tuple[tuple[int, float], ...] = ()
     deepest: float = 0.0
     shared: tuple[int, ...] = ()
-    crowds: tuple[tuple[int, int, float, float], ...] = ()
+    crowds: tuple[tuple[int, int, float, tuple[float, ...]], ...] = ()
 
 
 NOTHING = ContactState()
