@@ -241,7 +241,7 @@ class Alternating:
 
     near = np.array([True, True])
     at_rest = np.array([False, False])
-    slow, noise = np.full((2, 2), 1e-9)
+    slow, speed_roundoff, noise = np.full((3, 2), 1e-9)
     unresolved = np.ones(2)
 
     def __init__(self, opened, last):

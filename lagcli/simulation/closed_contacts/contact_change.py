@@ -100,7 +100,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
         impacting[others] = impulses[others] > 2.0 * float((left / here.squares(still)).max())
     rows = np.concatenate([np.arange(found.of_equalities.size), found.of_equalities.size + near])
     shared = tuple(rows[~found.unique].tolist())
-    none, apart = np.zeros(e.size, dtype=bool), approaching & (restitution > 0) & ~ended
+    none, apart = np.zeros(e.size, dtype=bool), approaching & (restitution > 0)
     return ImpactResult(
         found.x, onward.x, found.of_equalities, impulses, impacting, ended, lasting, shared, none, apart
     )

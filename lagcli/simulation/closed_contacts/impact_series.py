@@ -116,7 +116,7 @@ class _Series:
 
     def followed(self) -> tuple[ImpactResult, ...]:
         """The impacts up to where all contacts part, or the next one is late enough to be found by steps."""
-        while (closing := self._now.speeds < -self._now.slow).any():
+        while (closing := self._closing).any():
             now, times = self._now, np.full(closing.size, np.inf)
             times[closing] = self._gaps[closing] / -now.speeds[closing]
             struck = closing & (times <= times.min())
@@ -137,23 +137,34 @@ class _Series:
         own = self._struck
         if len(self._impacts) > 1 and self._now.at_rest[own].all() and self._restitution[own].all():
             last, before = self._windows(own)
-            if last < before:
+            if last < before or set(np.flatnonzero(own)) <= set(self._pressed(own)):
                 # It has contracted to what is none: the last impact still was one.
                 self._impacts.pop()
                 self._now = self._now.moved(self._impacts[-1].v)
                 self._end(own)
         return self._reported()
 
+    @property
+    def _closing(self) -> Flags:
+        """Contacts that are to be struck, (K,): forces, which would be faster than slow ones, do nothing meanwhile."""
+        none = np.where(self._apart, np.minimum(self._now.slow, self._now.speed_roundoff), self._now.slow)
+        return np.asarray(self._now.speeds < -none)
+
     def _reported(self) -> tuple[ImpactResult, ...]:
         return (*self._impacts[:-1], dataclasses.replace(self._impacts[-1], apart=self._apart))
 
+    def _pressed(self, own: Flags) -> tuple[int, ...]:
+        """The contacts that forces press, of those that are `own` or closed, (K,)."""
+        rests = self._now.at_rest & ~self._apart
+        return contact_change.contact_forces(self._now, own | rests).closed
+
     def _strike(self, struck: Flags, wait: float) -> None:
         """The next impact: of contacts that are struck after a time, with those that stay closed."""
-        now, rests = self._now, self._now.at_rest & ~self._apart
+        now, rests, closing = self._now, self._now.at_rest & ~self._apart, self._closing
+        now.slow[struck] = np.minimum(now.slow, now.speed_roundoff)[struck]
         following = contact_change.impact(now, self._restitution, struck | rests)
         assert following is not None, "contacts that are struck approach"
         # Gaps that close too slowly to tell do not close.
-        closing = now.speeds < -now.slow
         moved = self._gaps + wait * np.where(closing, now.speeds, np.maximum(now.speeds, 0.0))
         self._gaps = np.where(struck | rests, 0.0, np.maximum(moved, 0.0))
         self._apart = self._apart & ~following.impacting | following.apart

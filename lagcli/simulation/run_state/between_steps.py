@@ -40,6 +40,10 @@ class ContactState:
     shared: tuple[int, ...] = ()
     crowds: tuple[tuple[int, int, float, tuple[float, ...]], ...] = ()
 
+    def crowd(self, since: float) -> bool:
+        """True where steps end at impacts that have a budget of their own: so many of one contact since a time."""
+        return any(times[-1] >= since for _, _, _, times in self.crowds if len(times) > 1)
+
 
 NOTHING = ContactState()
 

@@ -329,7 +329,7 @@ class Stepper:
         if self.statistics.steps % LENGTH.pace == 0 and not was_still:
             end = self.grid.end
             advanced = control.is_too_slow(self.t, end, self.grid.step)
-            if advanced is not None:
+            if advanced is not None and not self.contacts.crowd(self.t - advanced):
                 from lagcli.simulation.stepping import stop_diagnosis
 
                 if self._is_before_pole():
