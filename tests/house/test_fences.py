@@ -16,7 +16,6 @@ CLASS_LINES, CLASS_ATTRIBUTES = 300, 20
 LARGE: dict[str, tuple[int, int]] = {
     "lagcli.auditing.evidence.tolerances.Evidence": (314, 14),
     "lagcli.compiled.numeric.NumericSystem": (322, 6),
-    "lagcli.simulation.events.contact_changes.ContactChanges": (321, 14),
     "lagcli.simulation.stepping.stepper.Stepper": (303, 21),
 }
 

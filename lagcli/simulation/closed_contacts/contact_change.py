@@ -206,8 +206,10 @@ def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None
 
 def opening(here: ContactInstant, among: Flags) -> Flags:
     """Closed contacts `among` all that forces open, (K,)."""
-    forces = contact_forces(here, among)
-    return np.asarray(among & (forces.accelerations > here.least_accelerations(forces.x)))
+    forces, numbers, opened = contact_forces(here, among), np.flatnonzero(among), np.zeros_like(among)
+    none = here.least_forces(numbers, forces.x) * here.squares(numbers)
+    opened[numbers] = forces.accelerations[numbers] > none
+    return opened
 
 
 def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> ContactForces | None:

@@ -337,19 +337,15 @@ class ContactInstant:
         return np.asarray(np.where(lengths > 0, lengths, 1.0) ** 2)
 
     def least_forces(self, contacts: Numbers, x: Floats) -> Floats:
-        """Multipliers (k,) of some contacts that are none, in a motion with accelerations x (n,)."""
+        """Multipliers (k,) of some contacts that are none, in a motion with accelerations x (n,): other rows may press
+        a contact too, that no force and no curvature of its own does."""
         few = self.few(contacts)
         squares = self.squares(contacts) if few is None else few.free
-        return np.asarray(self.least_accelerations(x)[contacts] / squares)
-
-    def least_accelerations(self, x: Floats) -> Floats:
-        """d2g/dt2 (K,) that are none, in a motion with accelerations x (n,): other rows may press a contact too, that
-        no force and no curvature of its own does."""
         rate = float(np.abs(x / self.units).max(initial=0.0))
         creep = (PARAMETERS.creeping * self._speed) ** 2 / (self.size or 1.0)
-        in_units = self.gap_changes(1.0)
-        none = np.maximum(PARAMETERS.weightless * (self.pull + in_units * rate), in_units * creep)
-        return np.asarray(none)
+        in_units = self.gap_changes(1.0)[contacts]
+        pull = np.maximum(PARAMETERS.weightless * (self.pull[contacts] + in_units * rate), in_units * creep)
+        return np.asarray(pull / squares)
 
     @cached_property
     def metric(self) -> Metric:

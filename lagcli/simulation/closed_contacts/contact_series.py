@@ -138,8 +138,9 @@ class ContactOrders:
     def decided(self, forces: ContactForces, level: Numbers) -> ContactForces:
         """The contacts that press among those that are closed and neither approach nor part, `level`."""
         here = self._here
-        closed = list(forces.closed)
-        is_open = (forces.accelerations > here.least_accelerations(forces.x))[level]
+        closed, squares = list(forces.closed), here.squares(level)
+        none = here.least_forces(level, forces.x) * squares
+        is_open = forces.accelerations[level] > none
         left = [j for j, parts in zip(level.tolist(), is_open, strict=True) if not parts and j not in closed]
         if not left:
             return forces

@@ -44,24 +44,23 @@ PARAMETERS = SeriesParameters()
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ClosedBefore:
     """Contacts before an impact, (K,) each: that pressed; that stayed closed without a push, and drift by rounding
-    alone; that touch, but whose impacts had no end."""
+    alone; that touch, but whose impacts had no end; times at which they were struck of late, as impacts that crowd, or
+    nan."""
 
     pressed: Flags
     touching: Flags
     bouncing: Flags
+    last: Floats
 
 
-def apart(here: ContactInstant, before: ClosedBefore, last: Floats) -> Flags:
+def apart(here: ContactInstant, before: ClosedBefore) -> Flags:
     """Contacts that are as good as closed, so that an impact of others is none of theirs, (K,): they part already, or
     have begun to; or they come a little later, as they did before, where an impact of two at one instant would be
-    chance.
-
-    last (K,): times at which contacts were struck of late, or nan. Raises `ContactsUndecided`.
-    """
+    chance. Raises `ContactsUndecided`."""
     parting, closing = here.speeds > here.slow, here.near & (here.speeds < -here.slow)
     if not closing.any():
         return np.zeros(closing.size, dtype=bool)
-    first = closing & (here.g <= here.unresolved)
+    first, last = closing & (here.g <= here.unresolved), before.last
     in_turn = np.isfinite(last) & np.isfinite(last[first]).all() & ~np.isin(last, last[first])
     later = closing & ~first & in_turn & first.any()
     opened, still = before.bouncing, here.near & before.touching & ~closing
@@ -71,12 +70,14 @@ def apart(here: ContactInstant, before: ClosedBefore, last: Floats) -> Flags:
     return np.asarray(here.near & left | later)
 
 
-def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[ImpactResult, ...]:
-    """The impact of contacts that are closed, none where none approaches, and those that follow at once.
+def impacts(here: ContactInstant, restitution: Floats, before: ClosedBefore) -> tuple[ImpactResult, ...]:
+    """The impact of contacts that are closed, none where none approaches, and those that follow at once. The last
+    impact may be the limit of infinitely many. Raises `ContactsUndecided`."""
+    return _impacts(here, restitution, apart(here, before))
 
-    away (K,): closed contacts that it is none of, see `apart`. The last impact may be the limit of infinitely many.
-    Raises `ContactsUndecided`.
-    """
+
+def _impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[ImpactResult, ...]:
+    """The impact of closed contacts but those that are `away`, (K,), and those that follow."""
     first = contact_change.impact(here, restitution, here.near & ~away)
     if first is None:
         return ()
@@ -86,7 +87,7 @@ def impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[Imp
     speeds = here.moved(series[-1].v).speeds
     # What comes more slowly than rest is told from is struck by no later impact: it is struck by this one.
     left = away & (speeds < -here.speed_roundoff) & (speeds >= -here.slow)
-    return impacts(here, restitution, away & ~left) if left.any() else series
+    return _impacts(here, restitution, away & ~left) if left.any() else series
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

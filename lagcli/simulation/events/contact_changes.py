@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
@@ -27,13 +27,12 @@ from lagcli.simulation.closed_contacts.contact_instant import (
 )
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
 from lagcli.simulation.closed_contacts.contact_series import ContactOrders, MotionSeries
-from lagcli.simulation.events import contact_crossings, crowded_impacts
+from lagcli.simulation.events import contact_crossings, contact_report, crowded_impacts
+from lagcli.simulation.events.contact_report import ContactReport
 from lagcli.simulation.events.declared_events import EventValues
-from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
+from lagcli.simulation.events.incident_log import IncidentLog
 from lagcli.simulation.events.step_watch import StateAhead, StepWatch
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.run_state.between_steps import ContactState
-from lagcli.simulation.run_state.incident import Kind
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import line_functions
 from lagcli.simulation.stepping.stepper import Stepper
@@ -140,27 +139,15 @@ class ContactChanges:
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap cannot be told apart."""
-        ending = np.flatnonzero(~np.isfinite(self.here().g)) if self._count else ()
-        if len(ending):
-            names = ", ".join(f"`{self._names[j]}`" for j in ending)
-            return f"{contact_change.NO_GRADIENT}: {names}"
-        return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
-
-    def _sunk(self, here: ContactInstant) -> Flags:
-        """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something
-        that falls over."""
-        sunk = (here.g < -here.touching_gap) & (here.speeds < 0.0)
-        touching = np.zeros(self._count, dtype=bool)
-        touching[list(self._run.contacts.touching)] = True
-        return np.asarray(sunk & touching)
+        return contact_report.unresolved(self.here().g if self._count else np.zeros(0), self._names)
 
     def sinking(self) -> tuple[int, ...]:
         """The rows of contacts that have to be closed where the run stands, for they creep in and would press."""
-        touching = list(self._run.contacts.touching)
-        if not touching:
+        run = self._run
+        if not run.contacts.touching:
             return ()
         here = self.here()
-        sunk = self._sunk(here)
+        sunk = _sunk(run, here)
         if not sunk.any():
             return ()
         level = sunk | here.at_rest
@@ -242,14 +229,13 @@ class ContactChanges:
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
             look = self._instant(ahead.t, ahead.y)
-        sunk = self._sunk(here) if switch is None else None
+        sunk = _sunk(run, here) if switch is None else None
         mode = self._mode((after, look), level, sunk, is_start)
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
         if switch is not None and impact is None and _stays(run, here, mode.selection, lying_before):
-            apart = tuple(j for j in touching if j in run.contacts.apart)
-            run.contacts = dataclasses.replace(run.contacts, touching=touching, apart=apart)
+            run.contacts = contact_report.touching(run.contacts, touching, impact)
             return False
         crossed = {i - self._rows - self._count for i in hits} | set(switch.crossing if switch else ())
         if impact is not None and impact.ended.any():
@@ -267,28 +253,19 @@ class ContactChanges:
             # What the impact takes away is work done there: the balance of the energy goes on.
             run.bound.y[-1] += now[line_functions.JACOBI] - before[line_functions.JACOBI]
         unarmed = tuple(i for i in hits if i >= self._rows and i - self._rows in lying & lying_before)
-        fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
-        ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
-        # Rebounds that something else cuts off are at their end here.
-        cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
-        ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh) if impact is not None]
+        fresh, ending, cut = contact_report.endings(run, impact, lying)
         shared = {*run.contacts.shared, *mode.selection.indeterminate, *(impact.shared if impact else ())}
-        opened = {*run.contacts.apart} if impact is None else {*np.flatnonzero(impact.apart).tolist()}
-        apart = tuple(j for j in touching if j in opened)
-        decided = dataclasses.replace(
-            run.contacts, touching=touching, apart=apart, unarmed=unarmed, last=run.t
-        )
-        run.contacts = dataclasses.replace(
-            decided, size=here.size, ending=tuple(ending), shared=tuple(sorted(shared))
-        )
+        decided = dataclasses.replace(run.contacts, unarmed=unarmed, last=run.t, size=here.size)
+        decided = dataclasses.replace(decided, ending=ending, shared=tuple(sorted(shared)))
+        run.contacts = contact_report.touching(decided, touching, impact)
         closing = self.events.jumped(when, self.events.now())
         # A multiplier jumps where the rebounds that are left out are at their end.
         if fresh:
-            run.contacts, closing = _postponed(run.contacts, set(closing) - crossed), []
+            run.contacts, closing = contact_report.postponed(run.contacts, set(closing) - crossed), []
         events = [] if is_start else sorted({*jumped, *closing} - crossed)
         stay = lying - (fresh & lying_before)
         before = switch.line if switch is not None and before is own else before
-        self._report(_ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
+        self._report(ContactReport(before, line, impact, lying_before, stay, events, cut), is_start)
         self.end_series()
         return True
 
@@ -314,15 +291,9 @@ class ContactChanges:
         self, here: ContactInstant, before: Floats, lying: set[int]
     ) -> tuple[ContactInstant, Floats, ImpactResult | None]:
         """The last of the impacts that follow each other at once, with the contacts and the line before it."""
-        run, (touching, bouncing, lies) = self._run, np.zeros((3, self._count), dtype=bool)
-        touching[list(run.contacts.touching)] = True
-        bouncing[list(run.contacts.apart)] = True
-        lies[list(lying)] = True
-        closed = impact_series.ClosedBefore(lies, touching & ~bouncing, bouncing)
-        last = crowded_impacts.last(run, self._count)
-        series = self._decided(
-            lambda: impact_series.impacts(here, self._restitution, impact_series.apart(here, closed, last))
-        )
+        run = self._run
+        before_it = crowded_impacts.before(run, lying, self._count)
+        series = self._decided(lambda: impact_series.impacts(here, self._restitution, before_it))
         for one in series[:-1]:
             here, before = self._strike(here, before, one)
         crowded_impacts.count(run, [one.impacting for one in series], self._restitution, self._names)
@@ -337,28 +308,14 @@ class ContactChanges:
         contact_crossings.require_projected(run, impact.v, here.state.v)
         after = self.log.line()
         run.bound.y[-1] += after[line_functions.JACOBI] - before[line_functions.JACOBI]
-        self._report(_ContactReport(before, after, impact, set(), set(), [], set()), False)
+        self._report(ContactReport(before, after, impact, set(), set(), [], set()), False)
         shared = {*run.contacts.shared, *impact.shared}
         run.contacts = dataclasses.replace(run.contacts, shared=tuple(sorted(shared)))
         return here.moved(impact.v), after
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
-        run = self._run
-        due = [j for j, t in run.contacts.ending if t <= run.t]
-        events = [number for number, t in run.contacts.postponed if t <= run.t or not run.contacts.ending]
-        if not (due or events):
-            return
-        line = self.log.line()
-        kinds: tuple[Kind, ...] = ("accumulation", "contact")
-        for kind in kinds:
-            for j in due:
-                self.log.report(kind, self._names[j], InstantLines(line, line))
-        left = tuple(each for each in run.contacts.ending if each[0] not in due)
-        later = tuple(each for each in run.contacts.postponed if each[0] not in events)
-        last = run.t if due else run.contacts.last
-        run.contacts = dataclasses.replace(run.contacts, ending=left, postponed=later, last=last)
-        self.events.report(events)
+        self.events.report(contact_report.end_series(self._run, self.log, self._names))
 
     def _go_on(self, selection: Selection, v: Floats) -> None:
         """Go on with these rows, from velocities v (n,)."""
@@ -373,7 +330,7 @@ class ContactChanges:
         run.statistics.evaluations += 1
         contact_crossings.predict(run)
 
-    def _report(self, reported: _ContactReport, is_start: bool) -> None:
+    def _report(self, reported: ContactReport, is_start: bool) -> None:
         run = self._run
         lines = reported.lines(self._rows, self._count)
         is_told = not (is_start or run.t == run.grid.start)
@@ -390,41 +347,6 @@ class ContactChanges:
             raise StepFailure(f"{error}: {names}", run_stop.CONTACT) from None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _ContactReport:
-    """Lines before and after a change, the impact, and contacts that were enforced as closed and are, declared events
-    that jump over zero, and contacts whose rebounds are cut off."""
-
-    before: Floats
-    after: Floats
-    impact: ImpactResult | None
-    enforced_before: set[int]
-    enforced: set[int]
-    events: list[int]
-    cut: set[int]
-
-    def lines(self, rows: int, contacts: int) -> InstantLines:
-        """The lines with the impulses of all rows (C + K,)."""
-        impulses, impact = np.zeros(rows + contacts), self.impact
-        if impact is not None:
-            impulses[:rows], impulses[rows:] = impact.of_equalities, impact.of_contacts
-        return InstantLines(self.before, self.after, impulses)
-
-    def kinds(self, ending: set[int], is_told: bool) -> list[tuple[Kind, Iterable[int]]]:
-        """The incidents of contacts, in their order; is_told: of a change without an impact too."""
-        found: list[tuple[Kind, Iterable[int]]] = [
-            ("accumulation", sorted(self.cut)),
-            ("contact", sorted(self.cut)),
-        ]
-        if self.impact is not None:
-            found.append(("impact", np.flatnonzero(self.impact.impacting).tolist()))
-            found.append(("accumulation", np.flatnonzero(self.impact.accumulated).tolist()))
-        if self.impact is not None or is_told:
-            found.append(("contact", sorted(self.enforced - self.enforced_before - ending)))
-            found.append(("release", sorted(self.enforced_before - self.enforced)))
-        return found
-
-
 def _jump(run: Stepper, name: str, depth: float) -> StepFailure:
     if contact_crossings.is_near(run):
         return contact_crossings.stop(run, f"the gap of `{name}` is not known better than to {depth:.3g}")
@@ -435,17 +357,18 @@ def _jump(run: Stepper, name: str, depth: float) -> StepFailure:
     )
 
 
+def _sunk(run: Stepper, here: ContactInstant) -> Flags:
+    """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something that
+    falls over."""
+    touching = np.zeros(here.g.size, dtype=bool)
+    touching[list(run.contacts.touching)] = True
+    return np.asarray(touching & (here.g < -here.touching_gap) & (here.speeds < 0.0))
+
+
 def _stays(run: Stepper, here: ContactInstant, selection: Selection, lying: set[int]) -> bool:
     """True where the run stands with these rows already, and on those of the contacts that lie closed."""
     is_on = (np.abs(here.speeds) <= here.speed_roundoff)[sorted(lying)].all()
     return bool(is_on) and selection == run.bound.enforced.selection
-
-
-def _postponed(contacts: ContactState, events: set[int]) -> ContactState:
-    """With events that are reported where the series of rebounds end."""
-    until = max(t for _, t in contacts.ending)
-    postponed = dict(contacts.postponed) | dict.fromkeys(events, until)
-    return dataclasses.replace(contacts, postponed=tuple(sorted(postponed.items())))
 
 
 def _press_on(run: Stepper, here: ContactInstant, closed: tuple[int, ...]) -> bool:

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from lagcli.simulation.closed_contacts.contact_instant import Flags, Floats
+from lagcli.simulation.closed_contacts.impact_series import ClosedBefore
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping.stepper import Stepper
@@ -86,13 +87,16 @@ def counted(
     return tuple(found[j] for j in sorted(found))
 
 
-def last(run: Stepper, contacts: int) -> Floats:
-    """Times (K,) at which the contacts of a run were struck of late, as those that crowd are, or nan."""
-    times = np.full(contacts, np.nan)
+def before(run: Stepper, pressed: Iterable[int], contacts: int) -> ClosedBefore:
+    """The contacts, so many, of a run before an impact; pressed: those that press, or lie on them."""
+    presses, touching, bouncing = np.zeros((3, contacts), dtype=bool)
+    presses[list(pressed)], touching[list(run.contacts.touching)] = True, True
+    bouncing[list(run.contacts.apart)] = True
+    last = np.full(contacts, np.nan)
     late = run.t - (run.grid.end - run.grid.start) * PARAMETERS.many / PARAMETERS.most
     for j, _, t, _ in run.contacts.crowds:
-        times[j] = t if t >= late else np.nan
-    return times
+        last[j] = t if t >= late else np.nan
+    return ClosedBefore(presses, touching & ~bouncing, bouncing, last)
 
 
 def count(run: Stepper, impacts: list[Flags], restitution: Floats, names: Sequence[str]) -> None:
