@@ -7,7 +7,7 @@ taken out of the equations (deflation), so that another is found.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 Flags = tuple[bool, ...]
+Contacts = tuple[int, ...]
+Region = Callable[[Floats], bool]
 
 
 class SearchParameters:
@@ -42,6 +44,9 @@ class SearchParameters:
     budget: float = 1.5e7
     """Work of a search in operations, some ten seconds of a processor of 2023.
     At 1.5e5 `test_a_ring_is_one_point_with_its_dimension` fails."""
+    first: int = 4
+    """The part of it that the declared start may take.
+    `test_the_first_start_takes_a_quarter_of_the_budget` fails at 1 and 40."""
     most_sets: int = 64
     """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and
     640."""
@@ -104,6 +109,14 @@ class FoundPoint:
     touching: tuple[int, ...]
 
 
+REGULAR = ("minimum", "maximum", "saddle", "isolated")
+
+
+def _everywhere(q: Floats) -> bool:
+    """True: all points with some contacts closed are known."""
+    return True
+
+
 class PointSearch:
     """One search; `points` grows, `best` is the least residual where none is found."""
 
@@ -113,19 +126,50 @@ class PointSearch:
         self.points: list[FoundPoint] = []
         self.best = NoEquilibrium(np.inf, problem.begin)
         self.starts = 0
-        self.is_cut = False
+        self.is_cut = self.are_beyond = False
+        self._allowed = PARAMETERS.budget
+        self._decided: dict[Contacts, Region] = {}
         self._vain = 0
         self._sets = list(self._all_sets())
 
     def run(self, others: int) -> None:
-        """Search from the declared start, if that has not been, and from so many others."""
+        """Search from the declared start, if that has not been, and from so many others: each has its part of the
+        budget that is left."""
         if not self.starts:
+            self._allowed = PARAMETERS.budget / PARAMETERS.first
             self._start(self.problem.begin)
-        for begin in self._others(others):
+        for number, begin in enumerate(self._others(others)):
             if self.spent > PARAMETERS.budget or len(self.points) >= PARAMETERS.most_points:
                 self.is_cut = True
                 return
+            self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (others - number)
             self._start(begin)
+
+    def settle(
+        self, exact: Mapping[Contacts, Sequence[EquilibriumPoint]], is_decided: Region = _everywhere
+    ) -> bool:
+        """Put all points of some sets of contacts, as far as a region is decided, in the place of those that were
+        found; nothing further is taken there. False if a regular point was found that is none of them, which stays."""
+        own = [
+            FoundPoint(point, self._typed(point), 0, point.closed)
+            for each in exact.values()
+            for point in each
+        ]
+        left = [
+            known
+            for known in self.points
+            if not any(self.apart(known.point.q, one.point.q) <= PARAMETERS.same_of_flat for one in own)
+        ]
+        outside = [one for one in left if one.point.closed not in exact or not is_decided(one.point.q)]
+        strange = [one for one in left if one not in outside and one.type.kind in REGULAR]
+        self.points = own + outside + strange
+        self._decided |= dict.fromkeys(exact, is_decided)
+        if is_decided is _everywhere:
+            self._sets = [closed for closed in self._sets if closed not in exact]
+        return not strange
+
+    def _typed(self, point: EquilibriumPoint) -> PointType:
+        return point_type.classify(self.problem, point, self.scales, self.options.has_potential)
 
     def _start(self, begin: Floats) -> None:
         first, problem = not self.starts, self.problem
@@ -141,7 +185,7 @@ class PointSearch:
         )
         for closed in sets:
             self._from(begin, closed)
-            if self.spent > PARAMETERS.budget:
+            if self.spent > self._allowed:
                 break
         if first and waits and not self.points:
             self.take(self._nearest(begin, refine.PARAMETERS.offset))
@@ -170,10 +214,21 @@ class PointSearch:
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
         if below or (pulling and self.options.pushes) or self._is_known(found):
             return False
+        if found.closed in self._decided and self._decided[found.closed](found.q):
+            return False
+        if self.problem.is_beyond(found.q, refine.PARAMETERS.closed):
+            self.are_beyond = True
+            return False
         found = continuum.with_own_contacts(self.problem, found, self.scales)
         equations = RestEquations(self.problem, found.closed, self.scales)
         x = _unknowns(equations, found)
-        kind = point_type.classify(self.problem, found, self.scales, self.options.has_potential)
+        kind = self._typed(found)
+        far = surface_descent.PARAMETERS.far * self.scales.length
+        if (
+            kind.kind == "degenerate"
+            and np.abs(found.q[~np.array(self.options.angles)]).max(initial=0.0) > far
+        ):
+            return False  # a function that flattens out: infinity is no point
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
@@ -237,8 +292,9 @@ class PointSearch:
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
     ) -> bool:
         """True if a known point or continuum lies on the larger continuum of a new point."""
-        if size <= known.dimension or not set(found.closed) <= set(known.touching):
-            return False
+        is_regular = known.type.kind in REGULAR and known.point.closed == found.closed
+        if size <= known.dimension or is_regular or not set(found.closed) <= set(known.touching):
+            return False  # a regular zero of the same equations lies on no continuum of theirs
         return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
 
     def _nearer_turn(self, goal: Floats, point: Floats) -> Floats:
@@ -270,7 +326,7 @@ class PointSearch:
                 point = surface_descent.lowest(equations, begin, sign)
                 if point is not None:
                     self.take(refine.reached(self.problem, point, closed, self.scales))
-        if is_large:
+        if is_large or self.spent > self._allowed:
             return
         self._along_path(equations, begin)
         if self._vain >= PARAMETERS.most_failures:
@@ -278,7 +334,7 @@ class PointSearch:
         for _ in range(PARAMETERS.rounds):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
             x = refine.begun(equations, begin)
-            if not known or x is None:
+            if not known or x is None or self.spent > self._allowed:
                 return
             end = newton.solve(DeflatedEquations(equations, known, self.options.angles), x, PARAMETERS.damped)
             self._vain += 1
