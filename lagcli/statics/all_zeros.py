@@ -64,14 +64,16 @@ def complete(search: PointSearch) -> Completeness:
         return Completeness(False, "the equations hold t")
     if problem.n + problem.C > PARAMETERS.most_unknowns or PARAMETERS.most_contacts < problem.K:
         return Completeness(False, "there are too many unknowns for exact algebra")
-    counted, reasons = _counted(search)
-    if reasons:
+    counted, reasons, planes = _counted(search)
+    if reasons or planes:
         for zeros in counted.values():
             for point in zeros.touching:
                 search.take(point)
     agrees = search.settle({closed: zeros.points for closed, zeros in counted.items()})
     if reasons:
         return Completeness(False, reasons[0])
+    if planes:
+        return Completeness(False, planes[0], final=True)
     if not agrees:
         return Completeness(False, "algebra and the search disagree")
     return Completeness(
@@ -81,10 +83,15 @@ def complete(search: PointSearch) -> Completeness:
     )
 
 
-def _counted(search: PointSearch) -> tuple[dict[tuple[int, ...], SetZeros], list[str]]:
-    """The points of the sets of contacts that can be counted, and why others cannot."""
+class _Plane(Exception):
+    """The points with some contacts closed, if there are any, are one plane or a part of it."""
+
+
+def _counted(search: PointSearch) -> tuple[dict[tuple[int, ...], SetZeros], list[str], list[str]]:
+    """The points of the sets of contacts that can be counted, why others cannot, and which are known to be a plane."""
     counted: dict[tuple[int, ...], SetZeros] = {}
-    reasons = []
+    reasons: list[str] = []
+    planes: list[str] = []
     order = CountedOrder(PARAMETERS.budget)
     contacts = range(search.problem.K)
     for closed in (
@@ -92,11 +99,16 @@ def _counted(search: PointSearch) -> tuple[dict[tuple[int, ...], SetZeros], list
     ):
         try:
             counted[closed] = _of_set(search, closed, order)
+        except _Plane as why:
+            if search.leave_out(closed):
+                planes.append(str(why))
+            else:
+                reasons.append(str(why))
         except (NotPolynomial, algebraic_zeros.NotCounted) as why:
             reasons.append(str(why))
         except SpentError:
             reasons.append("the budget of exact algebra is spent")
-    return counted, reasons
+    return counted, reasons, planes
 
 
 def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros:
@@ -108,7 +120,13 @@ def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -
     exact = polynomial_equations.equations(program, unknowns, numbers, order, signs)
     found = SetZeros([], [])
     contacts = problem.K - len(closed)
-    for zero in algebraic_zeros.zeros(exact.ring, exact.equations, exact.used, exact.denominators):
+    try:
+        zeros = algebraic_zeros.zeros(exact.ring, exact.equations, exact.used, exact.denominators)
+    except algebraic_zeros.Infinite as why:
+        if exact.is_linear:
+            raise _Plane("all points are one plane or a part of it, as their equations are linear") from why
+        raise
+    for zero in zeros:
         if any(root.is_unknown and zero.sign(exact.ring.gens[k]) <= 0 for k, root in exact.squares.items()):
             continue
         sides = _signs(exact, zero)

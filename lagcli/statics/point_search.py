@@ -45,7 +45,7 @@ class SearchParameters:
     """Work of a search in operations, some ten seconds of a processor of 2023.
     At 1.5e5 `test_a_ring_is_one_point_with_its_dimension` fails."""
     first: int = 4
-    """The part of it that the declared start may take.
+    """The part of it that the declared start may take, and the part that goes into what lies on which continuum.
     `test_the_first_start_takes_a_quarter_of_the_budget` fails at 1 and 40."""
     most_sets: int = 64
     """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and
@@ -128,22 +128,37 @@ class PointSearch:
         self.starts = 0
         self.is_cut = self.are_beyond = False
         self._allowed = PARAMETERS.budget
+        self._on_continua = 0.0
         self._decided: dict[Contacts, Region] = {}
         self._vain = 0
         self._sets = list(self._all_sets())
 
     def run(self, others: int) -> None:
-        """Search from the declared start, if that has not been, and from so many others: each has its part of the
-        budget that is left."""
+        """Search from the declared start, if that has not been, and from so many others: first to the points next to
+        each, then round them with what is left of the budget, of which each has its part."""
         if not self.starts:
             self._allowed = PARAMETERS.budget / PARAMETERS.first
-            self._start(self.problem.begin)
+            for closed in self._start(self.problem.begin):
+                self._around(self.problem.begin, closed, is_followed=True)
+        begun: list[tuple[Floats, Contacts]] = []
         for number, begin in enumerate(self._others(others)):
-            if self.spent > PARAMETERS.budget or len(self.points) >= PARAMETERS.most_points:
-                self.is_cut = True
+            if self._is_at_end():
                 return
             self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (others - number)
-            self._start(begin)
+            begun += [(begin, closed) for closed in self._start(begin)]
+        for number, (begin, closed) in enumerate(begun):
+            if self._vain >= PARAMETERS.most_failures and number >= PARAMETERS.paths:
+                return
+            if self._is_at_end():
+                return
+            self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (len(begun) - number)
+            self._around(begin, closed, is_followed=number < PARAMETERS.paths)
+
+    def _is_at_end(self) -> bool:
+        if self.spent <= PARAMETERS.budget and len(self.points) < PARAMETERS.most_points:
+            return False
+        self.is_cut = True
+        return True
 
     def settle(
         self, exact: Mapping[Contacts, Sequence[EquilibriumPoint]], is_decided: Region = _everywhere
@@ -168,10 +183,17 @@ class PointSearch:
             self._sets = [closed for closed in self._sets if closed not in exact]
         return not strange
 
+    def leave_out(self, closed: Contacts) -> bool:
+        """Search a set of contacts no more whose points are one continuum, if one of them is known."""
+        is_known = any(one.point.closed == closed and one.dimension for one in self.points)
+        self._sets = [each for each in self._sets if each != closed or not is_known]
+        return is_known
+
     def _typed(self, point: EquilibriumPoint) -> PointType:
         return point_type.classify(self.problem, point, self.scales, self.options.has_potential)
 
-    def _start(self, begin: Floats) -> None:
+    def _start(self, begin: Floats) -> list[Contacts]:
+        """Search next to a start; the sets of contacts with which that was done."""
         first, problem = not self.starts, self.problem
         waits = self.options.has_potential and problem.n + problem.C > refine.PARAMETERS.large
         if first:
@@ -185,11 +207,10 @@ class PointSearch:
         )
         for closed in sets:
             self._from(begin, closed)
-            if self.spent > self._allowed:
-                break
         if first and waits and not self.points:
             self.take(self._nearest(begin, refine.PARAMETERS.offset))
         self.starts += 1
+        return list(sets)
 
     def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:
         """The point reached from the start, which is always among the answers."""
@@ -203,7 +224,8 @@ class PointSearch:
         unknowns = self.problem.n + self.problem.C + self.problem.K
         # Of many unknowns what one evaluation leads to is mostly sparse algebra.
         each = unknowns**3 / 50 if unknowns <= newton.PARAMETERS.dense else unknowns**3 / 5000 + 5000.0
-        return self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
+        made = self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
+        return made - self._on_continua
 
     def take(self, found: EquilibriumPoint | NoEquilibrium) -> bool:
         """Keep a point that is new; True if it is."""
@@ -220,6 +242,14 @@ class PointSearch:
             self.are_beyond = True
             return False
         found = continuum.with_own_contacts(self.problem, found, self.scales)
+        before = self.spent
+        is_new = self._add(found)
+        if not is_new or self.points[-1].dimension:
+            self._on_continua += self.spent - before
+        return is_new
+
+    def _add(self, found: EquilibriumPoint) -> bool:
+        """Keep a point of its own; False for one of a known continuum."""
         equations = RestEquations(self.problem, found.closed, self.scales)
         x = _unknowns(equations, found)
         kind = self._typed(found)
@@ -229,11 +259,16 @@ class PointSearch:
             and np.abs(found.q[~np.array(self.options.angles)]).max(initial=0.0) > far
         ):
             return False  # a function that flattens out: infinity is no point
+        is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
+        if is_tired and kind.kind not in REGULAR and any(one.dimension for one in self.points):
+            return False  # it is compared with the known continua no more, for that costs more than all else
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
         touching = refine.touching(self.problem, found, self.scales)
-        if any(self._is_on(known, touching, found.q, size) for known in self.points):
+        # A regular zero lies on no continuum of the same equations.
+        larger = [one for one in self.points if kind.kind not in REGULAR or one.point.closed != found.closed]
+        if any(self._is_on(known, touching, found.q, size) for known in larger):
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
@@ -317,7 +352,7 @@ class PointSearch:
         return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
 
     def _from(self, begin: Floats, closed: tuple[int, ...]) -> None:
-        """All ways out from one start with these contacts closed."""
+        """The points next to a start with these contacts closed."""
         self.take(refine.reached(self.problem, begin, closed, self.scales))
         equations = RestEquations(self.problem, closed, self.scales)
         is_large = equations.size > PARAMETERS.most_unknowns
@@ -326,9 +361,14 @@ class PointSearch:
                 point = surface_descent.lowest(equations, begin, sign)
                 if point is not None:
                     self.take(refine.reached(self.problem, point, closed, self.scales))
-        if is_large or self.spent > self._allowed:
+
+    def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
+        """Further points round a start: along a path if it is followed, and without those that are known."""
+        equations = RestEquations(self.problem, closed, self.scales)
+        if equations.size > PARAMETERS.most_unknowns:
             return
-        self._along_path(equations, begin)
+        if is_followed:
+            self._along_path(equations, begin)
         if self._vain >= PARAMETERS.most_failures:
             return
         for _ in range(PARAMETERS.rounds):
@@ -348,11 +388,17 @@ class PointSearch:
     def _along_path(self, equations: RestEquations, begin: Floats) -> None:
         """The points on the path of a homotopy from one start."""
         x = refine.begun(equations, begin)
-        if x is None or self.starts >= PARAMETERS.paths:
+        if x is None:
             return
+        vain = 0
         for point in further_zeros.near_zeros(equations, x):
-            if equations(point) is not None:
-                self.take(refine.settled(equations, newton.refined(equations, point)))
+            # Along a continuum a path goes to and fro over zero without end.
+            if vain >= PARAMETERS.rounds or self.spent > self._allowed:
+                return
+            is_new = equations(point) is not None and self.take(
+                refine.settled(equations, newton.refined(equations, point))
+            )
+            vain = 0 if is_new else vain + 1
 
     def _all_sets(self) -> Iterator[tuple[int, ...]]:
         """Sets of closed contacts, the small ones first; that of the start is the first of all."""

@@ -123,6 +123,13 @@ class PolynomialEquations:
         first = len(self.names) - len(self.roots)
         return {first + k: root for k, root in enumerate(self.roots)}
 
+    @property
+    def is_linear(self) -> bool:
+        """True if all equations and signs have degree one, and nothing is divided by."""
+        parts = [*self.equations, *(part for sign in self.signs for part in (sign.above, sign.below))]
+        degree = max((sum(powers) for part in parts for powers in part.itermonoms()), default=0)
+        return degree <= 1 and not self.denominators and not self.divisors and not self.roots
+
     def unknowns(self, values: Floats) -> Floats:
         """(q, lambda) from values of the polynomials' unknowns."""
         found = np.array(values[: self.plain])

@@ -466,7 +466,7 @@ def test_starts_are_drawn_beside_across_and_beyond(search_of):
 def test_a_search_ends_with_four_hundred_points(points, is_cut, search_of, monkeypatch):
     search = search_of()
     search.starts = 1
-    monkeypatch.setattr(search, "_start", lambda begin: None)
+    monkeypatch.setattr(search, "_start", lambda begin: [])
     search.points = [found_point(0.0)] * points
     search.run(1)
     assert search.is_cut is is_cut
@@ -476,7 +476,7 @@ def test_a_search_ends_with_four_hundred_points(points, is_cut, search_of, monke
 def test_a_search_ends_with_its_budget(evaluations, is_cut, search_of, monkeypatch):
     search = search_of(evaluations=evaluations)  # each costs a thousand operations
     search.starts = 1
-    monkeypatch.setattr(search, "_start", lambda begin: None)
+    monkeypatch.setattr(search, "_start", lambda begin: [])
     search.run(1)
     assert search.is_cut is is_cut
 
@@ -514,7 +514,7 @@ def from_a_start(search_of, monkeypatch):
             asked.paths += 1
 
         monkeypatch.setattr(search, "_along_path", along_path)
-        search._from(np.zeros(1), ())
+        search._around(np.zeros(1), (), is_followed=True)
         return asked
 
     return made
@@ -539,14 +539,20 @@ def test_twelve_rounds_in_vain_are_the_last(vain, rounds, from_a_start):
     assert len(from_a_start(vain=vain, is_new=False).damped) == rounds
 
 
-@pytest.mark.parametrize(("starts", "is_followed"), [(7, True), (8, False)])
-def test_a_path_is_followed_from_eight_starts(starts, is_followed, search_of, monkeypatch):
+def test_a_path_is_followed_from_eight_starts(search_of, monkeypatch):
     search, asked = search_of(), []
-    search.starts = starts
-    monkeypatch.setattr(refine, "begun", lambda *_: np.zeros(1))
-    monkeypatch.setattr(further_zeros, "near_zeros", lambda *_: asked.append(1) or [])
-    search._along_path(None, np.zeros(1))
-    assert bool(asked) is is_followed
+    search.starts = 1
+    monkeypatch.setattr(search, "_start", lambda begin: [()])
+    monkeypatch.setattr(search, "_around", lambda begin, closed, is_followed: asked.append(is_followed))
+    search.run(100)
+    assert asked == [True] * 8 + [False] * 92
+
+
+def test_the_first_start_takes_a_quarter_of_the_budget(search_of, monkeypatch):
+    search, allowed = search_of(), []
+    monkeypatch.setattr(search, "_start", lambda begin: allowed.append(search._allowed) or [])
+    search.run(2)
+    assert allowed == pytest.approx([1.5e7 / 4, 1.5e7 / 2, 1.5e7])
 
 
 # Places where gradients depend on each other
