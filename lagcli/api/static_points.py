@@ -67,9 +67,8 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     points = [_point(ready, asked, columns, source, found) for found in search.points]
     are_unique = all(point.unique_multipliers for point in points)
     notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]
-    notes.append(
-        whole.reason if whole.proved or whole.final else f"no proof that these are all: {whole.reason}"
-    )
+    if whole.is_told:
+        notes.append(whole.reason)
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None

@@ -40,11 +40,12 @@ PARAMETERS = CompletenessParameters()
 @dataclasses.dataclass(frozen=True, slots=True)
 class Completeness:
     """True where the list is proved to hold all points; and a sentence on the proof, or on why there is none. final:
-    a search from other starts would find no more."""
+    a search from other starts would find no more; is_told: the sentence is one for users."""
 
     proved: bool
     reason: str
     final: bool = False
+    is_told: bool = False
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -73,13 +74,13 @@ def complete(search: PointSearch) -> Completeness:
     if reasons:
         return Completeness(False, reasons[0])
     if planes:
-        return Completeness(False, planes[0], final=True)
+        return Completeness(False, planes[0], final=agrees, is_told=True)
     if not agrees:
         return Completeness(False, "algebra and the search disagree")
     return Completeness(
         True,
-        "that there are no others is proved by exact algebra: a Groebner basis of the equations with the numbers as"
-        " they are written, its real zeros isolated and counted, those that divide by zero left out",
+        "that there are no others is proved by exact algebra: a Groebner basis, of which all real zeros are isolated",
+        is_told=True,
     )
 
 

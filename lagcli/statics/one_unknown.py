@@ -210,12 +210,13 @@ def complete(search: PointSearch, is_angle: bool) -> Completeness:
             search.take(refine.reached(problem, np.array([(low + high) / 2]), (), search.scales))
     if own:
         is_narrow = all(abs(low + high) == np.inf or high - low <= _width(search, low) for low, high in own)
-        return Completeness(False, _undecided(own), is_narrow)
+        return Completeness(False, _undecided(own), is_narrow, is_told=True)
     if not agrees:
         return Completeness(False, "intervals and the search disagree")
     return Completeness(
         True,
         "that there are no others is proved by intervals: each piece of the line has one of them, or none",
+        is_told=True,
     )
 
 

@@ -161,10 +161,10 @@ class StaticProblem:
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + len(closed))
         equations = [self._acting(list(closed), lam), laws.c, laws.g[list(closed)]]
-        signs = ca.vertcat(laws.g[[k for k in range(self.K) if k not in closed]], laws.sides)
+        signs = [*(laws.g[k] for k in range(self.K) if k not in closed), *ca.vertsplit(laws.sides)]
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
-        written = program.written_out(SizedFunction("exact", inputs, [_stacked([*equations, signs])]))
-        return written, int(signs.numel())
+        written = program.written_out(SizedFunction("exact", inputs, [_stacked([*equations, *signs])]))
+        return written, len(signs)
 
     @property
     def nothing(self) -> Floats:

@@ -1,5 +1,6 @@
 """Which points are listed and what is called complete: against zeros that are known exactly."""
 
+import itertools
 import math
 
 import numpy as np
@@ -141,6 +142,6 @@ def test_functions_of_one_coordinate(of, start, wanted, is_proved):
         if "tan(" in of:  # infinitely many
             near = [x for x in near if abs(x) < 3]
         np.testing.assert_allclose(near, wanted, rtol=1e-4, atol=1e-6)
-    assert all(b - a > 1e-6 for a, b in zip(places, places[1:], strict=False))
+    assert all(b - a > 1e-6 for a, b in itertools.pairwise(places))
     if not found.complete:
         assert any("intervals decide everywhere but" in note for note in found.notes)
