@@ -16,7 +16,7 @@ from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing
 
 from lagcli.statics import univariate
-from lagcli.statics.polynomial_equations import Root
+from lagcli.statics.polynomial_equations import RootUnknown
 from lagcli.statics.univariate import Enclosure, NotSeparated, RealRoot, Representation, Whole
 
 Powers = tuple[int, ...]
@@ -68,7 +68,7 @@ class AlgebraicZero:
         except OverflowError:
             raise NotCounted("their numbers are too large") from None
 
-    def sign(self, polynomial: PolyElement, squares: Mapping[int, Root] = MappingProxyType({})) -> int:
+    def sign(self, polynomial: PolyElement, squares: Mapping[int, RootUnknown] = MappingProxyType({})) -> int:
         """The sign of a polynomial, exactly; squares: of roots that it may hold besides, by their numbers. Raises
         `NotCounted` where it is not decided."""
         indices = _indices(polynomial)
@@ -82,7 +82,7 @@ class AlgebraicZero:
                 return (low > 0) - (high < 0)
         raise NotCounted("a sign is not decided exactly")
 
-    def _enclosed(self, unknown: int, squares: Mapping[int, Root], digits: int) -> Enclosure:
+    def _enclosed(self, unknown: int, squares: Mapping[int, RootUnknown], digits: int) -> Enclosure:
         if unknown in self._owner:
             part, i = self._owner[unknown]
             return part.enclosure(i, digits)
@@ -97,7 +97,7 @@ class AlgebraicZero:
         low, high = (math.isqrt(max(0, math.floor(end * scale))) for end in (min(ends), max(ends)))
         return Fraction(low, 1 << digits), Fraction(high + 1, 1 << digits)
 
-    def _bounds(self, polynomial: PolyElement, squares: Mapping[int, Root], digits: int) -> Enclosure:
+    def _bounds(self, polynomial: PolyElement, squares: Mapping[int, RootUnknown], digits: int) -> Enclosure:
         least = most = Fraction(0)
         for powers, factor in polynomial.terms() if polynomial else ():
             low = high = Fraction(int(factor.numerator), int(factor.denominator))
@@ -161,11 +161,11 @@ def _of_block(
     if not indices:
         return []  # a constant is no zero
     try:
-        block = _Block(ring, equations, indices)
+        block = _ZeroBlock(ring, equations, indices)
     except Infinite:
         if not denominators:
             raise
-        block = _Block(ring, equations, indices, denominators)
+        block = _ZeroBlock(ring, equations, indices, denominators)
     found = [_BlockZero(block, root) for root in block.roots]
     return [zero for zero in found if all(zero.sign(d) for d in denominators)]
 
@@ -174,7 +174,7 @@ class Infinite(NotCounted):
     """The zeros are infinitely many, in complex numbers at the least."""
 
 
-class _Block:
+class _ZeroBlock:
     """The zeros of the equations of some unknowns, saturated by denominators if there are any."""
 
     def __init__(
@@ -213,7 +213,7 @@ class _Block:
         return self._function(self._algebra.reduced(self.taken(polynomial)))
 
     def unknown(self, index: int) -> tuple[Whole, int]:
-        """The same of an unknown."""
+        """Return g and a factor of an unknown."""
         return self._unknowns[index]
 
     @property
@@ -229,7 +229,7 @@ class _Block:
 class _BlockZero:
     """One zero of a block."""
 
-    def __init__(self, block: _Block, root: RealRoot) -> None:
+    def __init__(self, block: _ZeroBlock, root: RealRoot) -> None:
         self.block, self._root = block, root
         self._known: dict[tuple[int, int], Enclosure] = {}
 

@@ -40,7 +40,7 @@ class BranchingParameters:
     """An interval of this part of the size of things, or of x, is not halved.
     `test_a_double_zero_is_enclosed_to_nine_digits` fails at 1e-10 and 1e-8."""
     most_named: int = 4
-    """Undecided pieces that a sentence names."""
+    """Undecided pieces that a sentence names. `test_four_undecided_pieces_are_named` fails at 0 and 40."""
     digits: int = 20
     """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one.
     `test_intervals_have_twenty_digits` fails at 2 and 200."""
@@ -65,8 +65,8 @@ Piece = tuple[float, float]
 
 
 @dataclasses.dataclass(slots=True)
-class Pieces:
-    """Pieces of the line with one zero each, and undecided ones; there is none elsewhere."""
+class LinePieces:
+    """LinePieces of the line with one zero each, and undecided ones; there is none elsewhere."""
 
     isolated: list[Piece] = dataclasses.field(default_factory=list)
     undecided: list[Piece] = dataclasses.field(default_factory=list)
@@ -231,7 +231,7 @@ def _undecided(pieces: list[Piece]) -> str:
 
 
 def _merged(pieces: list[Piece]) -> Iterator[Piece]:
-    """Pieces that touch, as one."""
+    """LinePieces that touch, as one."""
     current: Piece | None = None
     for low, high in sorted(pieces):
         if current is not None and low <= current[1]:
@@ -271,9 +271,9 @@ def _narrowed(force: _Force, piece: Piece) -> float:
         low, high = (middle, high) if (value.a > 0) == left else (low, middle)
 
 
-def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> Pieces:
+def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
     """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
-    found = Pieces()
+    found = LinePieces()
     if is_angle:
         # The ends lie at no point where a zero is likely.
         turn = (-np.pi + 0.0123 - PARAMETERS.overlap, np.pi + 0.0123 + PARAMETERS.overlap)
@@ -291,7 +291,7 @@ def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> Pieces:
     return found
 
 
-def _search(force: _Force, begun: list[Piece], found: Pieces, boxes: int, length: float) -> int:
+def _search(force: _Force, begun: list[Piece], found: LinePieces, boxes: int, length: float) -> int:
     """Halve pieces as long as they are undecided; the number that was looked at."""
     waiting = deque(begun)
     count = 0

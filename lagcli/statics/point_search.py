@@ -7,6 +7,7 @@ taken out of the equations (deflation), so that another is found.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -126,12 +127,14 @@ class PointSearch:
         self.points: list[FoundPoint] = []
         self.best = NoEquilibrium(np.inf, problem.begin)
         self.starts = 0
-        self.is_cut = self.are_beyond = False
+        self.are_beyond = False
         self._allowed = PARAMETERS.budget
         self._on_continua = 0.0
         self._decided: dict[Contacts, Region] = {}
         self._vain = 0
-        self._sets = list(self._all_sets())
+        sets = list(itertools.islice(_sets_of_contacts(problem), PARAMETERS.most_sets + 1))
+        self._sets = sets[: PARAMETERS.most_sets]
+        self.is_cut = len(sets) > len(self._sets)
 
     def run(self, others: int) -> None:
         """Search from the declared start, if that has not been, and from so many others: first to the points next to
@@ -308,10 +311,10 @@ class PointSearch:
         """True if a known continuum of this dimension leads to a point."""
         if known.dimension != size or known.point.closed != found.closed:
             return False
-        goal = self._nearer_turn(known.point.q, found.q)
+        goal = _nearer_turn(self.options, known.point.q, found.q)
         other = _unknowns(equations, known.point)
         return continuum.connected(equations, x, goal) or continuum.connected(
-            equations, other, self._nearer_turn(found.q, known.point.q)
+            equations, other, _nearer_turn(self.options, found.q, known.point.q)
         )
 
     def _is_on(self, known: FoundPoint, touching: tuple[int, ...], q: Floats, size: int) -> bool:
@@ -321,7 +324,7 @@ class PointSearch:
             return False
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, self._nearer_turn(q, known.point.q))
+        return continuum.connected(equations, x, _nearer_turn(self.options, q, known.point.q))
 
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
@@ -330,14 +333,7 @@ class PointSearch:
         is_regular = known.type.kind in REGULAR and known.point.closed == found.closed
         if size <= known.dimension or is_regular or not set(found.closed) <= set(known.touching):
             return False  # a regular zero of the same equations lies on no continuum of theirs
-        return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
-
-    def _nearer_turn(self, goal: Floats, point: Floats) -> Floats:
-        """The goal with its angles within half a turn of a point."""
-        angles = np.array(self.options.angles, dtype=bool)
-        turned = np.array(goal)
-        turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
-        return turned
+        return continuum.connected(equations, x, _nearer_turn(self.options, known.point.q, found.q))
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
         """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
@@ -400,21 +396,6 @@ class PointSearch:
             )
             vain = 0 if is_new else vain + 1
 
-    def _all_sets(self) -> Iterator[tuple[int, ...]]:
-        """Sets of closed contacts, the small ones first; that of the start is the first of all."""
-        problem = self.problem
-        yield ()
-        layer: list[tuple[int, ...]] = [()]
-        count = 1
-        for _ in range(min(problem.K, problem.n)):
-            layer = [(*one, k) for one in layer for k in range(one[-1] + 1 if one else 0, problem.K)]
-            for one in layer:
-                if count >= PARAMETERS.most_sets:
-                    self.is_cut = True
-                    return
-                count += 1
-                yield one
-
     def _others(self, count: int) -> Iterator[Floats]:
         """Starts beside the declared one: angles anywhere, the rest at several distances."""
         problem = self.problem
@@ -429,6 +410,20 @@ class PointSearch:
                 q = np.zeros(problem.n)  # where much is symmetric
             point = surface_descent.onto(problem, q, (), self.scales)
             yield q if point is None else point
+
+
+def _sets_of_contacts(problem: StaticProblem) -> Iterator[Contacts]:
+    """Sets of closed contacts, the small ones first; that of the start is the first of all."""
+    for size in range(min(problem.K, problem.n) + 1):
+        yield from itertools.combinations(range(problem.K), size)
+
+
+def _nearer_turn(options: SearchOptions, goal: Floats, point: Floats) -> Floats:
+    """The goal with its angles within half a turn of a point."""
+    angles = np.array(options.angles, dtype=bool)
+    turned = np.array(goal)
+    turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
+    return turned
 
 
 def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:

@@ -83,7 +83,7 @@ class Quotient:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Root:
+class RootUnknown:
     """The square root of a quotient; is_unknown: it stands in the equations."""
 
     square: Quotient
@@ -105,7 +105,7 @@ class PolynomialEquations:
     equations: tuple[PolyElement, ...]
     denominators: tuple[PolyElement, ...]
     angles: tuple[int, ...]
-    roots: tuple[Root, ...]
+    roots: tuple[RootUnknown, ...]
     plain: int
     signs: tuple[Quotient, ...] = ()
     divisors: tuple[PolyElement, ...] = ()
@@ -118,7 +118,7 @@ class PolynomialEquations:
         return tuple(k for k in range(len(self.names)) if k not in self.angles and k not in free)
 
     @property
-    def squares(self) -> dict[int, Root]:
+    def squares(self) -> dict[int, RootUnknown]:
         """The roots by their numbers among the unknowns."""
         first = len(self.names) - len(self.roots)
         return {first + k: root for k, root in enumerate(self.roots)}
@@ -172,7 +172,7 @@ class _Translation:
         self._ring = PolyRing(names, QQ, order)
         self._one = self._ring.one
         self._is_of_equations = True
-        self._roots: list[Root] = []
+        self._roots: list[RootUnknown] = []
         self._denominators: list[PolyElement] = []
         self._divisors: list[PolyElement] = []
 
@@ -347,9 +347,9 @@ class _Translation:
         known = next((k for k, root in enumerate(self._roots) if root.square == a), None)
         if known is None:
             known = len(self._roots)
-            self._roots.append(Root(a, self._is_of_equations))
+            self._roots.append(RootUnknown(a, self._is_of_equations))
         elif self._is_of_equations and not self._roots[known].is_unknown:
-            self._roots[known] = Root(a, True)
+            self._roots[known] = RootUnknown(a, True)
         if self._is_of_equations:
             # Where the root vanishes its derivative has no value.
             self._denominators.append(a.above)

@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 class DependenceParameters:
     """Numbers of the search for points where gradients depend on each other.
 
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and `tests/physics/test_statics_proofs.py`.
     """
 
     __slots__ = ()

@@ -37,11 +37,14 @@ class RepresentationParameters:
     """Choices of t that are tried: one at random serves but for zeros in a few directions of each other.
     `test_twelve_sums_of_the_unknowns_are_tried` fails at 1 and 120."""
     first_bits: int = 128
-    """Binary digits of t behind the point at first; they are doubled as long as they do not suffice."""
+    """Binary digits of t behind the point at first; they are doubled as long as they do not suffice.
+    `test_a_root_is_narrowed_to_a_hundred_and_twenty_eight_digits_at_first` fails at 12 and 1280."""
     most_bits: int = 1 << 14
-    """Digits at which a sign is given up that is not zero: none is so small with coefficients of this length."""
+    """Digits at which a sign is given up that is not zero: none is so small with coefficients of this length.
+    `test_a_sign_is_sought_to_sixteen_thousand_binary_digits` fails at 1638 and 163 840."""
     digits: int = 60
-    """Binary digits of a value: seven more than a double has."""
+    """Binary digits of a value: seven more than a double has.
+    `test_a_value_has_sixty_binary_digits_and_zero_is_zero` fails at 6 and 600."""
 
 
 PARAMETERS = RepresentationParameters()
@@ -51,7 +54,7 @@ class NotSeparated(Exception):
     """No sum of the unknowns tells all zeros apart, or digits do not suffice."""
 
 
-class Algebra(Protocol):
+class FiniteAlgebra(Protocol):
     """A finite algebra over the rationals with a basis of D elements, the first of which is 1.
 
     `generators`: matrices of multiplication by the unknowns (rows: the products with the basis), whole numbers over one
@@ -66,7 +69,7 @@ class Algebra(Protocol):
 class Representation:
     """f, and g_v for elements v of an algebra. Raises `NotSeparated`."""
 
-    def __init__(self, algebra: Algebra) -> None:
+    def __init__(self, algebra: FiniteAlgebra) -> None:
         self._algebra = algebra
         random_weights = random.Random(0)
         count = len(algebra.generators)

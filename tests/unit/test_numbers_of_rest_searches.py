@@ -642,7 +642,7 @@ def test_intervals_have_twenty_digits(search_of, monkeypatch):
 
     def pieces(*_):
         digits.append(iv.dps)
-        return one_unknown.Pieces()
+        return one_unknown.LinePieces()
 
     monkeypatch.setattr(one_unknown, "_pieces", pieces)
     one_unknown.complete(search_of(slope_program=lambda: None), False)
