@@ -210,10 +210,12 @@ class PointSearch:
         )
         for closed in sets:
             self._from(begin, closed)
+            if self.spent > self._allowed:
+                break
         if first and waits and not self.points:
             self.take(self._nearest(begin, refine.PARAMETERS.offset))
         self.starts += 1
-        return list(sets)
+        return sets
 
     def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:
         """The point reached from the start, which is always among the answers."""
@@ -361,7 +363,7 @@ class PointSearch:
     def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
         """Further points round a start: along a path if it is followed, and without those that are known."""
         equations = RestEquations(self.problem, closed, self.scales)
-        if equations.size > PARAMETERS.most_unknowns:
+        if equations.size > PARAMETERS.most_unknowns or self.spent > self._allowed:
             return
         if is_followed:
             self._along_path(equations, begin)
