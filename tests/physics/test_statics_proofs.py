@@ -145,3 +145,21 @@ def test_functions_of_one_coordinate(of, start, wanted, is_proved):
     assert all(b - a > 1e-6 for a, b in itertools.pairwise(places))
     if not found.complete:
         assert any("intervals decide everywhere but" in note for note in found.notes)
+
+
+def test_continua_leave_the_budget_to_the_other_points():
+    """a b c d on a sphere: extremes +-1/16 at the 16 points (+-1/2, ...), and circles of saddles between them."""
+    text = "coordinates: {a: {value: 0.5}, b: {value: 0.4}, c: {value: 0.6}, d: {value: 0.48}}\n"
+    rows = "holonomic: {s: 'a**2 + b**2 + c**2 + d**2 = 1'}\nsimulation: {assemble: true}\n"
+    found = stationary(text + rows, "a*b*c*d")
+    extremes = [p for p in found if not p.dimension]
+    assert [round(16 * p.value, 12) for p in extremes] == [-1] * 8 + [1] * 8
+    assert not found.complete
+
+
+def test_a_plane_of_points_is_searched_from_one_start():
+    text = "particles: {b: {mass: 1, position: [0, 0, 1]}}\nforces: {w: {to: b, force: [0, 0, -9.81*m]}}\n"
+    found = lagcli.equilibrium(lagcli.loads("lagcli: 1\n" + text + "inequality: {floor: b.z >= 0}\n"))
+    assert [(p.at["b.z"], p.dimension) for p in found] == [(0, 2)]
+    assert found.starts == 1
+    assert any("one plane" in note for note in found.notes)
