@@ -59,16 +59,16 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed))
     search.run(0)
     whole = all_zeros.complete(search)
-    if not whole.proved:
-        search.run(starts)
-        if not whole.final:
-            whole = all_zeros.complete(search)
     if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
         whole = one_unknown.complete(search, angles[0])
+    if not whole.proved and not whole.final:
+        search.run(starts)
     columns = PointColumns(ready.system, problem.t, problem.p)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
     are_unique = all(point.unique_multipliers for point in points)
     notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]
+    if whole.is_told:
+        notes.append(whole.reason)
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None
@@ -146,6 +146,11 @@ def _remarks(search: PointSearch, source: Origin, are_unique: bool, starts: int)
     if len(search.problem.times) > 1:
         t = search.problem.t
         yield f"the equations hold t: points hold at every t that was looked at, lambda is that of t = {t:g}"
+    if search.are_beyond:
+        yield (
+            "points beyond the singular points of a differential row are left out: they are on another leaf than the"
+            " start"
+        )
     if search.is_cut:
         ends = "" if search.starts > starts else f", after {search.starts} of {starts + 1} starts"
         yield f"the search ended at its budget of work{ends}"

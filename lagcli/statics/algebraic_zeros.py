@@ -1,94 +1,153 @@
-"""All real zeros of polynomials with rational coefficients, with the proof that there are no others.
+"""All real zeros of polynomials with rational coefficients, each exactly, with the proof that there are no others.
 
-A Groebner basis gives the algebra of functions on the zeros, of finite dimension D where there are finitely many. The
-signature of its trace form, in exact arithmetic, is the number of real zeros (Hermite); eigenvectors of multiplication
-give them in floating point. Only where as many are found as there must be is the list complete.
+A Groebner basis gives the algebra of functions on the zeros, of finite dimension D where there are finitely many; the
+zeros are told apart and counted by one unknown (`univariate`), in exact arithmetic. Where they are infinitely many,
+those on which a denominator vanishes are taken out: the ideal is saturated by it (Rabinowitsch: d u = 1).
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from types import MappingProxyType
 
-import numpy as np
-import numpy.typing as npt
 from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing
 
-from lagcli.statics import polynomial_equations
+from lagcli.statics import univariate
+from lagcli.statics.polynomial_equations import RootUnknown
+from lagcli.statics.univariate import Enclosure, NotSeparated, RealRoot, Representation, Whole
 
-Floats = npt.NDArray[np.float64]
-LARGEST = int(np.finfo(float).max)
-Rationals = list[list[Fraction]]
+Powers = tuple[int, ...]
+Element = tuple[Whole, int]  # coefficients in the basis of an algebra, and their denominator
 
 
 class AlgebraParameters:
-    """Numbers of the algebra of functions on the zeros; parts are of the size of a zero.
+    """Sizes of the algebra of functions on the zeros.
 
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and
-    `tests/unit/test_numbers_of_statics.py`.
+    The tests are of `tests/unit/test_numbers_of_statics.py`.
     """
 
     __slots__ = ()
 
     most_dimensions: int = 36
-    """The dimension D of the algebra: its signature is that of D by D fractions.
+    """The dimension D of the algebra: what it costs grows with its fourth power.
     At 3 and at 360 `test_an_algebra_of_thirty_six_dimensions_is_counted_and_one_of_forty_two_is_not` fails."""
     most_zeros: int = 4096
     """Zeros of all blocks together: as many points of rest nobody reads.
     At 409 and at 40 960 `test_four_thousand_zeros_are_listed_and_eight_thousand_are_not` fails."""
-    real: float = 1e-4
-    """An eigenvalue with a larger imaginary part belongs to no real zero; the count by exact arithmetic
-    judges what is left. `test_eigenvalues_that_are_real_to_four_digits_are_refined` fails at 1e-5 and
-    0.001."""
-    same: float = 1e-7
-    """Zeros closer than this are one: they are refined to rounding first.
-    At 1e-8 and at 1e-6 `test_zeros_that_are_almost_one_are_not_told_apart` fails."""
-    newton_steps: int = 30
-    """Newton's steps of a refinement, each of which doubles the digits.
-    `test_a_zero_is_refined_by_thirty_newton_steps` fails at 3 and 300."""
+    digits: tuple[int, ...] = (64, 256, 1024)
+    """Binary digits with which the sign of a function of several blocks is looked for.
+    At a tenth and at ten times of them `test_a_sign_of_two_blocks_is_found_to_a_thousand_digits` fails."""
 
 
 PARAMETERS = AlgebraParameters()
 
 
 class NotCounted(Exception):
-    """The zeros are infinitely many, or too many to be counted; the message says which."""
+    """The zeros are infinitely many, or too many to be counted, or something about them is not decided exactly; the
+    message says which."""
 
 
-def zeros(ring: PolyRing, equations: Sequence[PolyElement], used: Sequence[int]) -> Floats:
-    """All real zeros (Z, unknowns) of equations in the `used` unknowns; the others are zero.
+class AlgebraicZero:
+    """One real zero: the zeros of its blocks together."""
+
+    def __init__(self, parts: Sequence[_BlockZero]) -> None:
+        self._parts = parts
+        self._owner = {k: (part, i) for part in parts for i, k in enumerate(part.block.indices)}
+
+    def value(self, unknown: int) -> float:
+        """The nearest double."""
+        if unknown not in self._owner:
+            return 0.0
+        part, i = self._owner[unknown]
+        low, high = part.enclosure(i, univariate.PARAMETERS.digits)
+        try:
+            return float((low + high) / 2)
+        except OverflowError:
+            raise NotCounted("their numbers are too large") from None
+
+    def sign(self, polynomial: PolyElement, squares: Mapping[int, RootUnknown] = MappingProxyType({})) -> int:
+        """The sign of a polynomial, exactly; squares: of roots that it may hold besides, by their numbers. Raises
+        `NotCounted` where it is not decided."""
+        indices = _indices(polynomial)
+        parts = {id(part): part for part, _ in (self._owner[k] for k in indices if k in self._owner)}
+        if len(parts) == 1 and indices <= self._owner.keys():
+            (part,) = parts.values()
+            return part.sign(polynomial)
+        for digits in PARAMETERS.digits:
+            low, high = self._bounds(polynomial, squares, digits)
+            if low > 0 or high < 0 or low == high:
+                return (low > 0) - (high < 0)
+        raise NotCounted("a sign is not decided exactly")
+
+    def _enclosed(self, unknown: int, squares: Mapping[int, RootUnknown], digits: int) -> Enclosure:
+        if unknown in self._owner:
+            part, i = self._owner[unknown]
+            return part.enclosure(i, digits)
+        square = squares[unknown].square
+        above, below = (self._bounds(part, squares, digits) for part in (square.above, square.below))
+        if below[0] <= 0 <= below[1]:
+            raise NotCounted("a root has no value at a zero")
+        ends = [x / y for x in above for y in below]
+        if max(ends) < 0:
+            raise NotCounted("a root has no value at a zero")
+        scale = 1 << 2 * digits
+        low, high = (math.isqrt(max(0, math.floor(end * scale))) for end in (min(ends), max(ends)))
+        return Fraction(low, 1 << digits), Fraction(high + 1, 1 << digits)
+
+    def _bounds(self, polynomial: PolyElement, squares: Mapping[int, RootUnknown], digits: int) -> Enclosure:
+        least = most = Fraction(0)
+        for powers, factor in polynomial.terms() if polynomial else ():
+            low = high = Fraction(int(factor.numerator), int(factor.denominator))
+            for unknown, power in enumerate(powers):
+                ends = self._enclosed(unknown, squares, digits) if power else (low, high)
+                for _ in range(power):
+                    products = [x * y for x in (low, high) for y in ends]
+                    low, high = min(products), max(products)
+            least, most = least + low, most + high
+        return least, most
+
+
+def zeros(
+    ring: PolyRing,
+    equations: Sequence[PolyElement],
+    used: Sequence[int],
+    denominators: Sequence[PolyElement] = (),
+) -> list[AlgebraicZero]:
+    """All real zeros of equations in the `used` unknowns at which no denominator vanishes.
 
     Raises `NotCounted`, and `SpentError` of the order of the ring.
     """
-    found = np.zeros((1, len(ring.gens)))
-    for block in _blocks(equations, used):
-        indices, polynomials = block
-        part = _of_block(ring, polynomials, indices)
+    found: list[tuple[_BlockZero, ...]] = [()]
+    for indices, polynomials in _blocks(equations, used, denominators):
+        own = [d for d in denominators if _indices(d) <= set(indices)]
+        part = _of_block(ring, polynomials, indices, own)
         if len(found) * len(part) > PARAMETERS.most_zeros:
             raise NotCounted("there are too many of them")
-        found = (found[:, None, :] + part[None, :, :]).reshape(-1, len(ring.gens))
-    return found
+        found = [(*before, one) for before in found for one in part]
+    return [AlgebraicZero(parts) for parts in found]
+
+
+def _indices(polynomial: PolyElement) -> frozenset[int]:
+    return frozenset(k for m in polynomial.itermonoms() for k, power in enumerate(m) if power)
 
 
 def _blocks(
-    equations: Sequence[PolyElement], used: Sequence[int]
-) -> Iterator[tuple[tuple[int, ...], list[PolyElement]]]:
+    equations: Sequence[PolyElement], used: Sequence[int], denominators: Sequence[PolyElement]
+) -> Iterator[tuple[Powers, list[PolyElement]]]:
     """Unknowns that hang together, with their equations: the zeros are all combinations of those of the blocks."""
-    left = [
-        (frozenset(k for m in e.itermonoms() for k, power in enumerate(m) if power), e) for e in equations
-    ]
+    left = [(_indices(e), e) for e in equations]
+    tied = [*(indices for indices, _ in left), *map(_indices, denominators)]
     waiting = set(used)
     for constant in (e for indices, e in left if not indices):
-        assert constant
-        waiting = set()
         yield (), [constant]
         return
     while waiting:
         block = {min(waiting)}
         while True:
-            wider = block.union(*(indices for indices, _ in left if indices & block))
+            wider = block.union(*(indices for indices in tied if indices & block))
             if wider == block:
                 break
             block = wider
@@ -96,24 +155,101 @@ def _blocks(
         waiting -= block
 
 
-def _of_block(ring: PolyRing, equations: Sequence[PolyElement], indices: Sequence[int]) -> Floats:
+def _of_block(
+    ring: PolyRing, equations: Sequence[PolyElement], indices: Powers, denominators: Sequence[PolyElement]
+) -> list[_BlockZero]:
     if not indices:
-        return np.zeros((0, len(ring.gens)))  # a constant is no zero
-    small = PolyRing([str(ring.symbols[k]) for k in indices], ring.domain, ring.order)
-    own = [
-        small.from_dict({tuple(m[k] for k in indices): factor for m, factor in e.terms()}) for e in equations
-    ]
-    basis = groebner(own, small)
-    if any(e.is_ground for e in basis):
-        return np.zeros((0, len(ring.gens)))
-    algebra = _QuotientAlgebra(small, basis)
-    real = algebra.real_count()
-    roots = algebra.real_zeros(own) if real else np.zeros((0, len(indices)))
-    if len(roots) != real:
-        raise NotCounted(f"{real} real zeros are proved and {len(roots)} found")
-    found = np.zeros((real, len(ring.gens)))
-    found[:, list(indices)] = roots
-    return found
+        return []  # a constant is no zero
+    try:
+        block = _ZeroBlock(ring, equations, indices)
+    except Infinite:
+        if not denominators:
+            raise
+        block = _ZeroBlock(ring, equations, indices, denominators)
+    found = [_BlockZero(block, root) for root in block.roots]
+    return [zero for zero in found if all(zero.sign(d) for d in denominators)]
+
+
+class Infinite(NotCounted):
+    """The zeros are infinitely many, in complex numbers at the least."""
+
+
+class _ZeroBlock:
+    """The zeros of the equations of some unknowns, saturated by denominators if there are any."""
+
+    def __init__(
+        self,
+        ring: PolyRing,
+        equations: Sequence[PolyElement],
+        indices: Powers,
+        denominators: Sequence[PolyElement] = (),
+    ) -> None:
+        self.indices = indices
+        names = [str(ring.symbols[k]) for k in indices] + [f"u{k}" for k in range(len(denominators))]
+        self._ring = PolyRing(names, ring.domain, ring.order)
+        inverses = self._ring.gens[len(indices) :]
+        own = [self.taken(e) for e in equations]
+        own += [self.taken(d) * u - 1 for d, u in zip(denominators, inverses, strict=True)]
+        basis = groebner(own, self._ring)
+        self.roots: list[RealRoot] = []
+        if any(e.is_ground for e in basis):
+            return
+        self._algebra = _QuotientAlgebra(self._ring, basis)
+        try:
+            self._representation = Representation(self._algebra)
+        except NotSeparated as why:
+            raise NotCounted(str(why)) from why
+        self.roots = self._representation.roots()
+        self._unknowns = [self._function(self._algebra.unknown(k)) for k in range(len(indices))]
+
+    def taken(self, polynomial: PolyElement) -> PolyElement:
+        """A polynomial over the unknowns of this block."""
+        more = (0,) * (len(self._ring.gens) - len(self.indices))
+        terms = {(*(m[k] for k in self.indices), *more): factor for m, factor in polynomial.terms()}
+        return self._ring.from_dict(terms)
+
+    def function(self, polynomial: PolyElement) -> tuple[Whole, int]:
+        """g and a factor: the polynomial is g/(factor g_1) at each zero."""
+        return self._function(self._algebra.reduced(self.taken(polynomial)))
+
+    def unknown(self, index: int) -> tuple[Whole, int]:
+        """Return g and a factor of an unknown."""
+        return self._unknowns[index]
+
+    @property
+    def one(self) -> Whole:
+        """g_1."""
+        return self._representation.one
+
+    def _function(self, element: Element) -> tuple[Whole, int]:
+        coefficients, below = element
+        return self._representation.of(coefficients), below
+
+
+class _BlockZero:
+    """One zero of a block."""
+
+    def __init__(self, block: _ZeroBlock, root: RealRoot) -> None:
+        self.block, self._root = block, root
+        self._known: dict[tuple[int, int], Enclosure] = {}
+
+    def enclosure(self, index: int, digits: int) -> Enclosure:
+        """Bounds of an unknown of the block. Raises `NotCounted`."""
+        if (index, digits) not in self._known:
+            g, factor = self.block.unknown(index)
+            try:
+                self._known[index, digits] = self._root.enclosure(g, factor, digits)
+            except NotSeparated as why:
+                raise NotCounted(str(why)) from why
+        return self._known[index, digits]
+
+    def sign(self, polynomial: PolyElement) -> int:
+        """The sign of a polynomial in the unknowns of the block. Raises `NotCounted`."""
+        g, _ = self.block.function(polynomial)
+        try:
+            return self._root.sign(g) * self._root.sign(self.block.one)
+        except NotSeparated as why:
+            raise NotCounted(str(why)) from why
 
 
 class _QuotientAlgebra:
@@ -125,111 +261,78 @@ class _QuotientAlgebra:
         self.monomials = list(_standard(leading, len(ring.gens)))
         self._index = {monomial: k for k, monomial in enumerate(self.monomials)}
         self.D = len(self.monomials)
-        self._by_unknown = [self._multiplication(k) for k in range(len(ring.gens))]
+        self.generators = [self._multiplication(k) for k in range(len(ring.gens))]
+        self._products: dict[Powers, Element] = {}
+        self.traces = self._traces()
 
-    def _multiplication(self, unknown: int) -> Rationals:
+    def unknown(self, k: int) -> Element:
+        """The k-th unknown."""
+        rows, below = self.generators[k]
+        return rows[0], below
+
+    def reduced(self, polynomial: PolyElement) -> Element:
+        """A polynomial in the basis."""
+        terms = polynomial.rem(self._ideal).terms() if polynomial else []
+        below = math.lcm(*(int(factor.denominator) for powers, factor in terms))
+        found = [0] * self.D
+        for powers, factor in terms:
+            if factor:
+                found[self._index[powers]] = int(factor.numerator) * (below // int(factor.denominator))
+        return found, below
+
+    def _multiplication(self, unknown: int) -> tuple[list[Whole], int]:
         """Rows: x_k times each monomial of the basis, in the basis."""
-        rows = []
-        for monomial in self.monomials:
-            raised = tuple(power + (k == unknown) for k, power in enumerate(monomial))
-            rows.append(self._reduced(raised))
-        return rows
+        raised = (tuple(p + (k == unknown) for k, p in enumerate(m)) for m in self.monomials)
+        rows = [self.reduced(self._ring.from_dict({m: self._ring.domain.one})) for m in raised]
+        return _over_one(rows)
 
-    def _reduced(self, monomial: tuple[int, ...]) -> list[Fraction]:
-        row = [Fraction(0)] * self.D
-        if monomial in self._index:
-            row[self._index[monomial]] = Fraction(1)
-            return row
-        for powers, factor in (
-            self._ring.from_dict({monomial: self._ring.domain.one}).rem(self._ideal).terms()
-        ):
-            row[self._index[powers]] = Fraction(int(factor.numerator), int(factor.denominator))
-        return row
+    def _product(self, monomial: Powers) -> Element:
+        """A monomial in the basis, by way of lower ones."""
+        if monomial not in self._products:
+            if monomial in self._index:
+                self._products[monomial] = [int(m == monomial) for m in self.monomials], 1
+            else:
+                unknown = next(k for k, power in enumerate(monomial) if power)
+                lower = tuple(power - (k == unknown) for k, power in enumerate(monomial))
+                element, below = self._product(lower)
+                rows, denominator = self.generators[unknown]
+                found = univariate.combined(element, rows)
+                common = math.gcd(below * denominator, *found)
+                self._products[monomial] = [x // common for x in found], below * denominator // common
+        return self._products[monomial]
 
-    def real_count(self) -> int:
-        """The number of distinct real zeros: the signature of the trace form."""
-        # The products of all pairs of monomials, row by row: b_i b_j in the basis.
-        products: dict[tuple[int, ...], Rationals] = {}
-        one = [[Fraction(int(i == j)) for j in range(self.D)] for i in range(self.D)]
-        for monomial in self.monomials:
-            unknown = next((k for k, power in enumerate(monomial) if power), None)
-            if unknown is None:
-                products[monomial] = one
-                continue
-            lower = tuple(power - (k == unknown) for k, power in enumerate(monomial))
-            products[monomial] = _times(products[lower], self._by_unknown[unknown])
-        traces = [
-            sum((M[i][i] for i in range(self.D)), Fraction(0)) for M in (products[m] for m in self.monomials)
+    def _traces(self) -> tuple[list[Whole], int]:
+        """The traces of all products of two monomials of the basis."""
+        pairs = [[self._product(_sum(a, b)) for b in self.monomials] for a in self.monomials]
+        single = [
+            sum((Fraction(pairs[j][i][0][i], pairs[j][i][1]) for i in range(self.D)), Fraction(0))
+            for j in range(self.D)
         ]
-        form = [[_dot(row, traces) for row in products[monomial]] for monomial in self.monomials]
-        return _signature(form)
-
-    def real_zeros(self, equations: Sequence[PolyElement]) -> Floats:
-        """The real zeros from eigenvectors of a mixed multiplication, refined by Newton's steps.
-
-        Raises `NotCounted` where its numbers are no doubles.
-        """
-        exact = [*(x for M in self._by_unknown for row in M for x in row), *_factors(equations)]
-        if any(abs(x) > LARGEST for x in exact):
-            raise NotCounted("their numbers are too large")
-        random = np.random.default_rng(0)
-        slopes = [[e.diff(x) for x in self._ring.gens] for e in equations]
-        matrices = [np.array([[float(x) for x in row] for row in M]) for M in self._by_unknown]
-        found: list[Floats] = []
-        for _ in range(4):
-            weights = random.standard_normal(len(matrices))
-            mixed = sum(w * M for w, M in zip(weights, matrices, strict=True))
-            _, vectors = np.linalg.eig(mixed)
-            one = self._index[(0,) * len(self._ring.gens)]
-            for vector in vectors.T:
-                if abs(vector[one]) < 1e-14 * np.abs(vector).max():
-                    continue
-                vector = vector / vector[one]
-                values = np.array([(M[one] @ vector) for M in matrices])
-                if np.abs(values.imag).max() > PARAMETERS.real * (1 + np.abs(values).max()):
-                    continue
-                zero = _polished(equations, slopes, values.real)
-                if zero is not None and not any(_same(zero, other) for other in found):
-                    found.append(zero)
-        return np.array(found).reshape(len(found), len(self._ring.gens))
+        below = math.lcm(*(x.denominator for x in single))
+        whole = [x.numerator * (below // x.denominator) for x in single]
+        rows = [
+            [Fraction(univariate.dot(element, whole), below * denominator) for element, denominator in row]
+            for row in pairs
+        ]
+        common = math.lcm(*(x.denominator for row in rows for x in row))
+        return [[x.numerator * (common // x.denominator) for x in row] for row in rows], common
 
 
-def _factors(equations: Sequence[PolyElement]) -> Iterator[Fraction]:
-    for equation in equations:
-        for _, factor in equation.terms():
-            yield Fraction(int(factor.numerator), int(factor.denominator))
+def _over_one(rows: Sequence[Element]) -> tuple[list[Whole], int]:
+    """Rows over one denominator."""
+    below = math.lcm(*(denominator for _, denominator in rows))
+    return [[x * (below // denominator) for x in row] for row, denominator in rows], below
 
 
-def _same(a: Floats, b: Floats) -> bool:
-    return bool(np.abs(a - b).max() <= PARAMETERS.same * (1 + np.abs(a).max()))
-
-
-def _polished(
-    equations: Sequence[PolyElement], slopes: Sequence[Sequence[PolyElement]], x: Floats
-) -> Floats | None:
-    """A real zero near x, or None."""
-    sizes = np.array([max(abs(float(factor)) for _, factor in e.terms()) for e in equations])
-    begin = x
-    for _ in range(PARAMETERS.newton_steps):
-        numbers = x.tolist()
-        r = np.array([polynomial_equations.at(e, numbers) for e in equations]) / sizes
-        J = np.array([[polynomial_equations.at(d, numbers) for d in row] for row in slopes]) / sizes[:, None]
-        step = np.linalg.lstsq(J, -r, rcond=1e-11)[0]
-        x = x + step
-        if np.abs(step).max() <= 1e-15 * (1 + np.abs(x).max()):
-            break
-    numbers = x.tolist()
-    r = np.array([polynomial_equations.at(e, numbers) for e in equations]) / sizes
-    size = (1 + np.abs(x).max()) ** max(sum(m) for e in equations for m in e.itermonoms())
-    near = np.abs(x - begin).max() <= 1e-2 * (1 + np.abs(x).max())
-    return x if near and np.abs(r).max() <= 1e-11 * size else None
+def _sum(a: Powers, b: Powers) -> Powers:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
 
 
 def _standard(leading: Sequence[tuple[int, ...]], count: int) -> list[tuple[int, ...]]:
     """The monomials that no leading one divides, by degree. Raises `NotCounted` where they are too many."""
     for k in range(count):
         if not any(m[k] == sum(m) for m in leading):
-            raise NotCounted("they form a continuum")
+            raise Infinite("they form a continuum")
     found, layer = [], [(0,) * count]
     while layer:
         found += layer
@@ -242,39 +345,3 @@ def _standard(leading: Sequence[tuple[int, ...]], count: int) -> list[tuple[int,
 
 def _divides(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
     return all(a <= b for a, b in zip(one, other, strict=True))
-
-
-def _times(left: Rationals, right: Rationals) -> Rationals:
-    columns = list(zip(*right, strict=True))
-    return [[_dot(row, column) for column in columns] for row in left]
-
-
-def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=True) if x and y), Fraction(0))
-
-
-def _signature(form: Rationals) -> int:
-    """Positive less negative squares of a symmetric form, by exact elimination."""
-    A = [row[:] for row in form]
-    signature = 0
-    left = list(range(len(A)))
-    while left:
-        pivot = next((k for k in left if A[k][k]), None)
-        if pivot is None:
-            pair = next(((i, j) for i, j in itertools.combinations(left, 2) if A[i][j]), None)
-            if pair is None:
-                break
-            i, j = pair  # x_i x_j is the difference of two squares: add row and column j to i
-            for k in left:
-                A[i][k] += A[j][k]
-            for k in left:
-                A[k][i] += A[k][j]
-            continue
-        signature += 1 if A[pivot][pivot] > 0 else -1
-        left.remove(pivot)
-        for i in left:
-            if A[i][pivot]:
-                factor = A[i][pivot] / A[pivot][pivot]
-                for k in left:
-                    A[i][k] -= factor * A[pivot][k]
-    return signature

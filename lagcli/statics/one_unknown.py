@@ -1,18 +1,25 @@
-"""All points of a problem with one coordinate and no rows, by intervals: each has one zero of the force, or none."""
+"""All points of a problem with one coordinate and no rows, by intervals: each has one zero of the force, or none.
+
+Where neither is seen, as at a pole, a kink, a double zero or in a flat tail, a piece stays undecided; what is found
+elsewhere is found all the same.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from mpmath import iv
 from mpmath.libmp import ComplexResult
 
 from lagcli.compiled.program import Program
-from lagcli.statics import refine
+from lagcli.statics import newton, refine
 from lagcli.statics.all_zeros import Completeness
 from lagcli.statics.point_search import PointSearch
+from lagcli.statics.refine import EquilibriumPoint
+from lagcli.statics.rest_equations import RestEquations
 
 
 class BranchingParameters:
@@ -24,11 +31,16 @@ class BranchingParameters:
     __slots__ = ()
 
     most_boxes: int = 4000
-    """Intervals that are looked at; where more are left the answer is not known.
+    """Intervals that are looked at; what is left is undecided.
     `test_four_thousand_intervals_are_looked_at` fails at 400 and 40000."""
-    far: float = 1e6
-    """Sizes of things; beyond it the force must be seen to have one sign as far as infinity.
-    `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 100000 and 1e7."""
+    shells: int = 7
+    """Shells round zero, each ten times wider, which share the intervals: one size of things, ten, up to a million.
+    `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 6 and 8."""
+    narrow: float = 1e-9
+    """An interval of this part of the size of things, or of x, is not halved.
+    `test_a_double_zero_is_enclosed_to_nine_digits` fails at 1e-10 and 1e-8."""
+    most_named: int = 4
+    """Undecided pieces that a sentence names. `test_four_undecided_pieces_are_named` fails at 0 and 40."""
     digits: int = 20
     """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one.
     `test_intervals_have_twenty_digits` fails at 2 and 200."""
@@ -43,6 +55,21 @@ _FAILURES = (ZeroDivisionError, OverflowError, ValueError, ComplexResult, NotImp
 
 class NoBounds(Exception):
     """An operation has no bounds here."""
+
+
+class NoValue(Exception):
+    """An operation has no value anywhere here."""
+
+
+Piece = tuple[float, float]
+
+
+@dataclasses.dataclass(slots=True)
+class LinePieces:
+    """LinePieces of the line with one zero each, and undecided ones; there is none elsewhere."""
+
+    isolated: list[Piece] = dataclasses.field(default_factory=list)
+    undecided: list[Piece] = dataclasses.field(default_factory=list)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -78,15 +105,31 @@ def _quotient(a: iv.mpf, b: iv.mpf) -> iv.mpf:
 
 
 def _root(a: iv.mpf) -> iv.mpf:
+    if a.b < 0:
+        raise NoValue("sqrt")
     if a.a < 0:
         raise NoBounds("sqrt")
     return iv.sqrt(a)
 
 
 def _logarithm(a: iv.mpf) -> iv.mpf:
+    if a.b < 0:
+        raise NoValue("log")
     if a.a <= 0:
         raise NoBounds("log")
     return iv.log(a)
+
+
+def _sign(a: iv.mpf) -> iv.mpf:
+    if 0 in a:
+        raise NoBounds("abs")  # its slope jumps
+    return iv.mpf(1 if a.a > 0 else -1)
+
+
+def _is_less(a: iv.mpf, b: iv.mpf) -> iv.mpf:
+    if a.b >= b.a and b.b >= a.a:
+        raise NoBounds("a switch")
+    return iv.mpf(int(a.b < b.a))
 
 
 def _power(a: iv.mpf, b: iv.mpf) -> iv.mpf:
@@ -111,6 +154,8 @@ _ONE: dict[str, Callable[[iv.mpf], iv.mpf]] = {
     "sinh": lambda a: (iv.exp(a) - iv.exp(-a)) / 2,
     "cosh": lambda a: (iv.exp(a) + iv.exp(-a)) / 2,
     "tanh": lambda a: 1 - 2 / (iv.exp(2 * a) + 1),
+    "sign": _sign,
+    "fabs": lambda a: _sign(a) * a,
 }
 _TWO: dict[str, Callable[[iv.mpf, iv.mpf], iv.mpf]] = {
     "add": lambda a, b: a + b,
@@ -119,6 +164,11 @@ _TWO: dict[str, Callable[[iv.mpf, iv.mpf], iv.mpf]] = {
     "div": _quotient,
     "pow": _power,
     "constpow": _power,
+    "lt": _is_less,
+    "le": _is_less,
+    "fmin": lambda a, b: a if _is_less(a, b).a else b,
+    "fmax": lambda a, b: b if _is_less(a, b).a else a,
+    "if_else_zero": lambda condition, value: condition * value,
 }
 
 
@@ -131,7 +181,8 @@ def _bounds(name: str, given: list[iv.mpf]) -> iv.mpf:
 
 
 def complete(search: PointSearch, is_angle: bool) -> Completeness:
-    """Add the points that a search has missed to it, and return whether all are known."""
+    """Put the zeros that intervals enclose in the place of the points of a search, but where a piece is undecided; and
+    say whether all are known."""
     problem = search.problem
     if len(problem.times) > 1:
         return Completeness(False, "the equations hold t")
@@ -139,74 +190,160 @@ def complete(search: PointSearch, is_angle: bool) -> Completeness:
     digits = iv.dps
     iv.dps = PARAMETERS.digits
     try:
-        zeros = _isolated(force, search, is_angle)
-    except NoBounds as why:
-        return Completeness(False, f"there are no bounds of `{why}`")
+        pieces = _pieces(force, search, is_angle)
+        narrowed = [_narrowed(force, piece) for piece in pieces.isolated]
     finally:
         iv.dps = digits
-    if zeros is None:
-        return Completeness(False, "intervals do not tell all zeros apart")
-    for low, high in zeros:
-        middle = np.array([(low + high) / 2])
-        if not any(_inside(search, float(one.point.q[0]), low, high) for one in search.points):
-            search.take(refine.reached(problem, middle, (), search.scales))
-        if not any(_inside(search, float(one.point.q[0]), low, high) for one in search.points):
-            return Completeness(False, "a zero could not be refined")
-    return Completeness(len(zeros) == len(search.points), "intervals and the search disagree")
+    equations = RestEquations(problem, (), search.scales)
+    points = []
+    for x in narrowed:
+        rounded = refine.settled(equations, newton.NewtonEnd(np.array([x]), 0.0, 0.0))
+        points.append(
+            EquilibriumPoint(search.wrapped_angles(np.array([x])), problem.nothing, (), rounded.residual)
+        )
+    own = list(_merged(pieces.undecided))
+    agrees = search.settle(
+        {(): points}, lambda q: not any(_is_inside(search, float(q[0]), piece) for piece in own)
+    )
+    for low, high in own:
+        if np.isfinite([low, high]).all():
+            search.take(refine.reached(problem, np.array([(low + high) / 2]), (), search.scales))
+    if own:
+        is_narrow = all(abs(low + high) == np.inf or high - low <= _width(search, low) for low, high in own)
+        return Completeness(False, _undecided(own), is_narrow, is_told=True)
+    if not agrees:
+        return Completeness(False, "intervals and the search disagree")
+    return Completeness(
+        True,
+        "that there are no others is proved by intervals: each piece of the line has one of them, or none",
+        is_told=True,
+    )
 
 
-def _inside(search: PointSearch, x: float, low: float, high: float) -> bool:
+def _undecided(pieces: list[Piece]) -> str:
+    """A sentence on pieces that are undecided."""
+    named = [
+        f"near {(low + high) / 2:.6g}" if high - low <= 1e-6 else f"from {low:.3g} to {high:.3g}"
+        for low, high in sorted(pieces, key=lambda piece: abs(piece[0] + piece[1]))[: PARAMETERS.most_named]
+    ]
+    more = "" if len(pieces) <= PARAMETERS.most_named else " and elsewhere"
+    return f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
+
+
+def _merged(pieces: list[Piece]) -> Iterator[Piece]:
+    """LinePieces that touch, as one."""
+    current: Piece | None = None
+    for low, high in sorted(pieces):
+        if current is not None and low <= current[1]:
+            current = current[0], max(high, current[1])
+            continue
+        if current is not None:
+            yield current
+        current = low, high
+    if current is not None:
+        yield current
+
+
+def _is_inside(search: PointSearch, x: float, piece: Piece) -> bool:
     turns = (-2 * np.pi, 0.0, 2 * np.pi) if search.options.angles[0] else (0.0,)
-    near = 1e-9 * (1 + abs(x))
-    return any(low - near <= x + turn <= high + near for turn in turns)
+    near = _width(search, x) / 100
+    return any(piece[0] - near <= x + turn <= piece[1] + near for turn in turns)
 
 
-def _isolated(force: _Force, search: PointSearch, is_angle: bool) -> list[tuple[float, float]] | None:
-    """Intervals that hold one zero each, all together all of them; None where some cannot be told apart."""
-    interval = _enclosing_interval(force, search, is_angle)
-    if interval is None:
-        return None
-    waiting = [interval]
-    found: list[tuple[float, float]] = []
-    for _ in range(PARAMETERS.most_boxes):
-        if not waiting:
-            return found
-        low, high = waiting.pop()
-        value, slope = force(iv.mpf([low, high]))
-        if 0 not in value:
-            continue
-        if 0 not in slope:
-            ends = [force(iv.mpf(x))[0] for x in (low, high)]
-            if any(0 in end for end in ends):
-                return None
-            if (ends[0].a > 0) != (ends[1].a > 0):
-                found.append((low, high))
-            continue
-        middle = low + (high - low) * 0.4871
-        if not low < middle < high or high - low < 1e-9 * (1 + abs(low)):
-            return None
-        waiting += [(low, middle), (middle, high)]
-    return None
+def _width(search: PointSearch, x: float) -> float:
+    """The width of some intervals that are not halved further, side by side."""
+    return 100 * PARAMETERS.narrow * (search.scales.length + abs(x))
 
 
-def _enclosing_interval(force: _Force, search: PointSearch, is_angle: bool) -> tuple[float, float] | None:
-    """An interval that holds all zeros: a whole turn, or as far as the force has no zero beyond."""
+def _narrowed(force: _Force, piece: Piece) -> float:
+    """The zero in a piece on which the force rises or falls, to rounding."""
+    low, high = piece
+    if low < 0 < high and 0 in force(iv.mpf(0))[0]:
+        return 0.0
+    left = force(iv.mpf(low))[0].a > 0
+    while True:
+        middle = (low + high) / 2
+        if not low < middle < high:
+            return middle
+        value = force(iv.mpf(middle))[0]
+        if 0 in value:
+            return middle
+        low, high = (middle, high) if (value.a > 0) == left else (low, middle)
+
+
+def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
+    """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
+    found = LinePieces()
     if is_angle:
         # The ends lie at no point where a zero is likely.
-        return -np.pi + 0.0123 - PARAMETERS.overlap, np.pi + 0.0123 + PARAMETERS.overlap
-    far = PARAMETERS.far * search.scales.length
-    for end, tail in ((far, iv.mpf([far, "inf"])), (-far, iv.mpf(["-inf", -far]))):
-        if not _has_no_zero(force, end, tail):
-            return None
-    return -far, far
+        turn = (-np.pi + 0.0123 - PARAMETERS.overlap, np.pi + 0.0123 + PARAMETERS.overlap)
+        _search(force, [turn], found, PARAMETERS.most_boxes, search.scales.length)
+        return found
+    length, left = search.scales.length, PARAMETERS.most_boxes
+    # No decimal number is an end: there zeros are likely.
+    ends = [length * 1.0371 * 10.0**k for k in range(PARAMETERS.shells)]
+    for k, end in enumerate(ends):
+        shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
+        left -= _search(force, shell, found, left // (PARAMETERS.shells - k), length)
+    for end, tail in ((ends[-1], (ends[-1], np.inf)), (-ends[-1], (-np.inf, -ends[-1]))):
+        if not _has_no_zero(force, end, iv.mpf(list(tail))):
+            found.undecided.append(tail)
+    return found
+
+
+def _search(force: _Force, begun: list[Piece], found: LinePieces, boxes: int, length: float) -> int:
+    """Halve pieces as long as they are undecided; the number that was looked at."""
+    waiting = deque(begun)
+    count = 0
+    while waiting and count < boxes:
+        count += 1
+        low, high = waiting.popleft()
+        middle = low + (high - low) * 0.4871
+        try:
+            value, slope = force(iv.mpf([low, high]))
+        except NoValue:
+            continue
+        except NoBounds:
+            if low < 0 < high:
+                middle = 0.0  # where poles and kinks are likely
+        else:
+            if 0 not in value:
+                continue
+            if 0 not in slope:
+                changes = _changes(force, low, high)
+                if changes is not None:
+                    found.isolated += [(low, high)] if changes else []
+                    continue
+        if high - low < PARAMETERS.narrow * (length + abs(low)) or not low < middle < high:
+            found.undecided.append((low, high))
+        else:
+            waiting += [(low, middle), (middle, high)]
+    found.undecided += waiting
+    return count
+
+
+def _changes(force: _Force, low: float, high: float) -> bool | None:
+    """True if the force changes its sign between two ends; None where it is not determined at one."""
+    try:
+        ends = [force(iv.mpf(x))[0] for x in (low, high)]
+    except (NoBounds, NoValue):
+        return None
+    if not all(map(_is_determined, ends)):
+        return None
+    return bool((ends[0].a > 0) != (ends[1].a > 0))
 
 
 def _has_no_zero(force: _Force, end: float, tail: iv.mpf) -> bool:
     """True if the force has one sign beyond an end: by its bounds, or as it grows away from zero there."""
-    value, slope = force(tail)
-    if _is_determined(value):
+    try:
+        value, slope = force(tail)
+        if _is_determined(value):
+            return True
+        at_end = force(iv.mpf(end))[0]
+    except NoValue:
         return True
-    at_end = force(iv.mpf(end))[0]
+    except NoBounds:
+        return False
     if not _is_determined(at_end) or not _is_determined(slope):
         return False
     return bool((slope.a > 0) == ((at_end.a > 0) == (end > 0)))

@@ -7,7 +7,8 @@ taken out of the equations (deflation), so that another is found.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,8 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 Flags = tuple[bool, ...]
+Contacts = tuple[int, ...]
+Region = Callable[[Floats], bool]
 
 
 class SearchParameters:
@@ -42,6 +45,9 @@ class SearchParameters:
     budget: float = 1.5e7
     """Work of a search in operations, some ten seconds of a processor of 2023.
     At 1.5e5 `test_a_ring_is_one_point_with_its_dimension` fails."""
+    first: int = 4
+    """The part of it that the declared start may take, and the part that goes into what lies on which continuum.
+    `test_the_first_start_takes_a_quarter_of_the_budget` fails at 1 and 40."""
     most_sets: int = 64
     """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and
     640."""
@@ -104,6 +110,14 @@ class FoundPoint:
     touching: tuple[int, ...]
 
 
+REGULAR = ("minimum", "maximum", "saddle", "isolated")
+
+
+def _everywhere(q: Floats) -> bool:
+    """True: all points with some contacts closed are known."""
+    return True
+
+
 class PointSearch:
     """One search; `points` grows, `best` is the least residual where none is found."""
 
@@ -113,21 +127,76 @@ class PointSearch:
         self.points: list[FoundPoint] = []
         self.best = NoEquilibrium(np.inf, problem.begin)
         self.starts = 0
-        self.is_cut = False
+        self.are_beyond = False
+        self._allowed = PARAMETERS.budget
+        self._on_continua = 0.0
+        self._decided: dict[Contacts, Region] = {}
         self._vain = 0
-        self._sets = list(self._all_sets())
+        sets = list(itertools.islice(_sets_of_contacts(problem), PARAMETERS.most_sets + 1))
+        self._sets = sets[: PARAMETERS.most_sets]
+        self.is_cut = len(sets) > len(self._sets)
 
     def run(self, others: int) -> None:
-        """Search from the declared start, if that has not been, and from so many others."""
+        """Search from the declared start, if that has not been, and from so many others: first to the points next to
+        each, then round them with what is left of the budget, of which each has its part."""
         if not self.starts:
-            self._start(self.problem.begin)
-        for begin in self._others(others):
-            if self.spent > PARAMETERS.budget or len(self.points) >= PARAMETERS.most_points:
-                self.is_cut = True
+            self._allowed = PARAMETERS.budget / PARAMETERS.first
+            for closed in self._start(self.problem.begin):
+                self._around(self.problem.begin, closed, is_followed=True)
+        begun: list[tuple[Floats, Contacts]] = []
+        for number, begin in enumerate(self._others(others)):
+            if self._is_at_end():
                 return
-            self._start(begin)
+            self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (others - number)
+            begun += [(begin, closed) for closed in self._start(begin)]
+        for number, (begin, closed) in enumerate(begun):
+            if self._vain >= PARAMETERS.most_failures and number >= PARAMETERS.paths:
+                return
+            if self._is_at_end():
+                return
+            self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (len(begun) - number)
+            self._around(begin, closed, is_followed=number < PARAMETERS.paths)
 
-    def _start(self, begin: Floats) -> None:
+    def _is_at_end(self) -> bool:
+        if self.spent <= PARAMETERS.budget and len(self.points) < PARAMETERS.most_points:
+            return False
+        self.is_cut = True
+        return True
+
+    def settle(
+        self, exact: Mapping[Contacts, Sequence[EquilibriumPoint]], is_decided: Region = _everywhere
+    ) -> bool:
+        """Put all points of some sets of contacts, as far as a region is decided, in the place of those that were
+        found; nothing further is taken there. False if a regular point was found that is none of them, which stays."""
+        own = [
+            FoundPoint(point, self._typed(point), 0, point.closed)
+            for each in exact.values()
+            for point in each
+        ]
+        left = [
+            known
+            for known in self.points
+            if not any(self.apart(known.point.q, one.point.q) <= PARAMETERS.same_of_flat for one in own)
+        ]
+        outside = [one for one in left if one.point.closed not in exact or not is_decided(one.point.q)]
+        strange = [one for one in left if one not in outside and one.type.kind in REGULAR]
+        self.points = own + outside + strange
+        self._decided |= dict.fromkeys(exact, is_decided)
+        if is_decided is _everywhere:
+            self._sets = [closed for closed in self._sets if closed not in exact]
+        return not strange
+
+    def leave_out(self, closed: Contacts) -> bool:
+        """Search a set of contacts no more whose points are one continuum, if one of them is known."""
+        is_known = any(one.point.closed == closed and one.dimension for one in self.points)
+        self._sets = [each for each in self._sets if each != closed or not is_known]
+        return is_known
+
+    def _typed(self, point: EquilibriumPoint) -> PointType:
+        return point_type.classify(self.problem, point, self.scales, self.options.has_potential)
+
+    def _start(self, begin: Floats) -> list[Contacts]:
+        """Search next to a start; the sets of contacts with which that was done."""
         first, problem = not self.starts, self.problem
         waits = self.options.has_potential and problem.n + problem.C > refine.PARAMETERS.large
         if first:
@@ -141,11 +210,12 @@ class PointSearch:
         )
         for closed in sets:
             self._from(begin, closed)
-            if self.spent > PARAMETERS.budget:
+            if self.spent > self._allowed:
                 break
         if first and waits and not self.points:
             self.take(self._nearest(begin, refine.PARAMETERS.offset))
         self.starts += 1
+        return sets
 
     def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:
         """The point reached from the start, which is always among the answers."""
@@ -159,7 +229,8 @@ class PointSearch:
         unknowns = self.problem.n + self.problem.C + self.problem.K
         # Of many unknowns what one evaluation leads to is mostly sparse algebra.
         each = unknowns**3 / 50 if unknowns <= newton.PARAMETERS.dense else unknowns**3 / 5000 + 5000.0
-        return self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
+        made = self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
+        return made - self._on_continua
 
     def take(self, found: EquilibriumPoint | NoEquilibrium) -> bool:
         """Keep a point that is new; True if it is."""
@@ -170,15 +241,39 @@ class PointSearch:
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
         if below or (pulling and self.options.pushes) or self._is_known(found):
             return False
+        if found.closed in self._decided and self._decided[found.closed](found.q):
+            return False
+        if self.problem.is_beyond(found.q, refine.PARAMETERS.closed):
+            self.are_beyond = True
+            return False
         found = continuum.with_own_contacts(self.problem, found, self.scales)
+        before = self.spent
+        is_new = self._add(found)
+        if not is_new or self.points[-1].dimension:
+            self._on_continua += self.spent - before
+        return is_new
+
+    def _add(self, found: EquilibriumPoint) -> bool:
+        """Keep a point of its own; False for one of a known continuum."""
         equations = RestEquations(self.problem, found.closed, self.scales)
         x = _unknowns(equations, found)
-        kind = point_type.classify(self.problem, found, self.scales, self.options.has_potential)
+        kind = self._typed(found)
+        far = surface_descent.PARAMETERS.far * self.scales.length
+        if (
+            kind.kind == "degenerate"
+            and np.abs(found.q[~np.array(self.options.angles)]).max(initial=0.0) > far
+        ):
+            return False  # a function that flattens out: infinity is no point
+        is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
+        if is_tired and kind.kind not in REGULAR and any(one.dimension for one in self.points):
+            return False  # it is compared with the known continua no more, for that costs more than all else
         size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
         touching = refine.touching(self.problem, found, self.scales)
-        if any(self._is_on(known, touching, found.q, size) for known in self.points):
+        # A regular zero lies on no continuum of the same equations.
+        larger = [one for one in self.points if kind.kind not in REGULAR or one.point.closed != found.closed]
+        if any(self._is_on(known, touching, found.q, size) for known in larger):
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
@@ -218,10 +313,10 @@ class PointSearch:
         """True if a known continuum of this dimension leads to a point."""
         if known.dimension != size or known.point.closed != found.closed:
             return False
-        goal = self._nearer_turn(known.point.q, found.q)
+        goal = _nearer_turn(self.options, known.point.q, found.q)
         other = _unknowns(equations, known.point)
         return continuum.connected(equations, x, goal) or continuum.connected(
-            equations, other, self._nearer_turn(found.q, known.point.q)
+            equations, other, _nearer_turn(self.options, found.q, known.point.q)
         )
 
     def _is_on(self, known: FoundPoint, touching: tuple[int, ...], q: Floats, size: int) -> bool:
@@ -231,22 +326,16 @@ class PointSearch:
             return False
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, self._nearer_turn(q, known.point.q))
+        return continuum.connected(equations, x, _nearer_turn(self.options, q, known.point.q))
 
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
     ) -> bool:
         """True if a known point or continuum lies on the larger continuum of a new point."""
-        if size <= known.dimension or not set(found.closed) <= set(known.touching):
-            return False
-        return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
-
-    def _nearer_turn(self, goal: Floats, point: Floats) -> Floats:
-        """The goal with its angles within half a turn of a point."""
-        angles = np.array(self.options.angles, dtype=bool)
-        turned = np.array(goal)
-        turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
-        return turned
+        is_regular = known.type.kind in REGULAR and known.point.closed == found.closed
+        if size <= known.dimension or is_regular or not set(found.closed) <= set(known.touching):
+            return False  # a regular zero of the same equations lies on no continuum of theirs
+        return continuum.connected(equations, x, _nearer_turn(self.options, known.point.q, found.q))
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
         """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
@@ -261,7 +350,7 @@ class PointSearch:
         return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
 
     def _from(self, begin: Floats, closed: tuple[int, ...]) -> None:
-        """All ways out from one start with these contacts closed."""
+        """The points next to a start with these contacts closed."""
         self.take(refine.reached(self.problem, begin, closed, self.scales))
         equations = RestEquations(self.problem, closed, self.scales)
         is_large = equations.size > PARAMETERS.most_unknowns
@@ -270,15 +359,20 @@ class PointSearch:
                 point = surface_descent.lowest(equations, begin, sign)
                 if point is not None:
                     self.take(refine.reached(self.problem, point, closed, self.scales))
-        if is_large:
+
+    def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
+        """Further points round a start: along a path if it is followed, and without those that are known."""
+        equations = RestEquations(self.problem, closed, self.scales)
+        if equations.size > PARAMETERS.most_unknowns or self.spent > self._allowed:
             return
-        self._along_path(equations, begin)
+        if is_followed:
+            self._along_path(equations, begin)
         if self._vain >= PARAMETERS.most_failures:
             return
         for _ in range(PARAMETERS.rounds):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
             x = refine.begun(equations, begin)
-            if not known or x is None:
+            if not known or x is None or self.spent > self._allowed:
                 return
             end = newton.solve(DeflatedEquations(equations, known, self.options.angles), x, PARAMETERS.damped)
             self._vain += 1
@@ -292,26 +386,17 @@ class PointSearch:
     def _along_path(self, equations: RestEquations, begin: Floats) -> None:
         """The points on the path of a homotopy from one start."""
         x = refine.begun(equations, begin)
-        if x is None or self.starts >= PARAMETERS.paths:
+        if x is None:
             return
+        vain = 0
         for point in further_zeros.near_zeros(equations, x):
-            if equations(point) is not None:
-                self.take(refine.settled(equations, newton.refined(equations, point)))
-
-    def _all_sets(self) -> Iterator[tuple[int, ...]]:
-        """Sets of closed contacts, the small ones first; that of the start is the first of all."""
-        problem = self.problem
-        yield ()
-        layer: list[tuple[int, ...]] = [()]
-        count = 1
-        for _ in range(min(problem.K, problem.n)):
-            layer = [(*one, k) for one in layer for k in range(one[-1] + 1 if one else 0, problem.K)]
-            for one in layer:
-                if count >= PARAMETERS.most_sets:
-                    self.is_cut = True
-                    return
-                count += 1
-                yield one
+            # Along a continuum a path goes to and fro over zero without end.
+            if vain >= PARAMETERS.rounds or self.spent > self._allowed:
+                return
+            is_new = equations(point) is not None and self.take(
+                refine.settled(equations, newton.refined(equations, point))
+            )
+            vain = 0 if is_new else vain + 1
 
     def _others(self, count: int) -> Iterator[Floats]:
         """Starts beside the declared one: angles anywhere, the rest at several distances."""
@@ -327,6 +412,20 @@ class PointSearch:
                 q = np.zeros(problem.n)  # where much is symmetric
             point = surface_descent.onto(problem, q, (), self.scales)
             yield q if point is None else point
+
+
+def _sets_of_contacts(problem: StaticProblem) -> Iterator[Contacts]:
+    """Sets of closed contacts, the small ones first; that of the start is the first of all."""
+    for size in range(min(problem.K, problem.n) + 1):
+        yield from itertools.combinations(range(problem.K), size)
+
+
+def _nearer_turn(options: SearchOptions, goal: Floats, point: Floats) -> Floats:
+    """The goal with its angles within half a turn of a point."""
+    angles = np.array(options.angles, dtype=bool)
+    turned = np.array(goal)
+    turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
+    return turned
 
 
 def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:

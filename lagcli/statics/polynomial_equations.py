@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -37,6 +36,9 @@ class PolynomialParameters:
     roundings: int = 2
     """Units of the last digit by which a number may differ from these digits: what a sum of two is off.
     At 20 `test_a_rounding_of_a_sum_is_forgiven_and_four_are_not` fails."""
+    most_divisor: int = 1000
+    """Divisor of a quotient that somebody wrote: 0.333... is 1/3.
+    At 100 and 10 000 `test_quotients_are_exact_up_to_a_thousand` fails."""
     most_terms: int = 400
     """Terms of a numerator or denominator: a basis of larger ones takes minutes.
     At 40 and 4000 `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails."""
@@ -81,12 +83,21 @@ class Quotient:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class RootUnknown:
+    """The square root of a quotient; is_unknown: it stands in the equations."""
+
+    square: Quotient
+    is_unknown: bool
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class PolynomialEquations:
     """Polynomials that vanish, over the unknowns of `names`.
 
     plain: the unknowns that are q or lambda themselves, by their number among (q, lambda); angles: coordinates that are
     angles, by number, with their s and c; roots: unknowns that must be positive, with the squares they are roots of;
-    denominators must not vanish.
+    denominators must not vanish. signs: quotients that are asked for their sign, with `divisors`, which have to differ
+    from zero for them; a root that stands in them alone is no unknown of the equations.
     """
 
     ring: PolyRing
@@ -94,8 +105,30 @@ class PolynomialEquations:
     equations: tuple[PolyElement, ...]
     denominators: tuple[PolyElement, ...]
     angles: tuple[int, ...]
-    roots: tuple[Quotient, ...]
+    roots: tuple[RootUnknown, ...]
     plain: int
+    signs: tuple[Quotient, ...] = ()
+    divisors: tuple[PolyElement, ...] = ()
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        """The unknowns of the equations, by number."""
+        first = len(self.names) - len(self.roots)
+        free = {first + k for k, root in enumerate(self.roots) if not root.is_unknown}
+        return tuple(k for k in range(len(self.names)) if k not in self.angles and k not in free)
+
+    @property
+    def squares(self) -> dict[int, RootUnknown]:
+        """The roots by their numbers among the unknowns."""
+        first = len(self.names) - len(self.roots)
+        return {first + k: root for k, root in enumerate(self.roots)}
+
+    @property
+    def is_linear(self) -> bool:
+        """True if all equations and signs have degree one, and nothing is divided by."""
+        parts = [*self.equations, *(part for sign in self.signs for part in (sign.above, sign.below))]
+        degree = max((sum(powers) for part in parts for powers in part.itermonoms()), default=0)
+        return degree <= 1 and not self.denominators and not self.divisors and not self.roots
 
     def unknowns(self, values: Floats) -> Floats:
         """(q, lambda) from values of the polynomials' unknowns."""
@@ -106,48 +139,42 @@ class PolynomialEquations:
         return found
 
 
-def at(polynomial: PolyElement, values: Sequence[float]) -> float:
-    """A polynomial at numbers."""
-    total = 0.0
-    for powers, factor in polynomial.terms():
-        term = float(factor)
-        for x, power in zip(values, powers, strict=True):
-            if power:
-                term *= x**power
-        total += term
-    return total
-
-
-def equations(program: Program, unknowns: int, parameters: Floats, budget: int) -> PolynomialEquations:
-    """The first output of a function of (unknowns, parameters) as polynomials. Raises `NotPolynomial`, `SpentError`."""
-    found = _Translation(program, unknowns, parameters, budget)
-    return found.result()
+def equations(
+    program: Program, unknowns: int, parameters: Floats, order: CountedOrder, signs: int = 0
+) -> PolynomialEquations:
+    """The first output of a function of (unknowns, parameters) as polynomials; its last values are no equations, but
+    asked for their signs. Raises `NotPolynomial`, `SpentError`."""
+    return _Translation(program, unknowns, parameters, order).result(program.results - signs)
 
 
 def exact(value: float) -> Fraction:
     """A number as it was written, or computed of such numbers. Raises `NotPolynomial` for one that nobody wrote."""
     text = f"{value:.{PARAMETERS.written_digits - 1}e}"
-    if not math.isfinite(value) or abs(float(text) - value) > PARAMETERS.roundings * math.ulp(value):
-        raise NotPolynomial("it holds a number that is not exact")
-    return Fraction(text)
+    if math.isfinite(value):
+        for number in (Fraction(text), Fraction(value).limit_denominator(PARAMETERS.most_divisor)):
+            if abs(float(number) - value) <= PARAMETERS.roundings * math.ulp(value):
+                return number
+    raise NotPolynomial("it holds a number that is not exact")
 
 
 class _Translation:
     """One program, its operations carried out in quotients of polynomials."""
 
-    def __init__(self, program: Program, unknowns: int, parameters: Floats, budget: int) -> None:
+    def __init__(self, program: Program, unknowns: int, parameters: Floats, order: CountedOrder) -> None:
         self._program, self._count, self._parameters = program, unknowns, parameters
         angles = self._angles_of(program)
         self._angles = tuple(sorted(angles))
-        roots = sum(step[0] == "sqrt" for step in program.steps)
+        roots = sum(step[0] in ("sqrt", "pow", "constpow") for step in program.steps)
         names = [f"x{k}" for k in range(unknowns)]
         names += [f"{letter}{k}" for k in self._angles for letter in "sc"]
         self._first_root = len(names)
         names += [f"w{k}" for k in range(roots)]
-        self._ring = PolyRing(names, QQ, CountedOrder(budget))
+        self._ring = PolyRing(names, QQ, order)
         self._one = self._ring.one
-        self._roots: list[Quotient] = []
+        self._is_of_equations = True
+        self._roots: list[RootUnknown] = []
         self._denominators: list[PolyElement] = []
+        self._divisors: list[PolyElement] = []
 
     @staticmethod
     def _angles_of(program: Program) -> set[int]:
@@ -165,10 +192,56 @@ class _Translation:
                     found |= depends[ins[0]]
         return found
 
-    def result(self) -> PolynomialEquations:
+    def _steps_of(self, first: int) -> list[bool]:
+        """For each step whether one of the first outputs needs it."""
+        needed: set[int] = set()
+        found = []
+        for name, out, ins, _ in reversed(self._program.steps):
+            if name == "output":
+                is_needed = out[0] == 0 and out[1] < first
+            else:
+                is_needed = out[0] in needed
+                needed.discard(out[0])
+            found.append(is_needed)
+            if is_needed and name not in ("input", "const"):
+                needed.update(ins)
+        return found[::-1]
+
+    def result(self, count: int) -> PolynomialEquations:
+        """The first outputs as equations, the others as signs."""
+        outputs = self._outputs(count)
+        zeros = [outputs[k].above for k in range(count)]
+        gens = self._ring.gens
+        for k in range(len(self._angles)):
+            s, c = gens[self._count + 2 * k : self._count + 2 * k + 2]
+            zeros.append(s**2 + c**2 - 1)
+        for k, root in enumerate(self._roots):
+            if root.is_unknown:
+                zeros.append(gens[self._first_root + k] ** 2 * root.square.below - root.square.above)
+        signs = tuple(outputs[k] for k in range(count, len(outputs)))
+        # An angle stands in sines and cosines alone, or there are no polynomials.
+        everything = [*zeros, *(part for sign in signs for part in (sign.above, sign.below))]
+        for angle in self._angles:
+            if any(powers[angle] for part in everything for powers in part.itermonoms()):
+                raise NotPolynomial("an angle stands beside its own sine")
+        return PolynomialEquations(
+            self._ring,
+            tuple(map(str, self._ring.symbols))[: self._first_root + len(self._roots)],
+            tuple(zero for zero in zeros if zero),
+            tuple(dict.fromkeys(d for d in self._denominators if not d.is_ground)),
+            self._angles,
+            tuple(self._roots),
+            self._count,
+            signs,
+            tuple(dict.fromkeys(d for d in self._divisors if not d.is_ground)),
+        )
+
+    def _outputs(self, count: int) -> dict[int, Quotient]:
         registers: dict[int, Quotient] = {}
         outputs: dict[int, Quotient] = {}
-        for name, out, ins, value in self._program.steps:
+        for step, is_of_equations in zip(self._program.steps, self._steps_of(count), strict=True):
+            name, out, ins, value = step
+            self._is_of_equations = is_of_equations
             if name == "output":
                 if out[0] == 0:
                     outputs[out[1]] = registers[ins[0]]
@@ -178,27 +251,7 @@ class _Translation:
                 registers[out[0]] = self._number(value)
             else:
                 registers[out[0]] = self._operation(name, [registers[i] for i in ins])
-        zeros = [outputs[k].above for k in sorted(outputs)]
-        gens = self._ring.gens
-        for k in range(len(self._angles)):
-            s, c = gens[self._count + 2 * k : self._count + 2 * k + 2]
-            zeros.append(s**2 + c**2 - 1)
-        for k, root in enumerate(self._roots):
-            zeros.append(gens[self._first_root + k] ** 2 * root.below - root.above)
-        # An angle stands in sines and cosines alone, or there are no polynomials.
-        for angle in self._angles:
-            if any(powers[angle] for zero in zeros for powers in zero.itermonoms()):
-                raise NotPolynomial("an angle stands beside its own sine")
-        unused = tuple(dict.fromkeys(d for d in self._denominators if not d.is_ground))
-        return PolynomialEquations(
-            self._ring,
-            tuple(map(str, self._ring.symbols)),
-            tuple(zero for zero in zeros if zero),
-            unused,
-            self._angles,
-            tuple(self._roots),
-            self._count,
-        )
+        return outputs
 
     def _input(self, argument: int, index: int) -> Quotient:
         if argument == 0:
@@ -264,7 +317,7 @@ class _Translation:
     def _divided(self, a: Quotient, b: Quotient) -> Quotient:
         if b.above == 0:
             raise NotPolynomial("it divides by zero")
-        self._denominators.append(b.above)
+        (self._denominators if self._is_of_equations else self._divisors).append(b.above)
         return self._quotient(a.above * b.below, a.below * b.above)
 
     def _power(self, a: Quotient, exponent: Quotient) -> Quotient:
@@ -291,12 +344,16 @@ class _Translation:
             if value < 0 or root * root != value:
                 raise NotPolynomial("it holds a root that is not rational")
             return Quotient(self._ring.ground_new(QQ(root.numerator, root.denominator)), self._one)
-        if a not in self._roots:
-            self._roots.append(a)
-        index = self._first_root + self._roots.index(a)
-        # Where the root vanishes its derivative has no value.
-        self._denominators.append(a.above)
-        return Quotient(self._ring.gens[index], self._one)
+        known = next((k for k, root in enumerate(self._roots) if root.square == a), None)
+        if known is None:
+            known = len(self._roots)
+            self._roots.append(RootUnknown(a, self._is_of_equations))
+        elif self._is_of_equations and not self._roots[known].is_unknown:
+            self._roots[known] = RootUnknown(a, True)
+        if self._is_of_equations:
+            # Where the root vanishes its derivative has no value.
+            self._denominators.append(a.above)
+        return Quotient(self._ring.gens[self._first_root + known], self._one)
 
     def _turned(self, name: str, a: Quotient) -> Quotient:
         """The sine or cosine of a sum of whole multiples of angles."""

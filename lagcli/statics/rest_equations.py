@@ -117,9 +117,10 @@ class RestEquations:
         for t, lam in zip(self.problem.times, each, strict=True):
             values = self.problem.at(t, q, self.all_multipliers(lam))
             rows = np.vstack([values.B, values.G[self.acting]])
-            parts = np.abs(values.F).max(initial=0.0) + np.abs(rows * lam[:, None]).max(initial=0.0)
-            parts = max(parts, self.scales.force * 1e-3)
-            worst = max(worst, np.abs(values.F + rows.T @ lam).max(initial=0.0) / parts)
+            # Each component by its own terms: where a multiplier grows without bound, others hide what is left.
+            parts = np.abs(values.F) + np.abs(rows * lam[:, None]).sum(axis=0)
+            parts = np.maximum(parts, self.scales.force * 1e-3)
+            worst = max(worst, (np.abs(values.F + rows.T @ lam) / parts).max(initial=0.0))
             size = max(self.scales.length, float(np.abs(q).max(initial=0.0)))
             lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * 1e-3
             worst = max(worst, (np.abs(values.c) / (lengths * size)).max(initial=0.0))

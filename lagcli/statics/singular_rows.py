@@ -1,10 +1,13 @@
-"""Points where the gradients of the rows depend on each other: there the multiplier rule need not hold.
+"""Points where the gradients of rows and closed contacts depend on each other: there the multiplier rule need not hold.
 
-At such a point a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2.
+At such a point a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2; and with
+contacts max x on 0 <= y <= (1 - x)^3 (Kuhn and Tucker), where multipliers of one sign balance each other.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +15,7 @@ import numpy.typing as npt
 
 from lagcli.statics import newton, point_type
 from lagcli.statics.point_search import PointSearch
+from lagcli.statics.rest_equations import Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -20,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 class DependenceParameters:
     """Numbers of the search for points where gradients depend on each other.
 
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and `tests/physics/test_statics_proofs.py`.
     """
 
     __slots__ = ()
@@ -31,9 +35,18 @@ class DependenceParameters:
     tries: int = 12
     """Starts at random, beside the start of the model.
     `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 1 and 120."""
+    tries_with_contacts: int = 4
+    """The same for each set of closed contacts, of which there are several.
+    `test_such_points_are_sought_from_four_starts_where_contacts_close` fails at 0 and 40."""
     damped: int = 80
     """Damped steps of each. `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
     800."""
+    most_contacts: int = 3
+    """Contacts, every set of which is gone through; of more none is.
+    `test_dependent_gradients_of_three_contacts_are_sought` fails at 0 and 30."""
+    digits: int = 3
+    """Digits of a point behind the size of things that are tried, for rows that hold there to rounding.
+    `test_the_corner_of_kuhn_and_tucker_is_named_exactly` fails at 0 and 30."""
     most_named: int = 4
     """Points that a note names; of more it gives the number. `test_a_note_names_four_such_points` fails at 0
     and 40."""
@@ -49,67 +62,130 @@ class DependenceParameters:
 PARAMETERS = DependenceParameters()
 
 
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DependentGradients:
-    """c = 0, B^T mu = 0, |mu| = 1 as a residual of (q, mu), for some of the rows."""
+    """c = 0, g = 0, B^T mu = 0, |mu| = 1 as a residual of (q, mu), for some of the rows and some closed contacts.
 
-    def __init__(self, problem: StaticProblem, rows: Sequence[int], lengths: Floats, size: Floats) -> None:
-        self._problem, self._rows, self._lengths, self._size = problem, list(rows), lengths, size
+    lengths: of their gradients, in turn; scales: of c and g.
+    """
+
+    problem: StaticProblem
+    rows: Sequence[int]
+    closed: Sequence[int]
+    lengths: Floats
+    scales: Scales
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats] | None:
         """Residual and gradient."""
-        problem = self._problem
+        problem, closed = self.problem, list(self.closed)
         q, mu = x[: problem.n], x[problem.n :]
         lam = problem.nothing
-        lam[self._rows] = mu / self._lengths
+        lam[[*self.rows, *(problem.C + k for k in closed)]] = mu / self.lengths
         with_mu, without = (problem.at(problem.t, q, each) for each in (lam, problem.nothing))
-        if not with_mu.finite or not without.finite:
+        G, g = with_mu.G[closed], with_mu.g[closed]
+        if not with_mu.finite or not without.finite or not np.isfinite(G).all() or not np.isfinite(g).all():
             return None
-        unit = with_mu.B[self._rows] / self._lengths[:, None]
-        count = mu.size
-        residual = np.concatenate([with_mu.c / self._size, unit.T @ mu, [mu @ mu - 1]])
-        by_q = np.vstack([with_mu.dc / self._size[:, None], with_mu.K - without.K, np.zeros((1, problem.n))])
-        by_mu = np.vstack([np.zeros((with_mu.c.size, count)), unit.T, 2 * mu[None]])
+        unit = np.vstack([with_mu.B[list(self.rows)], G]) / self.lengths[:, None]
+        size = np.concatenate([self.scales.conditions, self.scales.contacts[closed]])
+        on = np.concatenate([with_mu.c, g]) / size
+        residual = np.concatenate([on, unit.T @ mu, [mu @ mu - 1]])
+        slopes = np.vstack([with_mu.dc, G]) / size[:, None]
+        by_q = np.vstack([slopes, with_mu.K - without.K, np.zeros((1, problem.n))])
+        by_mu = np.vstack([np.zeros((on.size, mu.size)), unit.T, 2 * mu[None]])
         return residual, np.hstack([by_q, by_mu])
 
+    def bends(self, q: Floats, mu: Floats) -> bool:
+        """True if the gradients change with q: constant ones that are independent somewhere are so everywhere."""
+        found = self(np.concatenate([q, mu]))
+        first = self.problem.laws.c.numel() + len(self.closed)
+        return found is None or bool(found[1][first:-1, : self.problem.n].any())
 
-def singular_points(search: PointSearch) -> list[Floats]:
-    """Configurations on the surface where rows that are independent elsewhere depend on each other."""
-    problem, scales = search.problem, search.scales
-    if not problem.C or problem.n > PARAMETERS.most_coordinates or len(problem.times) > 1:
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class SingularPoint:
+    """A configuration at which gradients depend on each other, and whether those of contacts are among them."""
+
+    q: Floats
+    with_contacts: bool
+
+
+def singular_points(search: PointSearch) -> list[SingularPoint]:
+    """Configurations on the surface where rows, or rows and contacts, that are independent elsewhere depend on each
+    other."""
+    problem = search.problem
+    if problem.n > PARAMETERS.most_coordinates or len(problem.times) > 1:
         return []
-    random = np.random.default_rng(search.options.seed + 1)
-    rows = _independent(problem, scales.length, random)
-    B = problem.at(problem.t, problem.begin, problem.nothing).B
-    lengths = np.maximum(np.linalg.norm(B[rows], axis=1), 1e-3)
-    equations = DependentGradients(problem, rows, lengths, scales.conditions)
-    found: list[Floats] = []
-    begins = [problem.begin, *(one.point.q for one in search.points if not one.type.unique)]
-    begins += [
-        problem.begin + scales.length * random.standard_normal(problem.n) for _ in range(PARAMETERS.tries)
-    ]
-    for begin in begins:
-        mu = random.standard_normal(len(rows))
-        end = newton.solve(equations, np.concatenate([begin, mu / np.linalg.norm(mu)]), PARAMETERS.damped)
-        if end is None or not end.residual <= PARAMETERS.zero or not np.isfinite(end.x).all():
-            continue
-        q = end.x[: problem.n]
-        q = np.where(np.abs(q) <= PARAMETERS.near * scales.length, 0.0, q)
-        again = equations(np.concatenate([q, end.x[problem.n :]]))
-        if again is None or np.linalg.norm(again[0]) > PARAMETERS.near:
-            q = end.x[: problem.n]
-        if not any(search.apart(q, other) <= 10 * PARAMETERS.near for other in found):
-            found.append(q)
+    found: list[SingularPoint] = []
+    contacts = range(problem.K if PARAMETERS.most_contacts >= problem.K else 0)
+    for size in range(len(contacts) + 1):
+        for closed in itertools.combinations(contacts, size):
+            if problem.C or closed:
+                _find(search, closed, found)
     return found
 
 
-def _independent(problem: StaticProblem, length: float, random: np.random.Generator) -> list[int]:
-    """Rows that are independent at a point anywhere."""
+def _find(search: PointSearch, closed: tuple[int, ...], found: list[SingularPoint]) -> None:
+    """Add the points with these contacts closed."""
+    problem, scales = search.problem, search.scales
+    random = np.random.default_rng(search.options.seed + 1)
+    rows = _independent(problem, scales.length, random, closed)
+    if rows is None:
+        return
+    values = problem.at(problem.t, problem.begin, problem.nothing)
+    gradients = np.vstack([values.B[rows], values.G[list(closed)]])
+    lengths = np.maximum(np.linalg.norm(np.nan_to_num(gradients), axis=1), 1e-3)
+    equations = DependentGradients(problem, rows, closed, lengths, scales)
+    begins = [problem.begin, *(one.point.q for one in search.points if not one.type.unique)]
+    tries = PARAMETERS.tries_with_contacts if closed else PARAMETERS.tries
+    begins += [problem.begin + scales.length * random.standard_normal(problem.n) for _ in range(tries)]
+    for begin in begins:
+        mu = random.standard_normal(lengths.size)
+        mu /= np.linalg.norm(mu)
+        if closed and not equations.bends(begin, mu):
+            return
+        end = newton.solve(equations, np.concatenate([begin, mu]), PARAMETERS.damped)
+        if end is None or not end.residual <= PARAMETERS.zero or not np.isfinite(end.x).all():
+            continue
+        pushes = end.x[problem.n + len(rows) :]
+        if closed and not ((pushes > PARAMETERS.near).all() or (pushes < -PARAMETERS.near).all()):
+            continue  # contacts of both signs leave a side free, on which the rule holds
+        q = _rounded(equations, end.x, scales.length)
+        g = problem.at(problem.t, q, problem.nothing).g / scales.contacts
+        if (g < -PARAMETERS.near * scales.length).any():
+            continue
+        if not any(search.apart(q, other.q) <= 10 * PARAMETERS.near for other in found):
+            found.append(SingularPoint(q, bool(closed)))
+
+
+def _rounded(equations: DependentGradients, x: Floats, length: float) -> Floats:
+    """The configuration of a zero, which is a double one, to the digits that are no rounding."""
+    n = equations.problem.n
+    q = x[:n]
+    exact = np.where(np.abs(q) <= PARAMETERS.near * length, 0.0, q)
+    for tried in (np.round(q / length, PARAMETERS.digits) * length, exact):
+        again = equations(np.concatenate([tried, x[n:]]))
+        if again is None or np.linalg.norm(again[0]) > PARAMETERS.near:
+            continue
+        conditions = len(equations.closed) + equations.problem.laws.c.numel()
+        if tried is exact or np.abs(again[0][:conditions]).max(initial=0.0) <= PARAMETERS.zero**1.5:
+            return np.asarray(tried) + 0.0
+    return q
+
+
+def _independent(
+    problem: StaticProblem, length: float, random: np.random.Generator, closed: tuple[int, ...]
+) -> list[int] | None:
+    """Rows that are independent at a point anywhere; None where contacts are not independent of them."""
     q = problem.begin + 0.3 * length * random.standard_normal(problem.n)
-    B = problem.at(problem.t, q, problem.nothing).B
+    values = problem.at(problem.t, q, problem.nothing)
+    B, G = values.B, values.G[list(closed)]
     chosen: list[int] = []
     for row in range(problem.C):
         if np.isfinite(B[row]).all() and point_type.unit_rank(B[[*chosen, row]]) > len(chosen):
             chosen.append(row)
+    together = np.vstack([B[chosen], G])
+    if closed and (not np.isfinite(G).all() or point_type.unit_rank(together) < len(together)):
+        return None
     return chosen
 
 
@@ -117,11 +193,12 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     """Sentences on such points; `value`: the function that is asked for."""
     notes = []
     found = singular_points(search)
-    for q in found[: PARAMETERS.most_named]:
-        where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
+    for point in found[: PARAMETERS.most_named]:
+        where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, point.q, strict=True))
+        which = "closed inequalities" if point.with_contacts else "the rows"
         notes.append(
-            f"at {where} the gradients of the rows depend on each other: the multiplier rule need not hold there, and"
-            f" it may be an extreme without lambda ({value} = {search.problem.value(q):.9g})"
+            f"at {where} the gradients of {which} depend on each other: the multiplier rule need not hold there, and"
+            f" it may be an extreme without lambda ({value} = {search.problem.value(point.q):.9g})"
         )
     if len(found) > PARAMETERS.most_named:
         notes.append("there are more such points")

@@ -22,7 +22,8 @@ class StaticLaws:
     """Expressions of t, q (n,) and p: F (n,), B (C, n), c (k,), g (K,), G (K, n), and the function that is stationary.
 
     value: f, or the effective potential where the forces have one by their declaration; driving (n,): the rest of
-    F, what is declared without a potential; path: of the model.
+    F, what is declared without a potential; sides: positive on the leaves through the start
+    (`EnforcedLevel.side`); path: of the model.
     """
 
     t: ca.SX
@@ -35,6 +36,7 @@ class StaticLaws:
     G: ca.SX
     value: ca.SX
     driving: ca.SX
+    sides: ca.SX
     path: str
 
 
@@ -55,6 +57,19 @@ class EnforcedLevel:
         turned = chart.above - self.above
         return turned - chart.period * ca.floor(turned / chart.period + 0.5)
 
+    @property
+    def side(self) -> ca.SX:
+        """Positive as far as the chart above/below is regular from the start on: where above and below are both zero
+        a level passes on to another leaf (y dx - x dy = 0 has rays as leaves, lines through 0 as levels)."""
+        below, above = self.chart.below, self.chart.above
+        if self.chart.period is not None or (below.is_constant() and above.is_constant()):
+            return ca.SX(1)
+        return below * self.below + above * self.above
+
+
+def _sides(levels: Sequence[EnforcedLevel]) -> ca.SX:
+    return _column([side for side in (level.side for level in levels) if not side.is_constant()])
+
 
 def of_rest(system: System, invariant_values: Sequence[EnforcedLevel]) -> StaticLaws:
     """The equations of a point of rest: q' = q'' = 0 satisfies (D.24)."""
@@ -73,6 +88,7 @@ def of_rest(system: System, invariant_values: Sequence[EnforcedLevel]) -> Static
         system.contacts.G,
         value,
         ca.densify(F + ca.gradient(value, symbols.q)),
+        _sides(invariant_values),
         system.model.path,
     )
 
@@ -94,6 +110,7 @@ def of_function(system: System, f: ca.SX, invariant_values: Sequence[EnforcedLev
         system.contacts.G,
         f,
         ca.SX.zeros(q.numel()),
+        _sides(invariant_values),
         system.model.path,
     )
 

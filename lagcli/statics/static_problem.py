@@ -89,7 +89,7 @@ class StaticProblem:
     @cached_property
     def _value(self) -> ca.Function:
         laws = self.laws
-        outputs = [laws.value, laws.driving, ca.densify(ca.jacobian(laws.driving, laws.q))]
+        outputs = [laws.value, laws.driving, ca.densify(ca.jacobian(laws.driving, laws.q)), laws.sides]
         return SizedFunction("value", [laws.t, laws.q, laws.p], outputs)
 
     def at(self, t: float, q: Floats, lam: Floats) -> Values:
@@ -137,8 +137,16 @@ class StaticProblem:
 
     def driving(self, q: Floats) -> tuple[Floats, Floats]:
         """The forces at rest that the declared potential leaves, (n,), and their gradient (n, n)."""
-        _, found, gradient = self._value(self.t, q, self.p)
+        _, found, gradient, _ = self._value(self.t, q, self.p)
         return found.full().ravel(), gradient.full()
+
+    def is_beyond(self, q: Floats, part: float) -> bool:
+        """True if q lies on or beyond the singular points of an integral, but for a part of the way to them: then it is
+        on another leaf of the same level."""
+        if not self.laws.sides.numel():
+            return False
+        there, here = (self._value(self.t, each, self.p)[3].full() for each in (q, self.begin))
+        return bool((there <= part * here).any())
 
     def programs(self) -> list[Program]:
         """The functions of q among the equations and the potential, as lists of operations."""
@@ -147,14 +155,16 @@ class StaticProblem:
         function = SizedFunction("parts", [laws.q, laws.t, laws.p], [_stacked(parts)])
         return [program.written_out(function)]
 
-    def exact_program(self, closed: tuple[int, ...]) -> Program:
-        """All equations with these contacts closed, as a function of (q, lambda) and of (t, p)."""
+    def exact_program(self, closed: tuple[int, ...]) -> tuple[Program, int]:
+        """All equations with these contacts closed, then the gaps of the others and the sides of leaves, as a function
+        of (q, lambda) and of (t, p); and the number of gaps and sides."""
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + len(closed))
-        g = laws.g[list(closed)]
-        acting = self._acting(list(closed), lam)
+        equations = [self._acting(list(closed), lam), laws.c, laws.g[list(closed)]]
+        signs = [*(laws.g[k] for k in range(self.K) if k not in closed), *ca.vertsplit(laws.sides)]
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
-        return program.written_out(SizedFunction("exact", inputs, [_stacked([acting, laws.c, g])]))
+        written = program.written_out(SizedFunction("exact", inputs, [_stacked([*equations, *signs])]))
+        return written, len(signs)
 
     @property
     def nothing(self) -> Floats:

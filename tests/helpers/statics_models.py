@@ -100,6 +100,84 @@ def problem(seed: int, inexact: bool = False) -> Problem:
     return Problem("\n".join(lines) + "\n", f"sqrt(2)*({of})" if inexact else of, solutions)
 
 
+NAMES = ("x", "y", "z", "u")
+
+
+@dataclasses.dataclass(frozen=True)
+class Polynomial:
+    """A polynomial `of` n coordinates, with rows = 0 and walls >= 0 that are polynomials."""
+
+    n: int
+    of: str
+    rows: tuple[str, ...]
+    walls: tuple[str, ...]
+    start: Solution
+
+    @property
+    def text(self) -> str:
+        """The model."""
+        values = ", ".join(
+            f"{name}: {{value: {x}}}" for name, x in zip(NAMES[: self.n], self.start, strict=True)
+        )
+        lines = ["lagcli: 1", f"coordinates: {{{values}}}", "simulation: {assemble: true}"]
+        for part, letter, sense, texts in (
+            ("holonomic", "r", "=", self.rows),
+            ("inequality", "w", ">=", self.walls),
+        ):
+            if texts:
+                lines += [f"{part}:", *(f"  {letter}{k}: '{text} {sense} 0'" for k, text in enumerate(texts))]
+        return "\n".join(lines) + "\n"
+
+
+def polynomial(seed: int) -> Polynomial:
+    """A random one of degree four at the most: some with double zeros, some with coefficients that nearly vanish."""
+    draw = random.Random(5000 + seed)
+    n = draw.choice((1, 1, 2, 2, 2, 3, 3, 4))
+    names = NAMES[:n]
+    is_decimal = draw.random() < 0.4
+
+    def number(size: int = 4) -> str:
+        value: float = 0
+        while not value:
+            value = decimal(draw, -size, size) if is_decimal else draw.randint(-size, size)
+        if draw.random() < 0.08:
+            return f"({value})*10**(-{draw.randint(4, 10)})"
+        return f"({value})"
+
+    def monomial(degree: int) -> str:
+        return "*".join(draw.choice(names) for _ in range(degree))
+
+    top = {1: 4, 2: 4, 3: 3, 4: 2}[n]
+    terms = [f"{number()}*{monomial(draw.randint(1, top))}" for _ in range(draw.randint(2, 4))]
+    kind = draw.choice(("plain", "bounded", "square", "flat"))
+    if kind == "bounded":
+        terms += [f"{name}**{2 if n > 2 else 4}" for name in names]
+    elif kind == "square":
+        terms = [
+            f"({number()}*{draw.choice(names)} + {number()}*{draw.choice(names)}**{top // 2} + {number()})**2"
+        ]
+        terms += [f"{number()}*{name}**2" for name in names]
+    elif kind == "flat":
+        terms = [
+            f"{number()}*({name} + {number()})**{draw.choice((2, 3) if n > 2 else (2, 3, 4))}"
+            for name in names
+        ]
+    rows = []
+    if n > 1 and draw.random() < 0.5:
+        squares = " + ".join(f"{draw.choice((1, 1, 2))}*{name}**2" for name in names)
+        rows = [
+            draw.choice(
+                (f"{squares} - {draw.randint(1, 4)}", f"{names[0]} + {number()}*{names[1]} + {number()}")
+            )
+        ]
+    walls = []
+    if draw.random() < 0.4:
+        wall = f"{draw.choice(names)} + {number(2)}"
+        walls = [draw.choice((wall, f"{draw.randint(2, 5)} - {names[0]}**2", f"{names[-1]}"))]
+    start = tuple(decimal(draw, -1, 1) for _ in names)
+    return Polynomial(n, " + ".join(terms), tuple(rows), tuple(walls), start)
+
+
 def mechanism(seed: int) -> str:
     """A mechanism with weights, springs, rods, redundant rows and floors that has a place of rest."""
     draw = random.Random(1000 + seed)

@@ -65,6 +65,7 @@ DOORS = {
         "lagcli.derivation.",
         "lagcli.statics.algebraic_zeros",
         "lagcli.statics.polynomial_equations",
+        "lagcli.statics.univariate",
     ),
     "mpmath": (
         "lagcli.pfaffian.",

@@ -78,7 +78,7 @@ def test_a_nonholonomic_row_is_left_out_with_a_note():
     found = stationary(text, "x**2 + y**2 + th**2")
     assert found.complete
     assert kinds(found) == ["minimum"]
-    assert found.notes == ("`knife` cannot be integrated and is left out",)
+    assert found.notes[0] == "`knife` cannot be integrated and is left out"
     assert found[0].multipliers == {}
 
 

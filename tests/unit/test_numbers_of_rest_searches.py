@@ -9,9 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from mpmath import iv
-from sympy.polys.domains import QQ
-from sympy.polys.orderings import grevlex
-from sympy.polys.rings import PolyRing
 
 from lagcli.statics import (
     algebraic_zeros,
@@ -469,7 +466,7 @@ def test_starts_are_drawn_beside_across_and_beyond(search_of):
 def test_a_search_ends_with_four_hundred_points(points, is_cut, search_of, monkeypatch):
     search = search_of()
     search.starts = 1
-    monkeypatch.setattr(search, "_start", lambda begin: None)
+    monkeypatch.setattr(search, "_start", lambda begin: [])
     search.points = [found_point(0.0)] * points
     search.run(1)
     assert search.is_cut is is_cut
@@ -479,7 +476,7 @@ def test_a_search_ends_with_four_hundred_points(points, is_cut, search_of, monke
 def test_a_search_ends_with_its_budget(evaluations, is_cut, search_of, monkeypatch):
     search = search_of(evaluations=evaluations)  # each costs a thousand operations
     search.starts = 1
-    monkeypatch.setattr(search, "_start", lambda begin: None)
+    monkeypatch.setattr(search, "_start", lambda begin: [])
     search.run(1)
     assert search.is_cut is is_cut
 
@@ -517,7 +514,7 @@ def from_a_start(search_of, monkeypatch):
             asked.paths += 1
 
         monkeypatch.setattr(search, "_along_path", along_path)
-        search._from(np.zeros(1), ())
+        search._around(np.zeros(1), (), is_followed=True)
         return asked
 
     return made
@@ -542,14 +539,20 @@ def test_twelve_rounds_in_vain_are_the_last(vain, rounds, from_a_start):
     assert len(from_a_start(vain=vain, is_new=False).damped) == rounds
 
 
-@pytest.mark.parametrize(("starts", "is_followed"), [(7, True), (8, False)])
-def test_a_path_is_followed_from_eight_starts(starts, is_followed, search_of, monkeypatch):
+def test_a_path_is_followed_from_eight_starts(search_of, monkeypatch):
     search, asked = search_of(), []
-    search.starts = starts
-    monkeypatch.setattr(refine, "begun", lambda *_: np.zeros(1))
-    monkeypatch.setattr(further_zeros, "near_zeros", lambda *_: asked.append(1) or [])
-    search._along_path(None, np.zeros(1))
-    assert bool(asked) is is_followed
+    search.starts = 1
+    monkeypatch.setattr(search, "_start", lambda begin: [()])
+    monkeypatch.setattr(search, "_around", lambda begin, closed, is_followed: asked.append(is_followed))
+    search.run(100)
+    assert asked == [True] * 8 + [False] * 92
+
+
+def test_the_first_start_takes_a_quarter_of_the_budget(search_of, monkeypatch):
+    search, allowed = search_of(), []
+    monkeypatch.setattr(search, "_start", lambda begin: allowed.append(search._allowed) or [])
+    search.run(2)
+    assert allowed == pytest.approx([1.5e7 / 4, 1.5e7 / 2, 1.5e7])
 
 
 # Places where gradients depend on each other
@@ -559,10 +562,11 @@ def test_a_path_is_followed_from_eight_starts(starts, is_followed, search_of, mo
 def dependent_places(search_of, monkeypatch):
     """The places that searches with a given end find, and the damped steps of each."""
 
-    def made(n=1, x=0.5, residual=0.0):
+    def made(n=1, K=0, x=0.5, residual=0.0):
         asked = []
-        values = SimpleNamespace(B=np.ones((1, n)), finite=True)
-        search = search_of(n=n, C=1, at=lambda *_: values)
+        values = SimpleNamespace(B=np.ones((1, n)), G=np.ones((K, n)), g=np.zeros(K), finite=True)
+        search = search_of(n=n, C=1 - K, K=K, at=lambda *_: values)
+        monkeypatch.setattr(singular_rows.DependentGradients, "bends", lambda *_: True)
         monkeypatch.setattr(singular_rows.DependentGradients, "__call__", lambda self, x: (np.zeros(1), None))
 
         def solve(equations, begin, damped):
@@ -586,6 +590,11 @@ def test_such_points_are_sought_from_twelve_starts_beside_the_first(dependent_pl
     assert asked == [80] * 13
 
 
+def test_such_points_are_sought_from_four_starts_where_contacts_close(dependent_places):
+    _, asked = dependent_places(K=1)
+    assert asked == [80] * 5
+
+
 @pytest.mark.parametrize(("residual", "count"), [(3e-11, 1), (3e-10, 0)])
 def test_such_a_point_has_no_residual(residual, count, dependent_places):
     found, _ = dependent_places(residual=residual)
@@ -595,13 +604,14 @@ def test_such_a_point_has_no_residual(residual, count, dependent_places):
 @pytest.mark.parametrize(("x", "is_zero"), [(1e-4, True), (1e-3, False)])
 def test_a_coordinate_of_such_a_point_is_zero_to_the_root_of_rounding(x, is_zero, dependent_places):
     found, _ = dependent_places(x=x)
-    assert bool(found[0][0] == 0.0) is is_zero
+    assert bool(found[0].q[0] == 0.0) is is_zero
 
 
 @pytest.mark.parametrize(("count", "sentences"), [(4, 4), (5, 5), (6, 5)])
 def test_a_note_names_four_such_points(count, sentences, search_of, monkeypatch):
     search = search_of(value=lambda q: 0.0)
-    monkeypatch.setattr(singular_rows, "singular_points", lambda search: [np.ones(1)] * count)
+    place = singular_rows.SingularPoint(np.ones(1), False)
+    monkeypatch.setattr(singular_rows, "singular_points", lambda search: [place] * count)
     told = singular_rows.notes(search, ["x"], "f")
     assert len(told) == sentences
     assert (told[-1] == "there are more such points") is (count > 4)
@@ -610,20 +620,31 @@ def test_a_note_names_four_such_points(count, sentences, search_of, monkeypatch)
 # One unknown, by intervals
 
 
-@pytest.mark.parametrize(("zero", "is_known"), [(3e5, True), (3e6, False)])
-def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_known, search_of):
-    found = one_unknown._enclosing_interval(lambda x: (x - zero, iv.mpf(1)), search_of(), False)
-    assert (found is not None) is is_known
+def shells_of(force, search):
+    return one_unknown._pieces(force, search, False)
+
+
+@pytest.mark.parametrize(("zero", "is_found"), [(3e5, True), (3e6, False)])
+def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_found, search_of):
+    found = shells_of(lambda x: (x - zero, iv.mpf(1)), search_of())
+    assert bool(found.isolated) is is_found
+    assert bool(found.undecided) is not is_found
 
 
 def test_an_interval_of_a_turn_overlaps_itself(search_of):
-    low, high = one_unknown._enclosing_interval(None, search_of(), True)
+    pieces = one_unknown._pieces(lambda x: (iv.mpf([-1, 1]), iv.mpf([-1, 1])), search_of(), True).undecided
+    low, high = min(low for low, _ in pieces), max(high for _, high in pieces)
     assert high - low - 2 * math.pi == pytest.approx(2e-12, rel=0.01)
 
 
 def test_intervals_have_twenty_digits(search_of, monkeypatch):
     digits = []
-    monkeypatch.setattr(one_unknown, "_isolated", lambda *_: digits.append(iv.dps))
+
+    def pieces(*_):
+        digits.append(iv.dps)
+        return one_unknown.LinePieces()
+
+    monkeypatch.setattr(one_unknown, "_pieces", pieces)
     one_unknown.complete(search_of(slope_program=lambda: None), False)
     assert digits == [20]
 
@@ -636,9 +657,22 @@ def test_four_thousand_intervals_are_looked_at(width, is_known, search_of):
         looks.append(x)
         return iv.mpf([1, 2] if x.delta < width else [-1, 1]), iv.mpf([-1, 1])
 
-    found = one_unknown._isolated(force, search_of(), True)
-    assert (found is not None) is is_known
+    found = one_unknown._pieces(force, search_of(), True)
+    assert (not found.undecided) is is_known
     assert 2000 < len(looks) <= 4000
+
+
+def test_a_double_zero_is_enclosed_to_nine_digits(search_of):
+    found = one_unknown._pieces(lambda x: ((x - 0.3) ** 2, 2 * (x - 0.3)), search_of(), True)
+    (piece,) = one_unknown._merged(found.undecided)
+    assert 3e-10 < piece[1] - piece[0] < 3e-9
+
+
+@pytest.mark.parametrize(("count", "is_more"), [(4, False), (5, True)])
+def test_four_undecided_pieces_are_named(count, is_more):
+    told = one_unknown._undecided([(float(k), float(k)) for k in range(count)])
+    assert told.count("near") == 4
+    assert ("elsewhere" in told) is is_more
 
 
 # All points by exact algebra
@@ -650,7 +684,7 @@ def test_four_thousand_intervals_are_looked_at(width, is_known, search_of):
 def test_points_of_twenty_four_unknowns_and_three_contacts_are_counted(
     n, K, is_counted, search_of, monkeypatch
 ):
-    monkeypatch.setattr(all_zeros, "_of_set", lambda *_: [])
+    monkeypatch.setattr(all_zeros, "_of_set", lambda *_: all_zeros.SetZeros([], []))
     found = all_zeros.complete(search_of(n=n, K=K))
     assert found.proved is is_counted
     if not is_counted:
@@ -659,45 +693,15 @@ def test_points_of_twenty_four_unknowns_and_three_contacts_are_counted(
 
 @pytest.mark.parametrize(("cost", "is_spent"), [(1_000_000, False), (4_000_000, True)])
 def test_two_million_comparisons_of_monomials_are_made(cost, is_spent, search_of, monkeypatch):
-    def equations(program, count, numbers, budget):
-        if cost > budget:
+    def equations(program, count, numbers, order, signs):
+        if cost > order.left:
             raise SpentError
-        return SimpleNamespace(names=(), angles=(), ring=None, equations=())
+        return SimpleNamespace(used=(), ring=None, equations=(), denominators=())
 
     monkeypatch.setattr(polynomial_equations, "equations", equations)
-    monkeypatch.setattr(algebraic_zeros, "zeros", lambda *_: np.zeros((0, 1)))
-    found = all_zeros.complete(search_of(exact_program=lambda closed: None))
+    monkeypatch.setattr(algebraic_zeros, "zeros", lambda *_: [])
+    found = all_zeros.complete(search_of(exact_program=lambda closed: (None, 0)))
     assert (found.reason == "the budget of exact algebra is spent") is is_spent
-
-
-@pytest.mark.parametrize(("size", "is_valid"), [(3e-10, False), (3e-9, True)])
-def test_a_denominator_below_nine_digits_vanishes(size, is_valid):
-    ring = PolyRing(["x"], QQ, grevlex)
-    exact = SimpleNamespace(roots=(), denominators=[ring.gens[0]])
-    assert all_zeros._is_valid(exact, np.array([size])) is is_valid
-
-
-@pytest.mark.parametrize(("size", "is_valid"), [(-3e-8, True), (-3e-7, False)])
-def test_a_root_may_be_below_zero_by_rounding(size, is_valid):
-    exact = SimpleNamespace(roots=("r",), denominators=[])
-    assert all_zeros._is_valid(exact, np.array([size])) is is_valid
-
-
-def test_a_zero_is_refined_by_thirty_newton_steps():
-    (x,) = PolyRing(["x"], QQ, grevlex).gens
-    found = algebraic_zeros._polished([x**3], [[3 * x**2]], np.array([1e-3]))
-    # Each step leaves two thirds of the distance of a threefold zero.
-    assert found[0] == pytest.approx(1e-3 * (2 / 3) ** 30, rel=0.01)
-
-
-@pytest.mark.parametrize(("imaginary", "refined"), [(3e-5, 3), (3e-4, 1)])
-def test_eigenvalues_that_are_real_to_four_digits_are_refined(imaginary, refined, monkeypatch):
-    asked = []
-    monkeypatch.setattr(algebraic_zeros, "_polished", lambda *given: asked.append(given))
-    (x,) = PolyRing(["x"], QQ, grevlex).gens
-    with pytest.raises(algebraic_zeros.NotCounted):
-        algebraic_zeros.zeros(x.ring, [x * (x**2 + QQ(int(imaginary * 1e6) ** 2, 10**12))], [0])
-    assert len(asked) == 4 * refined  # of four combinations of the unknowns
 
 
 # The kind of a point

@@ -22,7 +22,8 @@ def polynomials(build: Build, count: int) -> PolynomialEquations:
     """The equation build(x) = 0 of so many unknowns."""
     x, p = ca.SX.sym("x", count), ca.SX.sym("p", 0)
     function = ca.Function("exact", [x, p], [ca.densify(build(x))])
-    return polynomial_equations.equations(program.written_out(function), count, np.zeros(0), 2_000_000)
+    order = polynomial_equations.CountedOrder(2_000_000)
+    return polynomial_equations.equations(program.written_out(function), count, np.zeros(0), order)
 
 
 def ring(count: int) -> PolyRing:
@@ -39,6 +40,13 @@ def test_twelve_digits_are_written_and_thirteen_are_not() -> None:
     assert polynomial_equations.exact(0.123456789012) == Fraction("0.123456789012")
     with pytest.raises(NotPolynomial):
         polynomial_equations.exact(0.1234567890123)
+
+
+def test_quotients_are_exact_up_to_a_thousand() -> None:
+    assert polynomial_equations.exact(-5 / 997) == Fraction(-5, 997)
+    for inexact in (5 / 1009, math.sqrt(2), math.pi, math.exp(-1)):
+        with pytest.raises(NotPolynomial):
+            polynomial_equations.exact(inexact)
 
 
 def test_a_rounding_of_a_sum_is_forgiven_and_four_are_not() -> None:
@@ -86,11 +94,31 @@ def test_four_thousand_zeros_are_listed_and_eight_thousand_are_not() -> None:
         zeros(*(x**2 - 1 for x in ring(13).gens))
 
 
-def test_zeros_that_are_almost_one_are_not_told_apart() -> None:
+@pytest.mark.parametrize("apart", [3e-7, 3e-8, 1e-30])
+def test_zeros_are_told_apart_however_close_they_are(apart: float) -> None:
     (x,) = ring(1).gens
-    assert zeros(x * (x - QQ(3, 10**7))) == 2
-    with pytest.raises(algebraic_zeros.NotCounted, match="proved"):
-        zeros(x * (x - QQ(3, 10**8)))
+    assert zeros(x * (x - QQ(*apart.as_integer_ratio()))) == 2
+
+
+@pytest.mark.parametrize(("digits", "is_decided"), [(100, True), (1000, True), (3000, False)])
+def test_a_sign_of_two_blocks_is_found_to_a_thousand_digits(digits: int, is_decided: bool) -> None:
+    x, y = ring(2).gens
+    near = QQ(math.isqrt(2 << 2 * digits), 1 << digits)  # the root of two to so many binary digits
+    found = algebraic_zeros.zeros(x.ring, [x**2 - 2, y - near], [0, 1])
+    assert len(found) == 2
+    if is_decided:
+        assert sorted(zero.sign(x - y) for zero in found) == [-1, 1]
+    else:
+        with pytest.raises(algebraic_zeros.NotCounted, match="sign"):
+            [zero.sign(x - y) for zero in found]
+
+
+def test_zeros_of_a_vanishing_denominator_are_taken_out() -> None:
+    x, y = ring(2).gens
+    with pytest.raises(algebraic_zeros.NotCounted, match="continuum"):
+        algebraic_zeros.zeros(x.ring, [x * y, x * (y - 1) * (x - 3)], [0, 1])
+    (left,) = algebraic_zeros.zeros(x.ring, [x * y, x * (y - 1) * (x - 3)], [0, 1], [x])
+    assert (left.value(0), left.value(1)) == (3.0, 0.0)
 
 
 @pytest.mark.parametrize(("angle", "rank"), [(3e-7, 2), (3e-8, 1)])

@@ -48,6 +48,8 @@ def print_report(model: Model, found: StaticReport, options: PointOptions) -> No
             if found.best_residual is None or found.best_residual == float("inf")
             else (f"; the least residual met is {found.best_residual:.6g}")
         )
+        if found.complete:
+            best = "; it is proved that there is none"
         what = "stationary point" if found.called == "value" else "point of rest"
         exits.print_err(f"lagcli: no {what} was found from {_starts(found)}{best}")
         raise exits.Exit(exits.UNDECIDED)

@@ -1,0 +1,298 @@
+"""The real zeros of a finite algebra of functions, each exactly: all unknowns are functions of one, t.
+
+Rational univariate representation (Rouillier, *Solving zero-dimensional systems*, 1999): t is a sum of the unknowns
+with whole weights, f the squarefree part of the characteristic polynomial of multiplication by t, and any function v is
+g_v(t)/g_1(t) at a zero, with the polynomials g_v of traces. So zeros are roots of f, isolated in exact arithmetic, and
+a sign is that of an enclosure without zero, or zero where g_v and f have the root in common. Multiplicities change
+nothing.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import Protocol
+
+from sympy.polys.domains import ZZ
+from sympy.polys.euclidtools import dup_gcd
+from sympy.polys.rootisolation import dup_isolate_real_roots_sqf
+from sympy.polys.sqfreetools import dup_sqf_part
+
+Whole = list[int]
+Enclosure = tuple[Fraction, Fraction]
+
+
+class RepresentationParameters:
+    """Numbers of the representation; they decide about cost and refusal, and about no answer.
+
+    The tests are of `tests/unit/test_univariate.py`.
+    """
+
+    __slots__ = ()
+
+    most_weights: int = 12
+    """Choices of t that are tried: one at random serves but for zeros in a few directions of each other.
+    `test_twelve_sums_of_the_unknowns_are_tried` fails at 1 and 120."""
+    first_bits: int = 128
+    """Binary digits of t behind the point at first; they are doubled as long as they do not suffice.
+    `test_a_root_is_narrowed_to_a_hundred_and_twenty_eight_digits_at_first` fails at 12 and 1280."""
+    most_bits: int = 1 << 14
+    """Digits at which a sign is given up that is not zero: none is so small with coefficients of this length.
+    `test_a_sign_is_sought_to_sixteen_thousand_binary_digits` fails at 1638 and 163 840."""
+    digits: int = 60
+    """Binary digits of a value: seven more than a double has.
+    `test_a_value_has_sixty_binary_digits_and_zero_is_zero` fails at 6 and 600."""
+
+
+PARAMETERS = RepresentationParameters()
+
+
+class NotSeparated(Exception):
+    """No sum of the unknowns tells all zeros apart, or digits do not suffice."""
+
+
+class FiniteAlgebra(Protocol):
+    """A finite algebra over the rationals with a basis of D elements, the first of which is 1.
+
+    `generators`: matrices of multiplication by the unknowns (rows: the products with the basis), whole numbers over one
+    denominator; `traces` (D, D): the traces of all products of two elements of the basis, likewise.
+    """
+
+    D: int
+    generators: list[tuple[list[Whole], int]]
+    traces: tuple[list[Whole], int]
+
+
+class Representation:
+    """f, and g_v for elements v of an algebra. Raises `NotSeparated`."""
+
+    def __init__(self, algebra: FiniteAlgebra) -> None:
+        self._algebra = algebra
+        random_weights = random.Random(0)
+        count = len(algebra.generators)
+        for trial in range(PARAMETERS.most_weights):
+            weights = (
+                range(1, count + 1) if not trial else [random_weights.randint(-9, 9) for _ in range(count)]
+            )
+            if self._is_separating(list(weights)):
+                return
+        raise NotSeparated("their zeros could not be told apart")
+
+    def _is_separating(self, weights: Whole) -> bool:
+        algebra, D = self._algebra, self._algebra.D
+        common = math.lcm(*(below for _, below in algebra.generators))
+        matrix = [
+            [
+                sum(
+                    w * rows[i][j] * (common // below)
+                    for w, (rows, below) in zip(weights, algebra.generators, strict=True)
+                )
+                for j in range(D)
+            ]
+            for i in range(D)
+        ]
+        self._powers = list(_powers(matrix, D))
+        traces = algebra.traces
+        sums = [dot(power, traces[0][0]) // traces[1] for power in self._powers]  # whole, as t is
+        self._powers.pop()
+        characteristic = _from_power_sums(sums)
+        self.f: Whole = [int(x) for x in dup_sqf_part(characteristic, ZZ)]
+        self._horner = [self.f[: k + 1] for k in range(len(self.f) - 1)]
+        one = [1] + [0] * (D - 1)
+        self.one = self.of(one)
+        if len(self.f) - 1 == D:
+            return True
+        # x g_1(t) - g_x(t) has to vanish at all zeros: the trace of its product with each element is zero.
+        g = self._at_t(self.one)
+        for rows, _ in algebra.generators:
+            unknown = rows[0]  # times its denominator: the product with 1
+            rest = [a - b for a, b in zip(combined(g, rows), self._at_t(self.of(unknown)), strict=True)]
+            if any(combined(rest, traces[0])):
+                return False
+        return True
+
+    def of(self, element: Whole) -> Whole:
+        """g_v, times the denominator of the traces, of an element with whole coefficients (D,)."""
+        weights = combined(element, self._algebra.traces[0])
+        degree = len(self.f) - 1
+        found = [0] * degree
+        for i in range(degree):
+            factor = dot(self._powers[i], weights)
+            for k, coefficient in enumerate(self._horner[degree - 1 - i]):
+                found[i + k] += factor * coefficient
+        return found
+
+    def _at_t(self, g: Whole) -> Whole:
+        """g(t) as an element."""
+        degree = len(g) - 1
+        found = [0] * self._algebra.D
+        for k, factor in enumerate(g):
+            for j, x in enumerate(self._powers[degree - k]):
+                found[j] += factor * x
+        return found
+
+    def roots(self) -> list[RealRoot]:
+        """All real zeros."""
+        degree = len(self.f) - 1
+        # In a unit in which no root is much larger than 1: of large roots the isolation makes a step a digit.
+        bits = max(-(-abs(x).bit_length() // k) for k, x in enumerate(self.f) if k)
+        scaled = [ZZ(x << bits * (degree - k)) for k, x in enumerate(self.f)]
+        isolated = dup_isolate_real_roots_sqf(scaled, ZZ)
+        return [RealRoot(self, *(Fraction(str(end)) * 2**bits for end in ends)) for ends in isolated]
+
+
+class RealRoot:
+    """One real zero: a root of f that is alone between low and high."""
+
+    def __init__(self, representation: Representation, low: Fraction, high: Fraction) -> None:
+        self._all = representation
+        self._low, self._high = low, high
+        self._left = _sign_after(representation.f, low)
+
+    def sign(self, g: Whole) -> int:
+        """The sign of g at the root, exactly."""
+        for bits in self._precisions():
+            low, high = self._enclosed(g, bits)
+            if low > 0 or high < 0 or low == high:
+                return (low > 0) - (high < 0)
+            if bits == PARAMETERS.first_bits and self._is_common(g):
+                return 0
+        raise NotSeparated("a sign needs too many digits")
+
+    def enclosure(self, g: Whole, scale: int, digits: int) -> Enclosure:
+        """Bounds of g/(scale g_1) with so many binary digits, both zero where it is zero."""
+        if not self.sign(g):
+            return Fraction(0), Fraction(0)
+        for bits in self._precisions():
+            low, high = self._enclosed(g, bits)
+            below, above = self._enclosed(self._all.one, bits)
+            if low <= 0 <= high or below <= 0 <= above:
+                continue
+            ends = [x / y / scale for x in (low, high) for y in (below, above)]
+            least, most = min(ends), max(ends)
+            if (most - least) * 2**digits <= min(abs(least), abs(most)):
+                return least, most
+        raise NotSeparated("a value needs too many digits")
+
+    def _precisions(self) -> Iterator[int]:
+        bits = PARAMETERS.first_bits
+        while bits <= PARAMETERS.most_bits:
+            yield bits
+            bits *= 2
+
+    def _is_common(self, g: Whole) -> bool:
+        """True if g vanishes at the root."""
+        common = dup_gcd(_stripped(g), [ZZ(x) for x in self._all.f], ZZ)
+        if self._low == self._high:
+            return not _sign(common, self._low)
+        # A factor of f has no other root between, and changes its sign at this one; at the ends it may have others.
+        mirrored = [-x if k % 2 else x for k, x in enumerate(reversed(common))][::-1]
+        return len(common) > 1 and _sign_after(common, self._low) * _sign_after(mirrored, -self._high) < 0
+
+    def _enclosed(self, g: Whole, bits: int) -> Enclosure:
+        """Bounds of g at the root, by its value in the middle and a bound of its slope."""
+        self._narrow(bits)
+        middle, radius = (self._low + self._high) / 2, (self._high - self._low) / 2
+        value = _value(g, middle)
+        size = abs(middle) + radius
+        slope = _value([abs(x) for x in _slope(g)], size)
+        return value - radius * slope, value + radius * slope
+
+    def _narrow(self, bits: int) -> None:
+        """Halves, and what is beside the end of a Newton step on the side without the root."""
+        f, slope = self._all.f, None
+        while (self._high - self._low) * 2**bits > 1:
+            width = self._high - self._low
+            digits = max(2, 3 + width.denominator.bit_length() - width.numerator.bit_length())
+            middle = _rounded((self._low + self._high) / 2, digits)
+            if not self._low < middle < self._high:
+                middle = (self._low + self._high) / 2
+            slope = slope or _slope(f)
+            steep = _value(slope, middle)
+            digits = min(2 * digits, bits + 2)
+            end = _rounded(middle - _value(f, middle) / steep, digits) if steep else middle
+            for x in (middle, end - Fraction(1, 2**digits), end + Fraction(1, 2**digits)):
+                if self._low < x < self._high:
+                    self._cut(x)
+
+    def _cut(self, x: Fraction) -> None:
+        """Leave out the part beside x without the root."""
+        sign = _sign(self._all.f, x)
+        if sign != self._left:
+            self._high = x
+        if sign != -self._left:
+            self._low = x
+
+
+def _powers(matrix: list[Whole], D: int) -> Iterator[Whole]:
+    """1, t, ..., t^D as elements."""
+    element = [1] + [0] * (D - 1)
+    yield element
+    for _ in range(D):
+        element = combined(element, matrix)
+        yield element
+
+
+def _from_power_sums(sums: Whole) -> Whole:
+    """The monic polynomial with these sums of powers of its roots (Newton), highest power first."""
+    found = [1]
+    for k in range(1, len(sums)):
+        total = sum(found[k - i] * sums[i] for i in range(1, k + 1))
+        found.append(-total // k)
+    return found
+
+
+def combined(element: Whole, rows: Sequence[Whole]) -> Whole:
+    """The sum of rows with these factors."""
+    found = [0] * len(rows[0])
+    for factor, row in zip(element, rows, strict=True):
+        if factor:
+            for j, x in enumerate(row):
+                if x:
+                    found[j] += factor * x
+    return found
+
+
+def dot(a: Whole, b: Whole) -> int:
+    """The sum of products."""
+    return sum(x * y for x, y in zip(a, b, strict=True) if x and y)
+
+
+def _stripped(g: Sequence[int]) -> Whole:
+    return [ZZ(x) for x in itertools.dropwhile(lambda x: not x, g)]
+
+
+def _scaled_value(polynomial: Sequence[int], x: Fraction) -> int:
+    """The polynomial at x times the denominator of x to its degree: whole."""
+    above, below, power, total = x.numerator, x.denominator, 1, 0
+    for coefficient in polynomial:
+        total = total * above + int(coefficient) * power
+        power *= below
+    return total
+
+
+def _value(polynomial: Sequence[int], x: Fraction) -> Fraction:
+    degree = max(len(polynomial) - 1, 0)
+    return Fraction(_scaled_value(polynomial, x), x.denominator**degree)
+
+
+def _sign(polynomial: Sequence[int], x: Fraction) -> int:
+    value = _scaled_value(polynomial, x)
+    return (value > 0) - (value < 0)
+
+
+def _sign_after(polynomial: Sequence[int], x: Fraction) -> int:
+    """The sign beyond x, of a polynomial that has no double root there."""
+    return _sign(polynomial, x) or _sign(_slope(polynomial), x)
+
+
+def _slope(polynomial: Sequence[int]) -> Whole:
+    powers = range(len(polynomial) - 1, 0, -1)
+    return [int(x) * k for x, k in zip(polynomial[:-1], powers, strict=True)] if len(polynomial) > 1 else []
+
+
+def _rounded(x: Fraction, bits: int) -> Fraction:
+    return Fraction(round(x * 2**bits), 2**bits)
