@@ -78,22 +78,22 @@ def directions(equations: RestEquations, x: Floats) -> Floats:
     return np.asarray(left[:, sizes > 1e-6])
 
 
-def dimension(equations: RestEquations, x: Floats) -> int:
-    """The dimension of the continuum through a point, 0 for a point alone.
+def tangent(equations: RestEquations, x: Floats) -> Floats:
+    """An orthonormal basis (n, d) of the directions of the continuum through a point, d = 0 for a point alone.
 
-    A flat direction counts where a step along it ends at another point of rest.
+    A flat direction counts where a step along it ends at another point of rest, and there are as many there.
     """
     basis = directions(equations, x)
     n, length = equations.problem.n, PARAMETERS.step * equations.scales.length
-    least, passed = basis.shape[1], 0
-    for direction in basis.T:
+    least, passed = basis.shape[1], []
+    for k, direction in enumerate(basis.T):
         ends = (stepped(equations, x, sign * length * direction) for sign in (1, -1))
         end = next((one for one in ends if one is not None), None)
         if end is None or not PARAMETERS.off * length < np.linalg.norm(end[:n] - x[:n]):
             continue
-        passed += 1
+        passed.append(k)
         least = min(least, directions(equations, end).shape[1])
-    return min(passed, int(least))
+    return np.asarray(basis[:, passed[:least]])
 
 
 def stepped(equations: RestEquations, x: Floats, change: Floats) -> Floats | None:
@@ -181,8 +181,8 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
         return found
     own = RestEquations(problem, found.closed, scales)
     unknowns = refine.begun(own, found.q)
-    is_one = dimension(bounded, begun) > 0
-    return point if is_one or (unknowns is not None and dimension(own, unknowns)) else found
+    is_one = tangent(bounded, begun).size > 0
+    return point if is_one or (unknowns is not None and tangent(own, unknowns).size) else found
 
 
 def _without_side(G: Floats) -> list[bool]:

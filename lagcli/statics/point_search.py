@@ -168,17 +168,28 @@ class PointSearch:
             return False
         found = dataclasses.replace(found, q=self.wrapped_angles(found.q))
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
-        if below or (pulling and self.options.pushes) or self._is_known(found):
+        if below or (pulling and self.options.pushes) or self._is_known(found, PARAMETERS.same):
             return False
         found = continuum.with_own_contacts(self.problem, found, self.scales)
         equations = RestEquations(self.problem, found.closed, self.scales)
         x = _unknowns(equations, found)
-        kind = point_type.classify(self.problem, found, self.scales, self.options.has_potential)
-        size = continuum.dimension(equations, x) if kind.freedom else 0
+        if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
+            return False
+        along = continuum.tangent(equations, x)
+        kind, moved = point_type.classify(
+            self.problem, found, self.scales, self.options.has_potential, along
+        )
+        if moved.q is not found.q:
+            x = _unknowns(equations, moved)
+            again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))
+            if isinstance(again, NoEquilibrium) or self._is_known(again, PARAMETERS.same):
+                return False
+            found = again
+        size = along.shape[1]
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
         touching = refine.touching(self.problem, found, self.scales)
-        if any(self._is_on(known, touching, found.q, size) for known in self.points):
+        if any(self._is_on(known, kind, touching, found, size) for known in self.points):
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
@@ -204,11 +215,11 @@ class PointSearch:
         d[~angles] /= self.scales.length
         return float(d.max(initial=0.0))
 
-    def _is_known(self, found: EquilibriumPoint) -> bool:
+    def _is_known(self, found: EquilibriumPoint, of_flat: float) -> bool:
+        """True if a point is one of those that are known; of_flat: how near to one where a curvature vanishes."""
         for known in self.points:
-            is_flat = known.type.kind == "degenerate" and not known.dimension
-            limit = PARAMETERS.same_of_flat if is_flat else PARAMETERS.same
-            if self.apart(known.point.q, found.q) <= limit:
+            is_flat = not known.type.is_regular and not known.dimension
+            if self.apart(known.point.q, found.q) <= (of_flat if is_flat else PARAMETERS.same):
                 return True
         return False
 
@@ -224,20 +235,31 @@ class PointSearch:
             equations, other, self._nearer_turn(found.q, known.point.q)
         )
 
-    def _is_on(self, known: FoundPoint, touching: tuple[int, ...], q: Floats, size: int) -> bool:
+    def _is_on(
+        self,
+        known: FoundPoint,
+        kind: PointType,
+        touching: tuple[int, ...],
+        found: EquilibriumPoint,
+        size: int,
+    ) -> bool:
         """True if a point alone, or one of a smaller continuum, lies on this larger one, of which it is an edge
         where more contacts are closed."""
         if known.dimension <= size or not set(known.point.closed) <= set(touching):
             return False
+        if kind.is_regular and not size and known.point.closed == found.closed:
+            return False  # near a regular point there is no other
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, self._nearer_turn(q, known.point.q))
+        return continuum.connected(equations, x, self._nearer_turn(found.q, known.point.q))
 
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
     ) -> bool:
         """True if a known point or continuum lies on the larger continuum of a new point."""
         if size <= known.dimension or not set(found.closed) <= set(known.touching):
+            return False
+        if known.type.is_regular and not known.dimension and known.point.closed == found.closed:
             return False
         return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
+from lagcli.equations.power_series import SeriesFunction
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.statics.static_laws import StaticLaws
 
@@ -57,6 +58,7 @@ class StaticProblem:
         self.evaluations = 0  # so far: what a search may cost is counted, not timed
         self.n, self.C, self.K = laws.q.numel(), laws.B.shape[0], laws.g.numel()
         self.t, self.begin = start
+        self._series: dict[tuple[int, ...], SeriesFunction] = {}
         self._later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
         self.times: tuple[float, ...] = (self.t,)
         if not self._is_steady():
@@ -149,12 +151,21 @@ class StaticProblem:
 
     def exact_program(self, closed: tuple[int, ...]) -> Program:
         """All equations with these contacts closed, as a function of (q, lambda) and of (t, p)."""
+        return program.written_out(self._balance(closed))
+
+    def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
+        """The same as power series of these."""
+        if closed not in self._series:
+            self._series[closed] = SeriesFunction(self._balance(closed))
+        return self._series[closed]
+
+    def _balance(self, closed: tuple[int, ...]) -> ca.Function:
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + len(closed))
         g = laws.g[list(closed)]
         acting = self._acting(list(closed), lam)
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
-        return program.written_out(SizedFunction("exact", inputs, [_stacked([acting, laws.c, g])]))
+        return SizedFunction("exact", inputs, [_stacked([acting, laws.c, g])])
 
     @property
     def nothing(self) -> Floats:
