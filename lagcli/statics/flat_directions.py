@@ -17,7 +17,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.power_series import PowerSeries, constant
+from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -199,7 +199,10 @@ def judged(
         equations = FlatEquations(problem, point.closed, scales, basis, along)
         rays = _rays(basis.shape[1])
         q, lam = equations.settled(point.q, point.lam)
-        found = equations.expanded(q, lam, rays, PARAMETERS.orders)
+        try:
+            found = equations.expanded(q, lam, rays, PARAMETERS.orders)
+        except UnderflowError:
+            break
         if found is None:
             break
         for power in range(PARAMETERS.orders, 2, -1):
@@ -209,13 +212,29 @@ def judged(
                 there = dataclasses.replace(point, q=q, lam=lam)
                 verdict = FlatVerdict(there, up, down, basis.shape[1])
                 return _of_forms(verdict, rays, forms, rounding, power)
-        curvatures, axes, rounding = _curvatures(equations, q, lam)
+        curvatures, axes, nothing = _curvatures(equations, q, lam)
         steepest = int(np.argmax(np.abs(curvatures)))
-        if not abs(curvatures[steepest]) > rounding:
+        if not abs(curvatures[steepest]) > nothing:
             break
         up, down = up + (curvatures[steepest] > 0), down + (curvatures[steepest] < 0)
         basis = basis @ np.delete(axes, steepest, axis=1)
     return FlatVerdict(point, up, down, basis.shape[1])
+
+
+def is_balanced(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats
+) -> bool:
+    """True if forces along flat directions (n, k) are rounding of their terms, and no zero by underflow, nor where a
+    function comes so close to its limit that a double has no difference any more: such a point is none."""
+    if not basis.size:
+        return True
+    equations = FlatEquations(problem, point.closed, scales, basis, np.zeros((problem.n, 0)))
+    q, lam = equations.settled(point.q, point.lam)
+    try:
+        found = equations.expanded(q, lam, np.eye(basis.shape[1]), 2)
+    except UnderflowError:
+        return False
+    return found is None or found.vanishes(2)
 
 
 def _curvatures(equations: FlatEquations, q: Floats, lam: Floats) -> tuple[Floats, Floats, float]:

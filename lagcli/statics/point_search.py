@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lagcli.statics import (
     continuum,
+    flat_directions,
     further_zeros,
     newton,
     point_type,
@@ -185,6 +186,8 @@ class PointSearch:
             if isinstance(again, NoEquilibrium) or self._is_known(again, PARAMETERS.same):
                 return False
             found = again
+        if not self._is_point(found, kind, continuum.directions(equations, x)):
+            return False
         size = along.shape[1]
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
@@ -214,6 +217,15 @@ class PointSearch:
         d[angles] = np.minimum(np.remainder(d[angles], 2 * np.pi), np.remainder(-d[angles], 2 * np.pi))
         d[~angles] /= self.scales.length
         return float(d.max(initial=0.0))
+
+    def _is_point(self, found: EquilibriumPoint, kind: PointType, flat: Floats) -> bool:
+        """False where all is flat because it is far away, or forces are below what doubles tell."""
+        if kind.is_regular or (kind.kind != "degenerate" and not flat.size):
+            return True
+        far = surface_descent.PARAMETERS.far
+        return self.apart(found.q, self.problem.begin) <= far and flat_directions.is_balanced(
+            self.problem, found, self.scales, flat
+        )
 
     def _is_known(self, found: EquilibriumPoint, of_flat: float) -> bool:
         """True if a point is one of those that are known; of_flat: how near to one where a curvature vanishes."""

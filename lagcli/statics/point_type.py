@@ -133,7 +133,7 @@ def classify(
         index = down + (verdict.flat if verdict.is_strict and verdict.falls else 0)
     else:
         kind, index = _kind_on_cone((H + H.T) / 2, weak, (up, down), walls)
-    found = dataclasses.replace(plain, kind=kind, index=index, is_regular=not verdict.flat)
+    found = dataclasses.replace(plain, kind=kind, index=index, is_regular=not (verdict.flat or along.size))
     return found, dataclasses.replace(verdict.point, closed=point.closed)
 
 

@@ -156,7 +156,7 @@ class StaticProblem:
     def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
         """The same as power series of these."""
         if closed not in self._series:
-            self._series[closed] = SeriesFunction(self._balance(closed))
+            self._series[closed] = SeriesFunction(self._balance(closed), is_strict=True)
         return self._series[closed]
 
     def _balance(self, closed: tuple[int, ...]) -> ca.Function:
