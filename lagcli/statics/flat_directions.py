@@ -17,9 +17,9 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
+from lagcli.equations.power_series import LEAST, PowerSeries, UnderflowError, constant
 from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import Scales
+from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -111,8 +111,13 @@ class FlatEquations:
         self._acting = [*range(problem.C), *(problem.C + k for k in closed)]
 
     def settled(self, q: Floats, lam: Floats) -> tuple[Floats, Floats]:
-        """q (n,) and lambda (C + K,) with the equations across satisfied, as near as they are."""
-        n = q.size
+        """q (n,) and lambda (C + K,) with the equations across satisfied, as near as they are.
+
+        lambda is made anew: Newton's steps leave rounding of the largest forces they met on their way.
+        """
+        n, rest = q.size, RestEquations(self._problem, tuple(self._closed), self.scales)
+        balancing = rest.multipliers(q)
+        lam = lam if balancing is None else rest.all_multipliers(balancing[0])
         for _ in range(2):
             residual, _, inverse = self._linear(q, lam)
             step = -inverse @ residual
@@ -133,7 +138,13 @@ class FlatEquations:
                 [N.T, np.zeros((k, m + k))],
             ]
         )
+        # Forces are measured by those there are: far from all sources they may be tiny, and still none is zero.
+        stiffness = float(np.abs(values.K).max(initial=0.0)) * self.scales.length
+        unit = max(float(np.abs(values.F).max(initial=0.0)), stiffness) or 1.0
+        if unit < LEAST:
+            raise UnderflowError
         across, down = np.ones(A.shape[1]), np.ones(A.shape[0])
+        across[q.size :], down[: q.size] = unit, 1 / unit
         for _ in range(2):
             down /= _lengths(A * down[:, None] * across, 1)
             across /= _lengths(A * down[:, None] * across, 0)
@@ -198,8 +209,8 @@ def judged(
     while 0 < basis.shape[1] <= PARAMETERS.most:
         equations = FlatEquations(problem, point.closed, scales, basis, along)
         rays = _rays(basis.shape[1])
-        q, lam = equations.settled(point.q, point.lam)
         try:
+            q, lam = equations.settled(point.q, point.lam)
             found = equations.expanded(q, lam, rays, PARAMETERS.orders)
         except UnderflowError:
             break
@@ -229,8 +240,8 @@ def is_balanced(
     if not basis.size:
         return True
     equations = FlatEquations(problem, point.closed, scales, basis, np.zeros((problem.n, 0)))
-    q, lam = equations.settled(point.q, point.lam)
     try:
+        q, lam = equations.settled(point.q, point.lam)
         found = equations.expanded(q, lam, np.eye(basis.shape[1]), 2)
     except UnderflowError:
         return False
