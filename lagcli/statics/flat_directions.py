@@ -232,9 +232,7 @@ def judged(
     return FlatVerdict(point, up, down, basis.shape[1])
 
 
-def is_balanced(
-    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats
-) -> bool:
+def is_balanced(problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats) -> bool:
     """True if forces along flat directions (n, k) are rounding of their terms, and no zero by underflow, nor where a
     function comes so close to its limit that a double has no difference any more: such a point is none."""
     if not basis.size:
@@ -301,9 +299,7 @@ def _rays(k: int) -> Floats:
     return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
 
 
-def _of_forms(
-    verdict: FlatVerdict, rays: Floats, forms: Floats, rounding: Floats, power: int
-) -> FlatVerdict:
+def _of_forms(verdict: FlatVerdict, rays: Floats, forms: Floats, rounding: Floats, power: int) -> FlatVerdict:
     """The verdict of the first form that does not vanish, by its values on rays."""
     rises, falls = bool((forms > rounding).any()), bool((forms < -rounding).any())
     if power % 2:

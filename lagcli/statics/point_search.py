@@ -25,7 +25,7 @@ from lagcli.statics import (
 from lagcli.statics.further_zeros import DeflatedEquations
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
-from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -176,29 +176,22 @@ class PointSearch:
         x = _unknowns(equations, found)
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
-        along = continuum.tangent(equations, x)
-        kind, moved = point_type.classify(
-            self.problem, found, self.scales, self.options.has_potential, along
-        )
-        if moved.q is not found.q:
-            x = _unknowns(equations, moved)
-            again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))
-            if isinstance(again, NoEquilibrium) or self._is_known(again, PARAMETERS.same):
-                return False
-            found = again
-        if not self._is_point(found, kind, continuum.directions(equations, x)):
+        typed = typed_point(self.problem, found, self.scales, self.options.has_potential)
+        if typed is None or (typed.point is not found and self._is_known(typed.point, PARAMETERS.same)):
             return False
-        size = along.shape[1]
+        if typed.point is not found:
+            found, x = typed.point, _unknowns(equations, typed.point)
+        kind, size = typed.type, typed.dimension
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
-        touching = refine.touching(self.problem, found, self.scales)
-        if any(self._is_on(known, kind, touching, found, size) for known in self.points):
+        typed = dataclasses.replace(typed, point=found)
+        if any(self._is_on(known, typed) for known in self.points):
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
             limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
             found = self._tidied(equations, found, limit * self.scales.length)
-        self.points.append(FoundPoint(found, kind, size, touching))
+        self.points.append(dataclasses.replace(typed, point=found))
         return True
 
     def wrapped_angles(self, q: Floats) -> Floats:
@@ -217,15 +210,6 @@ class PointSearch:
         d[angles] = np.minimum(np.remainder(d[angles], 2 * np.pi), np.remainder(-d[angles], 2 * np.pi))
         d[~angles] /= self.scales.length
         return float(d.max(initial=0.0))
-
-    def _is_point(self, found: EquilibriumPoint, kind: PointType, flat: Floats) -> bool:
-        """False where all is flat because it is far away, or forces are below what doubles tell."""
-        if kind.is_regular or (kind.kind != "degenerate" and not flat.size):
-            return True
-        far = surface_descent.PARAMETERS.far
-        return self.apart(found.q, self.problem.begin) <= far and flat_directions.is_balanced(
-            self.problem, found, self.scales, flat
-        )
 
     def _is_known(self, found: EquilibriumPoint, of_flat: float) -> bool:
         """True if a point is one of those that are known; of_flat: how near to one where a curvature vanishes."""
@@ -247,23 +231,16 @@ class PointSearch:
             equations, other, self._nearer_turn(found.q, known.point.q)
         )
 
-    def _is_on(
-        self,
-        known: FoundPoint,
-        kind: PointType,
-        touching: tuple[int, ...],
-        found: EquilibriumPoint,
-        size: int,
-    ) -> bool:
+    def _is_on(self, known: FoundPoint, new: FoundPoint) -> bool:
         """True if a point alone, or one of a smaller continuum, lies on this larger one, of which it is an edge
         where more contacts are closed."""
-        if known.dimension <= size or not set(known.point.closed) <= set(touching):
+        if known.dimension <= new.dimension or not set(known.point.closed) <= set(new.touching):
             return False
-        if kind.is_regular and not size and known.point.closed == found.closed:
+        if new.type.is_regular and known.point.closed == new.point.closed:
             return False  # near a regular point there is no other
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, self._nearer_turn(found.q, known.point.q))
+        return continuum.connected(equations, x, self._nearer_turn(new.point.q, known.point.q))
 
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
@@ -271,7 +248,7 @@ class PointSearch:
         """True if a known point or continuum lies on the larger continuum of a new point."""
         if size <= known.dimension or not set(found.closed) <= set(known.touching):
             return False
-        if known.type.is_regular and not known.dimension and known.point.closed == found.closed:
+        if known.type.is_regular and known.point.closed == found.closed:
             return False
         return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
 
@@ -361,6 +338,31 @@ class PointSearch:
                 q = np.zeros(problem.n)  # where much is symmetric
             point = surface_descent.onto(problem, q, (), self.scales)
             yield q if point is None else point
+
+
+def typed_point(
+    problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool
+) -> FoundPoint | None:
+    """A point with its type, where curvatures vanish to more digits; None where it is none: all is flat because it is
+    far away, or forces are below what doubles tell."""
+    equations = RestEquations(problem, found.closed, scales)
+    x = _unknowns(equations, found)
+    along = continuum.tangent(equations, x)
+    kind, moved = point_type.classify(problem, found, scales, has_potential, along)
+    if moved.q is not found.q:
+        x = _unknowns(equations, moved)
+        again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))
+        if isinstance(again, NoEquilibrium):
+            return None
+        found = again
+    flat = continuum.directions(equations, x)
+    if not kind.is_regular and (kind.kind == "degenerate" or flat.size):
+        way = np.abs(found.q - problem.begin).max(initial=0.0)
+        if way > surface_descent.PARAMETERS.far * scales.length:
+            return None
+        if not flat_directions.is_balanced(problem, found, scales, flat):
+            return None
+    return FoundPoint(found, kind, along.shape[1], refine.touching(problem, found, scales))
 
 
 def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:
