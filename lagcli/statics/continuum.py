@@ -125,25 +125,32 @@ def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
     return True
 
 
-def connected(equations: RestEquations, x: Floats, goal: Floats) -> bool:
-    """True if a walk along the continuum through x comes to the configuration `goal` (n,)."""
-    n, size = equations.problem.n, equations.scales.length
+def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> bool:
+    """True if a walk along the continuum through x, of the dimension `size`, comes to the configuration `goal` (n,)."""
+    n, unit = equations.problem.n, equations.scales.length
     before = np.inf
     for _ in range(PARAMETERS.most_steps):
         way = goal - x[:n]
         left = float(np.linalg.norm(way))
-        if left <= PARAMETERS.arrived * size or _is_straight(equations, x, way):
+        if left <= PARAMETERS.arrived * unit or _is_straight(equations, x, way):
             return True
         if left >= before * (1 - 1e-6):
             return False
         before = left
         basis = directions(equations, x)
+        if basis.shape[1] > size:  # across it is flat too
+            narrow = tangent(equations, x)
+            basis = narrow if narrow.size else basis
         along = basis @ (basis.T @ way)
         length = float(np.linalg.norm(along))
-        if length <= 1e-9 * left:
+        if basis.size and length <= PARAMETERS.arrived * left:  # straight across, as on a ring: either way will do
+            along, length = basis[:, 0], 1.0
+        if not length > 0.0:
             return False
+        # Where the way is nearly across, what lies along is short and the continuum goes on.
+        along *= min(left, PARAMETERS.stride * unit) / length
         for part in (1.0, 0.3, 0.1):
-            there = stepped(equations, x, along * min(1.0, part * PARAMETERS.stride * size / length))
+            there = stepped(equations, x, part * along)
             if there is not None:
                 break
         else:

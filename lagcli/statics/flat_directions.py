@@ -123,7 +123,8 @@ class FlatEquations:
             step = -inverse @ residual
             q, lam = q + step[:n], lam.copy()
             lam[self._acting] += step[n : n + len(self._acting)]
-        return q, lam
+        # What is below the rounding of lengths is zero, so that its powers are no underflow.
+        return np.where(np.abs(q) <= EPS * self.scales.length, 0.0, q), lam
 
     def _linear(self, q: Floats, lam: Floats) -> tuple[Floats, Floats, Floats]:
         """The residual, its gradient by (q, lambda, rho), and the inverse (unknowns, equations) of that."""
@@ -138,9 +139,9 @@ class FlatEquations:
                 [N.T, np.zeros((k, m + k))],
             ]
         )
-        # Forces are measured by those there are: far from all sources they may be tiny, and still none is zero.
-        stiffness = float(np.abs(values.K).max(initial=0.0)) * self.scales.length
-        unit = max(float(np.abs(values.F).max(initial=0.0)), stiffness) or 1.0
+        # Forces are measured by their terms: far from all sources they may be tiny, and still none is zero.
+        terms = self._residual(np.concatenate([q, lam[self._acting]])[:, None], self._sizes(q, lam)[:, None])
+        unit = 1.0 if terms is None else float(terms[1][: q.size].max(initial=0.0)) or 1.0
         if unit < LEAST:
             raise UnderflowError
         across, down = np.ones(A.shape[1]), np.ones(A.shape[0])
@@ -163,29 +164,43 @@ class FlatEquations:
         rho, sizes = (np.array([each[part] for each in found if each is not None]) for part in (0, 1))
         return _Expansion(rays, rho, PARAMETERS.roundings * EPS * sizes)
 
+    def _sizes(self, q: Floats, lam: Floats) -> Floats:
+        """The sizes of the unknowns: of coordinates no less than that of things."""
+        return np.concatenate([np.maximum(np.abs(q), self.scales.length), np.abs(lam[self._acting])])
+
+    def _residual(self, x: Floats, sizes: Floats) -> tuple[Floats, Floats] | None:
+        """The last coefficient of the equations where (q, lambda) are series (unknowns, orders), and the sizes of its
+        terms; None where an operation has none."""
+        problem, count = self._problem, x.shape[1]
+        fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
+        unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
+        function = problem.balance_series(tuple(self._closed))
+        found = function.at([unknowns, fixed], count, PARAMETERS.roundings * EPS)[0]
+        if any(each.known < count for each in found):
+            return None
+        nothing = np.zeros(self._all.shape[1])
+        return (
+            np.concatenate([[each.c[-1] for each in found], nothing]),
+            np.concatenate([[each.size[-1] for each in found], nothing]),
+        )
+
     def _on_ray(
         self, q: Floats, lam: Floats, ray: Floats, linear: tuple[Floats, Floats], orders: int
     ) -> tuple[Floats, Floats] | None:
         """rho (k, orders) on one ray, and the sizes of its terms."""
-        problem, n, count, (gradient, inverse) = self._problem, q.size, self._all.shape[1], linear
+        n, count, (gradient, inverse) = q.size, self._all.shape[1], linear
         first = np.concatenate([q, lam[self._acting]])
         known = first.size
         x, sizes = np.zeros((2, known, orders + 1))
-        x[:, 0] = first
-        sizes[:, 0] = np.abs(first)
-        sizes[:n, 0] = np.maximum(sizes[:n, 0], self.scales.length)
-        rho, terms = np.zeros((2, count, orders))
+        x[:, 0], sizes[:, 0] = first, self._sizes(q, lam)
         x[:n, 1] = self.basis @ ray  # the tangent: what is missing of it is solved for
         sizes[:n, 1] = np.abs(self.basis) @ np.abs(ray)
-        function = problem.balance_series(tuple(self._closed))
+        rho, terms = np.zeros((2, count, orders))
         for order in range(orders):
-            fixed = [constant(value, order + 1) for value in (problem.t, *problem.p.tolist())]
-            unknowns = [PowerSeries(x[i, : order + 1], sizes[i, : order + 1]) for i in range(known)]
-            results = function.at([unknowns, fixed], order + 1, PARAMETERS.roundings * EPS)[0]
-            if any(each.known <= order for each in results):
+            found = self._residual(x[:, : order + 1], sizes[:, : order + 1])
+            if found is None:
                 return None
-            left = np.array([each.c[order] for each in results] + [0.0] * count)
-            size = np.array([each.size[order] for each in results] + [0.0] * count)
+            left, size = found
             solved, spread = -inverse @ left, np.abs(inverse) @ size
             if order:
                 x[:, order] += solved[:known]
@@ -205,15 +220,22 @@ def judged(
 ) -> FlatVerdict:
     """What directions (n, k) that may be flat say, beside those of a continuum (n, d). As long as they do not vanish
     together to the same power the steepest is set aside: it has a curvature."""
+    try:
+        return _judged(problem, point, scales, basis, along)
+    except UnderflowError:
+        return FlatVerdict(point, 0, 0, basis.shape[1])
+
+
+def _judged(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats, along: Floats
+) -> FlatVerdict:
+    """The verdict. Raises `UnderflowError`."""
     up = down = 0
     while 0 < basis.shape[1] <= PARAMETERS.most:
         equations = FlatEquations(problem, point.closed, scales, basis, along)
         rays = _rays(basis.shape[1])
-        try:
-            q, lam = equations.settled(point.q, point.lam)
-            found = equations.expanded(q, lam, rays, PARAMETERS.orders)
-        except UnderflowError:
-            break
+        q, lam = equations.settled(point.q, point.lam)
+        found = equations.expanded(q, lam, rays, PARAMETERS.orders)
         if found is None:
             break
         for power in range(PARAMETERS.orders, 2, -1):

@@ -227,8 +227,8 @@ class PointSearch:
             return False
         goal = self._nearer_turn(known.point.q, found.q)
         other = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, goal) or continuum.connected(
-            equations, other, self._nearer_turn(found.q, known.point.q)
+        return continuum.connected(equations, x, goal, size) or continuum.connected(
+            equations, other, self._nearer_turn(found.q, known.point.q), size
         )
 
     def _is_on(self, known: FoundPoint, new: FoundPoint) -> bool:
@@ -240,7 +240,9 @@ class PointSearch:
             return False  # near a regular point there is no other
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, self._nearer_turn(new.point.q, known.point.q))
+        return continuum.connected(
+            equations, x, self._nearer_turn(new.point.q, known.point.q), known.dimension
+        )
 
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
@@ -250,7 +252,7 @@ class PointSearch:
             return False
         if known.type.is_regular and known.point.closed == found.closed:
             return False
-        return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q))
+        return continuum.connected(equations, x, self._nearer_turn(known.point.q, found.q), size)
 
     def _nearer_turn(self, goal: Floats, point: Floats) -> Floats:
         """The goal with its angles within half a turn of a point."""

@@ -54,9 +54,6 @@ class PointTypeParameters:
     doubtful: float = 1e-5
     """Curvatures of this part of their terms may be none: higher derivatives are looked at.
     `test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again` fails at 1e-6 and 1e-4."""
-    no_stiffness: float = 1e-4
-    """Curvatures are measured by this part of force over length at the least.
-    `test_curvatures_are_measured_by_a_part_of_force_over_length` fails at 1e-5 and 1e-3."""
     behind: float = 1e-9
     """Of rows and directions of length one: what is behind a contact.
     `test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding` fails at 1e-8."""
@@ -114,12 +111,12 @@ def classify(
     ways = Z @ (axes / units[:, None])
     ways /= np.linalg.norm(ways, axis=0)
     slopes = np.abs(np.einsum("ij,ik,kj->j", ways, values.K, ways))
-    floor = PARAMETERS.no_stiffness * scales.force / scales.length
+    floor = scales.force / scales.length
     is_doubtful = np.abs(curvatures) <= PARAMETERS.doubtful * largest
     is_doubtful |= slopes <= PARAMETERS.doubtful * max(float(np.abs(values.K).max()), floor)
     bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
-    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.doubtful * floor)
+    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.dependent * floor)
     verdict = _of_doubtful(problem, bare, scales, ways[:, is_doubtful], along, signs[is_doubtful])
     if idle and verdict.order % 2:  # along one of two opposite directions a contact is in the way
         verdict = dataclasses.replace(verdict, rises=False, falls=False)
