@@ -143,7 +143,9 @@ def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> b
             basis = narrow if narrow.size else basis
         along = basis @ (basis.T @ way)
         length = float(np.linalg.norm(along))
-        if basis.size and length <= PARAMETERS.arrived * left:  # straight across, as on a ring: either way will do
+        if (
+            basis.size and length <= PARAMETERS.arrived * left
+        ):  # straight across, as on a ring: either way will do
             along, length = basis[:, 0], 1.0
         if not length > 0.0:
             return False
