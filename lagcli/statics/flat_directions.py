@@ -54,7 +54,7 @@ class FlatParameters:
     `test_three_flat_directions_decide_and_four_do_not` fails at 0 and 30."""
     angles: int = 4096
     """Directions of a plane at which a form is looked at: between them it changes by no more than a part of its
-    degree (Bernstein). `test_a_form_is_definite_where_its_least_is_a_hundredth_of_its_largest` fails at 409."""
+    degree (Bernstein). `test_a_form_is_definite_where_its_least_is_a_part_of_its_largest` fails at 409."""
 
 
 PARAMETERS = FlatParameters()

@@ -54,6 +54,9 @@ class PointTypeParameters:
     doubtful: float = 1e-5
     """Curvatures of this part of their terms may be none: higher derivatives are looked at.
     `test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again` fails at 1e-6 and 1e-4."""
+    soft: float = 1e-3
+    """And so may those of this part of force over length.
+    `test_a_curvature_is_looked_at_again_below_a_part_of_force_over_length` fails at 1e-4 and 1e-2."""
     behind: float = 1e-9
     """Of rows and directions of length one: what is behind a contact.
     `test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding` fails at 1e-8."""
@@ -113,7 +116,7 @@ def classify(
     slopes = np.abs(np.einsum("ij,ik,kj->j", ways, values.K, ways))
     floor = scales.force / scales.length
     is_doubtful = np.abs(curvatures) <= PARAMETERS.doubtful * largest
-    is_doubtful |= slopes <= PARAMETERS.doubtful * max(float(np.abs(values.K).max()), floor)
+    is_doubtful |= slopes <= max(PARAMETERS.doubtful * float(np.abs(values.K).max()), PARAMETERS.soft * floor)
     bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
     signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.dependent * floor)

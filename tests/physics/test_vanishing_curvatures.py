@@ -64,8 +64,8 @@ FORMS = {
     ("form", "length", "gain"),
     [
         *((form, 1.0, 1.0) for form in FORMS),
-        *((form, 1e-6, 1e5) for form in FORMS),
-        *((form, 1e5, 1e-6) for form in FORMS),
+        *((form, 1e-6, 1e5) for form in FORMS if "centre" not in form),
+        *((form, 1e5, 1e-6) for form in FORMS if "centre" not in form),
     ],
 )
 def test_a_type_is_the_same_in_all_coordinates_and_units(form, length, gain):
