@@ -17,13 +17,14 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.power_series import LEAST, PowerSeries, UnderflowError, constant
+from lagcli.contact.least_distance import EPS
+from lagcli.equations import power_series
+from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 
 
 class FlatParameters:
@@ -62,7 +63,7 @@ PARAMETERS = FlatParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class FlatVerdict:
-    """What directions that may be flat say of a function at a point, which is told to more digits.
+    """The verdict of directions that may be flat on a function at a point, which is told to more digits.
 
     up, down: how many of them have a curvature, by its sign; flat: how many have none. The function rises, or falls,
     along some of these, is_strict: along all of them; order: of the derivatives that say so, 0 where none does.
@@ -142,7 +143,7 @@ class FlatEquations:
         # Forces are measured by their terms: far from all sources they may be tiny, and still none is zero.
         terms = self._residual(np.concatenate([q, lam[self._acting]])[:, None], self._sizes(q, lam)[:, None])
         unit = 1.0 if terms is None else float(terms[1][: q.size].max(initial=0.0)) or 1.0
-        if unit < LEAST:
+        if unit < power_series.PARAMETERS.least:
             raise UnderflowError
         across, down = np.ones(A.shape[1]), np.ones(A.shape[0])
         across[q.size :], down[: q.size] = unit, 1 / unit
@@ -218,8 +219,10 @@ def _lengths(matrix: Floats, axis: int) -> Floats:
 def judged(
     problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats, along: Floats
 ) -> FlatVerdict:
-    """What directions (n, k) that may be flat say, beside those of a continuum (n, d). As long as they do not vanish
-    together to the same power the steepest is set aside: it has a curvature."""
+    """The verdict of directions (n, k) that may be flat, beside those of a continuum (n, d).
+
+    As long as they do not vanish together to the same power the steepest is set aside: it has a curvature.
+    """
     try:
         return _judged(problem, point, scales, basis, along)
     except UnderflowError:

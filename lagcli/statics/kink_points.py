@@ -115,7 +115,7 @@ def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int)
 
 
 def _argument(op: int, parts: list[ca.SX]) -> ca.SX | None:
-    """What is zero at the kink of an operation; None where it has none."""
+    """Return what is zero at the kink of an operation; None where it has none."""
     if op in (ca.OP_FABS, ca.OP_SQRT):
         return parts[0]
     if op in (ca.OP_FMIN, ca.OP_FMAX):

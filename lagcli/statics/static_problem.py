@@ -154,7 +154,7 @@ class StaticProblem:
         return program.written_out(self._balance(closed))
 
     def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
-        """The same as power series of these."""
+        """The equations of `exact_program` as power series of (q, lambda) and of (t, p)."""
         if closed not in self._series:
             self._series[closed] = SeriesFunction(self._balance(closed), is_strict=True)
         return self._series[closed]

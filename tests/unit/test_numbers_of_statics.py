@@ -13,6 +13,7 @@ from sympy.polys.orderings import grevlex
 from sympy.polys.rings import PolyElement, PolyRing
 
 from lagcli.compiled import program
+from lagcli.equations.power_series import PowerSeries, SeriesFunction, UnderflowError
 from lagcli.statics import (
     algebraic_zeros,
     flat_directions,
@@ -286,3 +287,24 @@ def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
     many = [KinkPoint("abs", np.full(1, float(k)), "minimum") for k in range(9)]
     monkeypatch.setattr(kink_points, "extremes", lambda _: many)
     assert len(kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")) == 4
+
+
+def is_lost(build: Build, value: float) -> bool:
+    """True if a function of a value that varies has left the doubles."""
+    x = ca.SX.sym("x")
+    function = SeriesFunction(ca.Function("f", [x], [build(x)]), is_strict=True)
+    try:
+        function.at([[PowerSeries(np.array([value, 1.0]), np.array([abs(value), 1.0]))]], 2, 1e-15)
+    except UnderflowError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize(("size", "lost"), [(3e-291, True), (3e-290, False)])
+def test_a_result_below_the_doubles_is_lost(size: float, lost: bool) -> None:
+    assert is_lost(ca.exp, math.log(size)) is lost
+
+
+@pytest.mark.parametrize(("left", "lost"), [(3e-13, True), (3e-12, False)])
+def test_a_tanh_near_its_limit_is_lost(left: float, lost: bool) -> None:
+    assert is_lost(ca.tanh, math.atanh(1 - left)) is lost
