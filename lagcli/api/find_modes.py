@@ -90,7 +90,7 @@ def modes(
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
     notes = (NEAREST + follow, *_contacts(ready, closed))
     if there.kind != "varying":
-        return assembled_modes.modes(functions, there, notes, wanted)
+        return _steady(ready, functions, there, notes, wanted)
     again = _varying(ready, functions, there, notes)
     if again is None:
         raise NoEquilibriumError(
@@ -113,7 +113,7 @@ def _of_start(
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
     if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
         if found.kind != "varying":
-            return assembled_modes.modes(functions, found, _notes(ready, found, closed), wanted)
+            return _steady(ready, functions, found, _notes(ready, found, closed), wanted)
         notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
         return _varying(ready, functions, found, notes)
     if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
@@ -131,6 +131,30 @@ def _of_start(
     if T is None:
         return None
     return assembled_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
+
+
+def _steady(
+    ready: CompiledModel,
+    functions: LinearizedFunctions,
+    found: Steady,
+    notes: tuple[str, ...],
+    wanted: int,
+) -> Modes:
+    """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
+    looked at where the linear equations do not decide."""
+    from lagcli.api import rest_point
+    from lagcli.linearization import assembled_modes
+
+    if found.kind != "equilibrium" or found.here.q.size > assembled_modes.DENSE:
+        return assembled_modes.modes(functions, found, notes, wanted)
+    point = rest_point.typed(ready, found.here.q, functions.closed)
+    if point is None or point.type.kind is None:
+        return assembled_modes.modes(functions, found, notes, wanted)
+    if not point.type.is_regular:
+        here = dataclasses.replace(found.here, q=point.point.q, lam=point.point.lam)
+        found = dataclasses.replace(found, here=here, linear=functions.at(here))
+    is_minimum = point.type.kind == "minimum" and not point.dimension
+    return assembled_modes.modes(functions, found, notes, wanted, is_minimum)
 
 
 def _varying(

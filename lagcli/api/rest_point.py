@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis.classification import classify
@@ -16,11 +18,15 @@ from lagcli.errors import diagnostics
 from lagcli.model.invariant import LevelFunction
 from lagcli.start import assembly, initial
 from lagcli.start.initial import State
-from lagcli.statics import point_values, refine, rest_equations, static_laws, surface_descent
+from lagcli.statics import point_search, point_values, refine, rest_equations, static_laws, surface_descent
+from lagcli.statics.newton import NewtonEnd
+from lagcli.statics.point_search import FoundPoint
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_laws import EnforcedLevel, StaticLaws
 from lagcli.statics.static_problem import StaticProblem
+
+Floats = npt.NDArray[np.float64]
 
 MODERATE = 1e4  # levels of this size are not measured by it
 
@@ -94,11 +100,38 @@ def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
             found.append(refine.nearest_equilibrium(asked, bottom))
     if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
         found.append(refine.nearest_equilibrium(asked, q))
-    points = [one for one in found if isinstance(one, EquilibriumPoint)]
+    points = [one.point for one in _typed(asked, found, falls)]
     if not points:
-        return found[0]
+        first = found[0]
+        return first if isinstance(first, NoEquilibrium) else NoEquilibrium(first.residual, first.q)
     M = ready.numeric.inertia(start.state.t, q, np.zeros_like(q), start.state.p).full()
     return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
+
+
+def typed(ready: CompiledModel, q: Floats, closed: tuple[int, ...]) -> FoundPoint | None:
+    """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; closed: the
+    contacts that press there. None where it is none."""
+    start = begin(ready)
+    asked = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start)
+    equations = RestEquations(asked, closed, rest_equations.scales(asked, start.state.q))
+    x = refine.begun(equations, q)
+    if x is None:
+        return None
+    found = refine.settled(equations, NewtonEnd(x, 0.0, 0.0))
+    has_potential = point_values.potential_origin(asked) != "none"
+    return next(_typed(asked, [found], has_potential), None)
+
+
+def _typed(
+    asked: StaticProblem, found: Sequence[EquilibriumPoint | NoEquilibrium], has_potential: bool
+) -> Iterator[FoundPoint]:
+    for one in found:
+        if isinstance(one, EquilibriumPoint):
+            point = point_search.typed_point(
+                asked, one, rest_equations.scales(asked, asked.begin), has_potential
+            )
+            if point is not None:
+                yield point
 
 
 def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> list[EnforcedLevel]:

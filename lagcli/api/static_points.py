@@ -13,6 +13,7 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.api.rest_point import StaticStart
 from lagcli.statics import (
     all_zeros,
+    kink_points,
     one_unknown,
     point_values,
     singular_rows,
@@ -70,6 +71,8 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     if whole.is_told:
         notes.append(whole.reason)
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
+    if source != "none":
+        notes += kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None
     distinct = tuple(dict.fromkeys(notes))

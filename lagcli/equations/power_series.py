@@ -41,10 +41,38 @@ def constant(value: float, count: int) -> PowerSeries:
 NOTHING = PowerSeries(np.zeros(0), np.zeros(0))
 
 
-class SeriesFunction:
-    """The power series of a function's results, from those of its arguments."""
+class PowerSeriesParameters:
+    """Limits beyond which a value that varies has left the doubles.
 
-    def __init__(self, function: ca.Function) -> None:
+    The tests are of `tests/unit/test_numbers_of_statics.py`.
+    """
+
+    __slots__ = ()
+
+    least: float = 1e-290
+    """Below this a result has lost its digits, or is zero. `test_a_result_below_the_doubles_is_lost` fails at 1e-291
+    and 1e-289."""
+    near_limit: float = 1e-12
+    """So near to its limit tanh has no digits of what is left. `test_a_tanh_near_its_limit_is_lost` fails at 1e-13
+    and 1e-11."""
+
+
+PARAMETERS = PowerSeriesParameters()
+
+
+class UnderflowError(Exception):
+    """A value is zero, or constant, because doubles end there."""
+
+
+class SeriesFunction:
+    """The power series of a function's results, from those of its arguments.
+
+    is_strict: `UnderflowError` is raised for an operation with a result that varies and is below all doubles, or does
+    not vary in doubles any more.
+    """
+
+    def __init__(self, function: ca.Function, is_strict: bool = False) -> None:
+        self._is_strict = is_strict
         self._instructions = operation_graph.instructions(function)
         self._sizes = [function.nnz_out(i) for i in range(function.n_out())]
 
@@ -53,7 +81,8 @@ class SeriesFunction:
     ) -> list[list[PowerSeries]]:
         """The series of all results, entry by entry, with `count` coefficients or fewer.
 
-        rounding: coefficients that are this part of their terms are zero where a switch is decided.
+        rounding: coefficients that are this part of their terms are zero where a switch is decided. Raises
+        `UnderflowError`.
         """
         rules, work = _Rules(count, rounding), dict[int, PowerSeries]()
         found = [[constant(0.0, count)] * size for size in self._sizes]
@@ -66,9 +95,22 @@ class SeriesFunction:
                 elif op == ca.OP_CONST:
                     work[result[0]] = constant(value, count)
                 else:
-                    made = rules.of(op, [work[index] for index in operands])
+                    parts = [work[index] for index in operands]
+                    made = rules.of(op, parts)
+                    if self._is_strict and _is_lost(op, parts, made):
+                        raise UnderflowError
                     work[result[0]] = made if np.isfinite(made.size).all() else NOTHING
         return found
+
+
+def _is_lost(op: int, parts: list[PowerSeries], made: PowerSeries) -> bool:
+    """True if the result of an operation on series that vary has left the doubles."""
+    if op not in _MULTIPLYING or not made.known or not any(part.c[1:].any() for part in parts):
+        return False
+    if op == ca.OP_TANH:
+        return bool(1.0 - abs(made.c[0]) <= PARAMETERS.near_limit)
+    of_none = op != ca.OP_EXP and any(part.c[0] == 0.0 for part in parts)
+    return not of_none and bool(abs(made.c[0]) < PARAMETERS.least)
 
 
 class _Rules:
@@ -103,6 +145,9 @@ class _Rules:
         return float(np.sign(u.c[leading[0]])) if leading.size else 0.0
 
 
+_MULTIPLYING = frozenset(
+    {ca.OP_EXP, ca.OP_TANH, ca.OP_MUL, ca.OP_SQ, ca.OP_DIV, ca.OP_INV, ca.OP_POW, ca.OP_CONSTPOW}
+)
 _COMPARED: dict[int, Callable[[float], bool]] = {
     ca.OP_LT: lambda side: side < 0.0,
     ca.OP_LE: lambda side: side <= 0.0,

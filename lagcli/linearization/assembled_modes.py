@@ -27,9 +27,14 @@ TOGETHER = 1e-9
 
 
 def modes(
-    functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...], wanted: int = WANTED
+    functions: LinearizedFunctions,
+    found: Steady,
+    notes: tuple[str, ...],
+    wanted: int = WANTED,
+    is_minimum: bool | None = None,
 ) -> Modes:
-    """The modes about a motion whose linear equations do not depend on t; wanted: how many of a large model.
+    """The modes about a motion whose linear equations do not depend on t; wanted: how many of a large model;
+    is_minimum: whether the potential has a strict minimum there, None where that is not known.
 
     Raises `diagnostics.ModelError`, `lowest.NotFoundError`.
     """
@@ -38,7 +43,7 @@ def modes(
         return _of_lowest(functions, found, wanted, notes)
     free = _free(built, found)
     every = spectrum.compute(free)
-    judged = stability.verdict(functions, found.here, every, found.kind == "equilibrium")
+    judged = stability.verdict(functions, found, every, is_minimum)
     values = _eigenvalues(every)
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.lowest import Lowest
+from lagcli.linearization.reference import Steady
 from lagcli.linearization.spectrum import Spectrum
 
 Complex = npt.NDArray[np.complex128]
@@ -36,9 +37,13 @@ class StabilityVerdict:
 
 
 def verdict(
-    functions: LinearizedFunctions, here: Reference, found: Spectrum, is_equilibrium: bool
+    functions: LinearizedFunctions, motion: Steady, found: Spectrum, is_minimum: bool | None = None
 ) -> StabilityVerdict:
-    """The verdict on a reference motion whose linear equations do not depend on t."""
+    """The verdict on a reference motion whose linear equations do not depend on t.
+
+    is_minimum: whether the potential has a strict minimum there by all derivatives that count, not by those of the
+    linear equations alone, which are zero, or rounding, where curvatures vanish; None where that is not known.
+    """
     if not found.values.size and not found.zeros:
         return StabilityVerdict(True, 0.0, NO_FREEDOM)
     growth = float(found.values.real.max(initial=0.0 if found.zeros else -np.inf))
@@ -48,7 +53,9 @@ def verdict(
         return StabilityVerdict(
             True, growth, f"all small deviations die away, the slowest as exp({growth:.6g} t) (Lyapunov)"
         )
-    if is_equilibrium and found.is_definite and found.is_conservative and functions.keeps_energy(here):
+    is_strict = found.is_definite if is_minimum is None else is_minimum
+    is_at_rest = motion.kind == "equilibrium" and found.is_conservative
+    if is_at_rest and is_strict and functions.keeps_energy(motion.here):
         return StabilityVerdict(True, 0.0, MINIMUM)
     return StabilityVerdict(None, 0.0, _undecided(found))
 

@@ -78,22 +78,22 @@ def directions(equations: RestEquations, x: Floats) -> Floats:
     return np.asarray(left[:, sizes > 1e-6])
 
 
-def dimension(equations: RestEquations, x: Floats) -> int:
-    """The dimension of the continuum through a point, 0 for a point alone.
+def tangent(equations: RestEquations, x: Floats) -> Floats:
+    """An orthonormal basis (n, d) of the directions of the continuum through a point, d = 0 for a point alone.
 
-    A flat direction counts where a step along it ends at another point of rest.
+    A flat direction counts where a step along it ends at another point of rest, and there are as many there.
     """
     basis = directions(equations, x)
     n, length = equations.problem.n, PARAMETERS.step * equations.scales.length
-    least, passed = basis.shape[1], 0
-    for direction in basis.T:
+    least, passed = basis.shape[1], []
+    for k, direction in enumerate(basis.T):
         ends = (stepped(equations, x, sign * length * direction) for sign in (1, -1))
         end = next((one for one in ends if one is not None), None)
         if end is None or not PARAMETERS.off * length < np.linalg.norm(end[:n] - x[:n]):
             continue
-        passed += 1
+        passed.append(k)
         least = min(least, directions(equations, end).shape[1])
-    return min(passed, int(least))
+    return np.asarray(basis[:, passed[:least]])
 
 
 def stepped(equations: RestEquations, x: Floats, change: Floats) -> Floats | None:
@@ -125,25 +125,34 @@ def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
     return True
 
 
-def connected(equations: RestEquations, x: Floats, goal: Floats) -> bool:
-    """True if a walk along the continuum through x comes to the configuration `goal` (n,)."""
-    n, size = equations.problem.n, equations.scales.length
+def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> bool:
+    """True if a walk along the continuum through x, of the dimension `size`, comes to the configuration `goal` (n,)."""
+    n, unit = equations.problem.n, equations.scales.length
     before = np.inf
     for _ in range(PARAMETERS.most_steps):
         way = goal - x[:n]
         left = float(np.linalg.norm(way))
-        if left <= PARAMETERS.arrived * size or _is_straight(equations, x, way):
+        if left <= PARAMETERS.arrived * unit or _is_straight(equations, x, way):
             return True
         if left >= before * (1 - 1e-6):
             return False
         before = left
         basis = directions(equations, x)
+        if basis.shape[1] > size:  # across it is flat too
+            narrow = tangent(equations, x)
+            basis = narrow if narrow.size else basis
         along = basis @ (basis.T @ way)
         length = float(np.linalg.norm(along))
-        if length <= 1e-9 * left:
+        if (
+            basis.size and length <= PARAMETERS.arrived * left
+        ):  # straight across, as on a ring: either way will do
+            along, length = basis[:, 0], 1.0
+        if not length > 0.0:
             return False
+        # Where the way is nearly across, what lies along is short and the continuum goes on.
+        along *= min(left, PARAMETERS.stride * unit) / length
         for part in (1.0, 0.3, 0.1):
-            there = stepped(equations, x, along * min(1.0, part * PARAMETERS.stride * size / length))
+            there = stepped(equations, x, part * along)
             if there is not None:
                 break
         else:
@@ -181,8 +190,8 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
         return found
     own = RestEquations(problem, found.closed, scales)
     unknowns = refine.begun(own, found.q)
-    is_one = dimension(bounded, begun) > 0
-    return point if is_one or (unknowns is not None and dimension(own, unknowns)) else found
+    is_one = tangent(bounded, begun).size > 0
+    return point if is_one or (unknowns is not None and tangent(own, unknowns).size) else found
 
 
 def _without_side(G: Floats) -> list[bool]:

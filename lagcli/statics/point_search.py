@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lagcli.statics import (
     continuum,
+    flat_directions,
     further_zeros,
     newton,
     point_type,
@@ -25,7 +26,7 @@ from lagcli.statics import (
 from lagcli.statics.further_zeros import DeflatedEquations
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
-from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -110,9 +111,6 @@ class FoundPoint:
     touching: tuple[int, ...]
 
 
-REGULAR = ("minimum", "maximum", "saddle", "isolated")
-
-
 def _everywhere(q: Floats) -> bool:
     """True: all points with some contacts closed are known."""
     return True
@@ -179,7 +177,7 @@ class PointSearch:
             if not any(self.apart(known.point.q, one.point.q) <= PARAMETERS.same_of_flat for one in own)
         ]
         outside = [one for one in left if one.point.closed not in exact or not is_decided(one.point.q)]
-        strange = [one for one in left if one not in outside and one.type.kind in REGULAR]
+        strange = [one for one in left if one not in outside and one.type.is_regular]
         self.points = own + outside + strange
         self._decided |= dict.fromkeys(exact, is_decided)
         if is_decided is _everywhere:
@@ -193,7 +191,10 @@ class PointSearch:
         return is_known
 
     def _typed(self, point: EquilibriumPoint) -> PointType:
-        return point_type.classify(self.problem, point, self.scales, self.options.has_potential)
+        """The type of a point that is known to lie on no continuum."""
+        problem, options = self.problem, self.options
+        along = np.zeros((problem.n, 0))
+        return point_type.classify(problem, point, self.scales, options.has_potential, along)[0]
 
     def _start(self, begin: Floats) -> list[Contacts]:
         """Search next to a start; the sets of contacts with which that was done."""
@@ -239,7 +240,7 @@ class PointSearch:
             return False
         found = dataclasses.replace(found, q=self.wrapped_angles(found.q))
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
-        if below or (pulling and self.options.pushes) or self._is_known(found):
+        if below or (pulling and self.options.pushes) or self._is_known(found, PARAMETERS.same):
             return False
         if found.closed in self._decided and self._decided[found.closed](found.q):
             return False
@@ -257,29 +258,27 @@ class PointSearch:
         """Keep a point of its own; False for one of a known continuum."""
         equations = RestEquations(self.problem, found.closed, self.scales)
         x = _unknowns(equations, found)
-        kind = self._typed(found)
-        far = surface_descent.PARAMETERS.far * self.scales.length
-        if (
-            kind.kind == "degenerate"
-            and np.abs(found.q[~np.array(self.options.angles)]).max(initial=0.0) > far
-        ):
-            return False  # a function that flattens out: infinity is no point
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
-        if is_tired and kind.kind not in REGULAR and any(one.dimension for one in self.points):
+        if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
+            return False
+        typed = typed_point(self.problem, found, self.scales, self.options.has_potential)
+        if typed is None or (typed.point is not found and self._is_known(typed.point, PARAMETERS.same)):
+            return False
+        if typed.point is not found:
+            found, x = typed.point, _unknowns(equations, typed.point)
+        kind, size = typed.type, typed.dimension
+        if is_tired and not kind.is_regular and any(one.dimension for one in self.points):
             return False  # it is compared with the known continua no more, for that costs more than all else
-        size = continuum.dimension(equations, x) if kind.freedom else 0
         if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
             return False
-        touching = refine.touching(self.problem, found, self.scales)
-        # A regular zero lies on no continuum of the same equations.
-        larger = [one for one in self.points if kind.kind not in REGULAR or one.point.closed != found.closed]
-        if any(self._is_on(known, touching, found.q, size) for known in larger):
+        typed = dataclasses.replace(typed, point=found)
+        if any(self._is_on(known, typed) for known in self.points):
             return False
         self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
         if not size:
             limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
             found = self._tidied(equations, found, limit * self.scales.length)
-        self.points.append(FoundPoint(found, kind, size, touching))
+        self.points.append(dataclasses.replace(typed, point=found))
         return True
 
     def wrapped_angles(self, q: Floats) -> Floats:
@@ -299,11 +298,11 @@ class PointSearch:
         d[~angles] /= self.scales.length
         return float(d.max(initial=0.0))
 
-    def _is_known(self, found: EquilibriumPoint) -> bool:
+    def _is_known(self, found: EquilibriumPoint, of_flat: float) -> bool:
+        """True if a point is one of those that are known; of_flat: how near to one where a curvature vanishes."""
         for known in self.points:
-            is_flat = known.type.kind == "degenerate" and not known.dimension
-            limit = PARAMETERS.same_of_flat if is_flat else PARAMETERS.same
-            if self.apart(known.point.q, found.q) <= limit:
+            is_flat = not known.type.is_regular and not known.dimension
+            if self.apart(known.point.q, found.q) <= (of_flat if is_flat else PARAMETERS.same):
                 return True
         return False
 
@@ -315,27 +314,31 @@ class PointSearch:
             return False
         goal = _nearer_turn(self.options, known.point.q, found.q)
         other = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, goal) or continuum.connected(
-            equations, other, _nearer_turn(self.options, found.q, known.point.q)
+        return continuum.connected(equations, x, goal, size) or continuum.connected(
+            equations, other, _nearer_turn(self.options, found.q, known.point.q), size
         )
 
-    def _is_on(self, known: FoundPoint, touching: tuple[int, ...], q: Floats, size: int) -> bool:
+    def _is_on(self, known: FoundPoint, new: FoundPoint) -> bool:
         """True if a point alone, or one of a smaller continuum, lies on this larger one, of which it is an edge
         where more contacts are closed."""
-        if known.dimension <= size or not set(known.point.closed) <= set(touching):
+        if known.dimension <= new.dimension or not set(known.point.closed) <= set(new.touching):
             return False
+        if new.type.is_regular and known.point.closed == new.point.closed:
+            return False  # near a regular point there is no other
         equations = RestEquations(self.problem, known.point.closed, self.scales)
         x = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, _nearer_turn(self.options, q, known.point.q))
+        goal = _nearer_turn(self.options, new.point.q, known.point.q)
+        return continuum.connected(equations, x, goal, known.dimension)
 
     def _holds(
         self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
     ) -> bool:
         """True if a known point or continuum lies on the larger continuum of a new point."""
-        is_regular = known.type.kind in REGULAR and known.point.closed == found.closed
+        is_regular = known.type.is_regular and known.point.closed == found.closed
         if size <= known.dimension or is_regular or not set(found.closed) <= set(known.touching):
             return False  # a regular zero of the same equations lies on no continuum of theirs
-        return continuum.connected(equations, x, _nearer_turn(self.options, known.point.q, found.q))
+        goal = _nearer_turn(self.options, known.point.q, found.q)
+        return continuum.connected(equations, x, goal, size)
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
         """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
@@ -426,6 +429,31 @@ def _nearer_turn(options: SearchOptions, goal: Floats, point: Floats) -> Floats:
     turned = np.array(goal)
     turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
     return turned
+
+
+def typed_point(
+    problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool
+) -> FoundPoint | None:
+    """A point with its type, where curvatures vanish to more digits; None where it is none: all is flat because it is
+    far away, or forces are below what doubles tell."""
+    equations = RestEquations(problem, found.closed, scales)
+    x = _unknowns(equations, found)
+    along = continuum.tangent(equations, x)
+    kind, moved = point_type.classify(problem, found, scales, has_potential, along)
+    if moved.q is not found.q:
+        x = _unknowns(equations, moved)
+        again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))
+        if isinstance(again, NoEquilibrium):
+            return None
+        found = again
+    flat = continuum.directions(equations, x)
+    if not kind.is_regular and (kind.kind == "degenerate" or flat.size):
+        way = np.abs(found.q - problem.begin).max(initial=0.0)
+        if way > surface_descent.PARAMETERS.far * scales.length:
+            return None
+        if not flat_directions.is_balanced(problem, found, scales, flat):
+            return None
+    return FoundPoint(found, kind, along.shape[1], refine.touching(problem, found, scales))
 
 
 def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:

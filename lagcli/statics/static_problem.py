@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Final
 
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
+from lagcli.equations.power_series import SeriesFunction
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.statics.static_laws import StaticLaws
 
@@ -57,6 +59,7 @@ class StaticProblem:
         self.evaluations = 0  # so far: what a search may cost is counted, not timed
         self.n, self.C, self.K = laws.q.numel(), laws.B.shape[0], laws.g.numel()
         self.t, self.begin = start
+        self._series: dict[tuple[int, ...], SeriesFunction] = {}
         self._later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
         self.times: tuple[float, ...] = (self.t,)
         if not self._is_steady():
@@ -159,12 +162,22 @@ class StaticProblem:
         """All equations with these contacts closed, then the gaps of the others and the sides of leaves, as a function
         of (q, lambda) and of (t, p); and the number of gaps and sides."""
         laws = self.laws
+        signs = [*(laws.g[k] for k in range(self.K) if k not in closed), *ca.vertsplit(laws.sides)]
+        return program.written_out(self._balance(closed, signs)), len(signs)
+
+    def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
+        """All equations with these contacts closed as power series of (q, lambda) and of (t, p)."""
+        if closed not in self._series:
+            self._series[closed] = SeriesFunction(self._balance(closed), is_strict=True)
+        return self._series[closed]
+
+    def _balance(self, closed: tuple[int, ...], beside: Sequence[ca.SX] = ()) -> ca.Function:
+        """The equations with these contacts closed, and expressions beside them."""
+        laws = self.laws
         lam = ca.SX.sym("lam", self.C + len(closed))
         equations = [self._acting(list(closed), lam), laws.c, laws.g[list(closed)]]
-        signs = [*(laws.g[k] for k in range(self.K) if k not in closed), *ca.vertsplit(laws.sides)]
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
-        written = program.written_out(SizedFunction("exact", inputs, [_stacked([*equations, *signs])]))
-        return written, len(signs)
+        return SizedFunction("exact", inputs, [_stacked([*equations, *beside])])
 
     @property
     def nothing(self) -> Floats:

@@ -223,14 +223,14 @@ def along_x(monkeypatch):
 
 
 def test_a_continuum_is_told_by_a_step_of_a_hundredth(along_x):
-    assert continuum.dimension(fake_equations(), np.zeros(1)) == 1
+    assert continuum.tangent(fake_equations(), np.zeros(1)).shape[1] == 1
     assert max(along_x.lengths) == 0.01
 
 
 @pytest.mark.parametrize(("part", "dimension"), [(0.2, 0), (0.4, 1)])
 def test_a_step_that_comes_back_has_not_gone_along_a_continuum(part, dimension, along_x):
     along_x.part = part
-    assert continuum.dimension(fake_equations(), np.zeros(1)) == dimension
+    assert continuum.tangent(fake_equations(), np.zeros(1)).shape[1] == dimension
 
 
 @pytest.mark.parametrize(("away", "is_one"), [(15.5, True), (16.5, False)])
@@ -419,15 +419,16 @@ def search_of(monkeypatch):
 
 def found_point(x, kind="minimum", closed=()):
     point = EquilibriumPoint(np.array([x]), np.zeros(1), closed, 0.0)
-    return FoundPoint(point, PointType(kind, 0, True, 0, 1), 0, ())
+    return FoundPoint(point, PointType(kind, 0, True, 0, 1, kind != "degenerate"), 0, ())
 
 
 @pytest.mark.parametrize(("kind", "limit"), [("minimum", 1e-6), ("degenerate", 3e-4)])
 def test_points_that_are_one_are_kept_once(kind, limit, search_of):
     search = search_of()
     search.points = [found_point(0.0, kind)]
-    assert search._is_known(found_point(0.3 * limit).point)
-    assert not search._is_known(found_point(3 * limit).point)
+    of_flat = point_search.PARAMETERS.same_of_flat
+    assert search._is_known(found_point(0.3 * limit).point, of_flat)
+    assert not search._is_known(found_point(3 * limit).point, of_flat)
 
 
 @pytest.mark.parametrize(("contacts", "is_cut"), [(6, False), (7, True)])
@@ -707,12 +708,13 @@ def test_two_million_comparisons_of_monomials_are_made(cost, is_spent, search_of
 # The kind of a point
 
 
-def kind_of(K, lam=(), closed=()):
-    """The type of a point with this gradient of the forces."""
+def kind_of(K, lam=(), closed=(), force=1.0):
+    """The type of a point with this gradient of the forces, of a problem that depends on t."""
     n, K = len(K), np.array(K, dtype=float)
     values = SimpleNamespace(B=np.zeros((0, n)), G=np.zeros((0, n)), K=K, F=np.zeros(n), g=np.zeros(0))
     point = EquilibriumPoint(np.zeros(n), np.array(lam), closed, 0.0)
-    return point_type.classify(fake_problem(n, at=lambda *_: values), point, scales(), True).kind
+    problem = fake_problem(n, at=lambda *_: values, times=(0.0, 1.0))
+    return point_type.classify(problem, point, Scales(force, 1.0, np.ones(0), np.ones(0)), True)[0].kind
 
 
 @pytest.mark.parametrize(("curvature", "kind"), [(3e-14, "degenerate"), (3e-13, "minimum")])
@@ -737,4 +739,4 @@ def test_a_contact_carries_nothing_below_nine_digits_of_the_forces(push, carries
 def test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through(count, kind):
     # Between the first two only the direction of x is left, along which the curvature is positive.
     walls = np.array([[0.0, 1.0], [0.0, -1.0]] + [[1.0, 0.0]] * (count - 2))
-    assert point_type._kind_on_cone(np.diag([1.0, -1.0]), walls, 0.0, (1, 1), (False, False))[0] == kind
+    assert point_type._kind_on_cone(np.diag([1.0, -1.0]), walls, (1, 1), (False, False))[0] == kind

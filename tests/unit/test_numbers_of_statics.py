@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -12,8 +13,23 @@ from sympy.polys.orderings import grevlex
 from sympy.polys.rings import PolyElement, PolyRing
 
 from lagcli.compiled import program
-from lagcli.statics import algebraic_zeros, newton, point_type, polynomial_equations
+from lagcli.equations.power_series import PowerSeries, SeriesFunction, UnderflowError
+from lagcli.statics import (
+    algebraic_zeros,
+    flat_directions,
+    kink_points,
+    newton,
+    point_type,
+    polynomial_equations,
+    surface_descent,
+)
+from lagcli.statics.flat_directions import FlatEquations, FlatVerdict
+from lagcli.statics.kink_points import KinkPoint
 from lagcli.statics.polynomial_equations import NotPolynomial, PolynomialEquations
+from lagcli.statics.refine import EquilibriumPoint
+from lagcli.statics.rest_equations import Scales
+from lagcli.statics.static_laws import StaticLaws
+from lagcli.statics.static_problem import StaticProblem
 
 Build = Callable[[ca.SX], ca.SX]
 
@@ -149,3 +165,174 @@ def test_a_slope_below_the_rank_of_rounding_moves_nothing(size: float, moves: bo
 
     end = newton.refined(residual, np.zeros(2))
     assert (abs(end.x[1] - 1.0) < 1e-3) == moves
+
+
+# Flat directions, and kinks
+
+
+def problem_of(build: Build, count: int, forces: Build | None = None) -> StaticProblem:
+    """The points of build(q) where no row is; forces: instead of its gradient."""
+    q, t, p = ca.SX.sym("q", count), ca.SX.sym("t"), ca.SX.sym("p", 0)
+    f = ca.SX(build(q))
+    F = -ca.gradient(f, q) if forces is None else ca.SX(forces(q))
+    nothing, no_rows = ca.SX(0, 1), ca.SX(0, count)
+    laws = StaticLaws(t, q, p, ca.densify(F), no_rows, nothing, nothing, no_rows, f, ca.SX.zeros(count), "")
+    return StaticProblem(laws, np.zeros(0), (0.0, np.ones(count)), 1.0)
+
+
+UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0))
+
+
+def flat_verdict(build: Build, *at: float, forces: Build | None = None) -> FlatVerdict:
+    problem, n = problem_of(build, len(at), forces), len(at)
+    point = EquilibriumPoint(np.array(at), np.zeros(0), (), 0.0)
+    return flat_directions.judged(problem, point, UNITS, np.eye(n), np.zeros((n, 0)))
+
+
+def test_a_power_of_eight_decides_and_one_of_nine_does_not() -> None:
+    assert flat_verdict(lambda q: q**8, 0.0).order == 8
+    assert flat_verdict(lambda q: q**9, 0.0).order == 0
+
+
+@pytest.mark.parametrize(("part", "flat"), [(2e-13, 0), (6e-15, 1)])
+def test_a_coefficient_of_sixty_roundings_is_none(part: float, flat: int) -> None:
+    assert flat_verdict(lambda q: q**2, 0.0, forces=lambda q: q - (1 - part) * q).flat == flat
+
+
+@pytest.mark.parametrize(("part", "is_inverted"), [(2e-10, True), (1.2e-11, False)])
+def test_equations_across_have_rank_to_eleven_digits(part: float, is_inverted: bool) -> None:
+    problem = problem_of(lambda q: q[0] ** 4 + (q[1] + q[2]) ** 2 / 2 + part * q[2] ** 2 / 2, 3)
+    equations = FlatEquations(problem, (), UNITS, np.eye(3)[:, :1], np.zeros((3, 0)))
+    assert bool(np.abs(equations._linear(np.zeros(3), np.zeros(0))[2]).max() > 1e6) is is_inverted
+
+
+def test_a_point_is_moved_to_where_derivatives_vanish() -> None:
+    assert abs(flat_verdict(lambda q: (q - 1) ** 3, 1 + 1e-6).point.q[0] - 1) < 1e-15
+
+
+@pytest.mark.parametrize(("off", "order"), [(5e-3, 3), (0.05, 0)])
+def test_a_point_is_not_moved_by_more_than_a_hundredth(off: float, order: int) -> None:
+    assert flat_verdict(lambda q: q**3, off).order == order
+
+
+@pytest.mark.parametrize(("count", "order"), [(3, 3), (4, 0)])
+def test_three_flat_directions_decide_and_four_do_not(count: int, order: int) -> None:
+    assert flat_verdict(lambda q: ca.sum1(q**3), *np.zeros(count)).order == order
+
+
+@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.98, True), (-1.999, False)])
+def test_a_form_is_definite_where_its_least_is_a_part_of_its_largest(mixed: float, is_strict: bool) -> None:
+    found = flat_verdict(lambda q: q[0] ** 4 + mixed * (q[0] * q[1]) ** 2 + q[1] ** 4, 0.0, 0.0)
+    assert found.is_strict is is_strict
+
+
+@pytest.fixture
+def doubted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many directions are looked at again, for each point."""
+    counts: list[int] = []
+
+    def judged(
+        problem: object, point: EquilibriumPoint, scales: Scales, basis: np.ndarray, _: object
+    ) -> FlatVerdict:
+        counts.append(basis.shape[1])
+        return FlatVerdict(point, basis.shape[1], 0)
+
+    monkeypatch.setattr(flat_directions, "judged", judged)
+    return counts
+
+
+@pytest.mark.parametrize(("curvature", "count"), [(3e-6, 1), (3e-5, 0)])
+def test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again(
+    curvature: float, count: int, doubted: list[int]
+) -> None:
+    problem = problem_of(lambda q: q[0] ** 2 / 2 + curvature * q[1] ** 2 / 2, 2)
+    point = EquilibriumPoint(np.zeros(2), np.zeros(0), (), 0.0)
+    point_type.classify(problem, point, Scales(1e-9, 1.0, np.ones(0), np.ones(0)), True)
+    assert sum(doubted) == count
+
+
+@pytest.mark.parametrize(("curvature", "count"), [(3e-4, 1), (3e-3, 0)])
+def test_a_curvature_is_looked_at_again_below_a_part_of_force_over_length(
+    curvature: float, count: int, doubted: list[int]
+) -> None:
+    point = EquilibriumPoint(np.zeros(1), np.zeros(0), (), 0.0)
+    point_type.classify(problem_of(lambda q: curvature * q**2 / 2, 1), point, UNITS, True)
+    assert sum(doubted) == count
+
+
+def search_at_kinks(build: Build, count: int = 1) -> SimpleNamespace:
+    return SimpleNamespace(
+        problem=problem_of(build, count),
+        scales=UNITS,
+        options=SimpleNamespace(seed=0),
+        apart=lambda a, b: float(np.abs(a - b).max()),
+    )
+
+
+@pytest.mark.parametrize(("count", "sentences"), [(12, 0), (13, 1)])
+def test_twelve_kinks_are_looked_at(count: int, sentences: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kink_points, "extremes", lambda _: [])
+    search = search_at_kinks(lambda q: sum((ca.fabs(q - k) for k in range(count)), ca.SX(0)))
+    assert len(kink_points.notes(search, ["x"], "value")) == sentences
+
+
+@pytest.mark.parametrize(("count", "sentences"), [(12, 0), (13, 1)])
+def test_kinks_are_looked_at_among_twelve_coordinates(
+    count: int, sentences: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kink_points, "extremes", lambda _: [])
+    search = search_at_kinks(lambda q: ca.fabs(q[0]), count)
+    assert len(kink_points.notes(search, ["x"] * count, "value")) == sentences
+
+
+def test_kinks_are_sought_from_six_starts_beside_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    begins: list[np.ndarray] = []
+    monkeypatch.setattr(surface_descent, "onto", lambda problem, begin, *_: begins.append(begin))
+    assert not list(kink_points.extremes(search_at_kinks(ca.fabs)))
+    assert len(begins) == 7
+
+
+@pytest.mark.parametrize(("width", "kind"), [(3e-6, "minimum"), (3e-7, "maximum")])
+def test_slopes_are_looked_at_six_digits_off_a_kink(width: float, kind: str) -> None:
+    search = search_at_kinks(lambda q: ca.fabs(q) - q**2 / width)
+    (kink,) = kink_points.kinks(search.problem.laws)
+    on_kink = StaticProblem(
+        kink_points._on_kink(search.problem.laws, kink), np.zeros(0), (0.0, np.ones(1)), 0.0
+    )
+    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+
+
+@pytest.mark.parametrize(("apart", "count"), [(3e-6, 1), (3e-5, 2)])
+def test_kinks_closer_than_five_digits_are_one(
+    apart: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kink_points, "_candidates", lambda *_: [np.zeros(1), np.full(1, apart)])
+    monkeypatch.setattr(kink_points, "_kind", lambda *_: "minimum")
+    assert len(list(kink_points.extremes(search_at_kinks(ca.fabs)))) == count
+
+
+def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
+    many = [KinkPoint("abs", np.full(1, float(k)), "minimum") for k in range(9)]
+    monkeypatch.setattr(kink_points, "extremes", lambda _: many)
+    assert len(kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")) == 4
+
+
+def is_lost(build: Build, value: float) -> bool:
+    """True if a function of a value that varies has left the doubles."""
+    x = ca.SX.sym("x")
+    function = SeriesFunction(ca.Function("f", [x], [build(x)]), is_strict=True)
+    try:
+        function.at([[PowerSeries(np.array([value, 1.0]), np.array([abs(value), 1.0]))]], 2, 1e-15)
+    except UnderflowError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize(("size", "lost"), [(3e-291, True), (3e-290, False)])
+def test_a_result_below_the_doubles_is_lost(size: float, lost: bool) -> None:
+    assert is_lost(ca.exp, math.log(size)) is lost
+
+
+@pytest.mark.parametrize(("left", "lost"), [(3e-13, True), (3e-12, False)])
+def test_a_tanh_near_its_limit_is_lost(left: float, lost: bool) -> None:
+    assert is_lost(ca.tanh, math.atanh(1 - left)) is lost

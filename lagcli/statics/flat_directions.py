@@ -1,0 +1,354 @@
+"""The directions along which curvatures vanish: the first derivatives that do not vanish there decide (D.25).
+
+With N (n, k) the flat directions, q and lambda of a point beside the one in question follow from xi by
+
+    F + B^T lambda = N rho,    c = 0,    N^T (q - q_0) = xi,    grad phi(xi) = -rho
+
+(Lyapunov, Schmidt), and the type of the point is that of phi at 0 together with the curvatures across (the splitting
+lemma of Gromoll and Meyer). On each ray xi = s u all of these are power series of s, whose coefficients have the sizes
+of their terms beside them: what is zero is so by the rounding of its own terms. A point where derivatives vanish was
+found to a part of its digits alone: it is moved to where the last of them that should vanish does.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.contact.least_distance import EPS
+from lagcli.equations import power_series
+from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
+from lagcli.statics.refine import EquilibriumPoint
+from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.static_problem import StaticProblem
+
+Floats = npt.NDArray[np.float64]
+
+
+class FlatParameters:
+    """Numbers of the series along flat directions.
+
+    The tests are of `tests/unit/test_numbers_of_statics.py`.
+    """
+
+    __slots__ = ()
+
+    orders: int = 8
+    """Powers of the function that are looked at. `test_a_power_of_eight_decides_and_one_of_nine_does_not` fails
+    at 7 and 80."""
+    roundings: float = 64.0
+    """A coefficient is zero where it is so many roundings of its terms.
+    `test_a_coefficient_of_sixty_roundings_is_none` fails at 6.4 and 640."""
+    rank: float = 1e-11
+    """Singular values of the equations across, measured by their rows and columns, that are zero.
+    `test_equations_across_have_rank_to_eleven_digits` fails at 1e-12 and 1e-10."""
+    moves: int = 6
+    """Moves to where derivatives vanish: each doubles the digits.
+    `test_a_point_is_moved_to_where_derivatives_vanish` fails at 0."""
+    near: float = 1e-2
+    """The farthest of such moves, as a part of the size of things.
+    `test_a_point_is_not_moved_by_more_than_a_hundredth` fails at 0.001 and 0.1."""
+    most: int = 3
+    """Flat directions whose forms are looked at.
+    `test_three_flat_directions_decide_and_four_do_not` fails at 0 and 30."""
+    angles: int = 4096
+    """Directions of a plane at which a form is looked at: between them it changes by no more than a part of its
+    degree (Bernstein). `test_a_form_is_definite_where_its_least_is_a_part_of_its_largest` fails at 409."""
+
+
+PARAMETERS = FlatParameters()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class FlatVerdict:
+    """The verdict of directions that may be flat on a function at a point, which is told to more digits.
+
+    up, down: how many of them have a curvature, by its sign; flat: how many have none. The function rises, or falls,
+    along some of these, is_strict: along all of them; order: of the derivatives that say so, 0 where none does.
+    """
+
+    point: EquilibriumPoint
+    up: int
+    down: int
+    flat: int = 0
+    rises: bool = False
+    falls: bool = False
+    is_strict: bool = False
+    order: int = 0
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _Expansion:
+    """rho (rays, k, orders) on rays u (rays, k), and what is rounding of it."""
+
+    rays: Floats
+    rho: Floats
+    rounding: Floats
+
+    @property
+    def forms(self) -> tuple[Floats, Floats]:
+        """The coefficients of s^1, s^2, ... of phi on each ray (rays, orders), and their roundings."""
+        powers = np.arange(1, self.rho.shape[2] + 1)
+        along = np.einsum("ij,ijk->ik", self.rays, self.rho)
+        rounding = np.einsum("ij,ijk->ik", np.abs(self.rays), self.rounding)
+        return -along / powers, rounding / powers
+
+    def vanishes(self, below: int) -> bool:
+        """True if the powers below this one of phi are rounding."""
+        return bool((np.abs(self.rho[:, :, : below - 1]) <= self.rounding[:, :, : below - 1]).all())
+
+
+class FlatEquations:
+    """The equations about a point with `basis` (n, k), its flat directions, set apart; `along` (n, d): of a continuum,
+    which stay as they are."""
+
+    def __init__(
+        self, problem: StaticProblem, closed: tuple[int, ...], scales: Scales, basis: Floats, along: Floats
+    ) -> None:
+        self._problem, self._closed, self.scales = problem, list(closed), scales
+        self.basis, self._all = basis, np.hstack([basis, along])
+        self._acting = [*range(problem.C), *(problem.C + k for k in closed)]
+
+    def settled(self, q: Floats, lam: Floats) -> tuple[Floats, Floats]:
+        """q (n,) and lambda (C + K,) with the equations across satisfied, as near as they are.
+
+        lambda is made anew: Newton's steps leave rounding of the largest forces they met on their way.
+        """
+        n, rest = q.size, RestEquations(self._problem, tuple(self._closed), self.scales)
+        balancing = rest.multipliers(q)
+        lam = lam if balancing is None else rest.all_multipliers(balancing[0])
+        for _ in range(2):
+            residual, _, inverse = self._linear(q, lam)
+            step = -inverse @ residual
+            q, lam = q + step[:n], lam.copy()
+            lam[self._acting] += step[n : n + len(self._acting)]
+        # What is below the rounding of lengths is zero, so that its powers are no underflow.
+        return np.where(np.abs(q) <= EPS * self.scales.length, 0.0, q), lam
+
+    def _linear(self, q: Floats, lam: Floats) -> tuple[Floats, Floats, Floats]:
+        """The residual, its gradient by (q, lambda, rho), and the inverse (unknowns, equations) of that."""
+        values = self._problem.at(self._problem.t, q, lam)
+        G, g = values.G[self._closed], values.g[self._closed]
+        rows, slopes, N = np.vstack([values.B, G]), np.vstack([values.dc, G]), self._all
+        m, r, k = len(rows), len(slopes), N.shape[1]
+        A = np.block(
+            [
+                [values.K, rows.T, -N],
+                [slopes, np.zeros((r, m + k))],
+                [N.T, np.zeros((k, m + k))],
+            ]
+        )
+        # Forces are measured by their terms: far from all sources they may be tiny, and still none is zero.
+        terms = self._residual(np.concatenate([q, lam[self._acting]])[:, None], self._sizes(q, lam)[:, None])
+        unit = 1.0 if terms is None else float(terms[1][: q.size].max(initial=0.0)) or 1.0
+        if unit < power_series.PARAMETERS.least:
+            raise UnderflowError
+        across, down = np.ones(A.shape[1]), np.ones(A.shape[0])
+        across[q.size :], down[: q.size] = unit, 1 / unit
+        for _ in range(2):
+            down /= _lengths(A * down[:, None] * across, 1)
+            across /= _lengths(A * down[:, None] * across, 0)
+        inverse = np.linalg.pinv(A * down[:, None] * across, PARAMETERS.rank)
+        residual = np.concatenate([values.F + rows.T @ lam[self._acting], values.c, g, np.zeros(k)])
+        return residual, A, np.asarray(across[:, None] * inverse * down)
+
+    def expanded(self, q: Floats, lam: Floats, rays: Floats, orders: int) -> _Expansion | None:
+        """The forces along the flat directions; None where an operation has no series."""
+        _, gradient, inverse = self._linear(q, lam)
+        if not np.isfinite(inverse).all():
+            return None
+        found = [self._on_ray(q, lam, ray, (gradient, inverse), orders) for ray in rays]
+        if any(each is None for each in found):
+            return None
+        rho, sizes = (np.array([each[part] for each in found if each is not None]) for part in (0, 1))
+        return _Expansion(rays, rho, PARAMETERS.roundings * EPS * sizes)
+
+    def _sizes(self, q: Floats, lam: Floats) -> Floats:
+        """The sizes of the unknowns: of coordinates no less than that of things."""
+        return np.concatenate([np.maximum(np.abs(q), self.scales.length), np.abs(lam[self._acting])])
+
+    def _residual(self, x: Floats, sizes: Floats) -> tuple[Floats, Floats] | None:
+        """The last coefficient of the equations where (q, lambda) are series (unknowns, orders), and the sizes of its
+        terms; None where an operation has none."""
+        problem, count = self._problem, x.shape[1]
+        fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
+        unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
+        function = problem.balance_series(tuple(self._closed))
+        found = function.at([unknowns, fixed], count, PARAMETERS.roundings * EPS)[0]
+        if any(each.known < count for each in found):
+            return None
+        nothing = np.zeros(self._all.shape[1])
+        return (
+            np.concatenate([[each.c[-1] for each in found], nothing]),
+            np.concatenate([[each.size[-1] for each in found], nothing]),
+        )
+
+    def _on_ray(
+        self, q: Floats, lam: Floats, ray: Floats, linear: tuple[Floats, Floats], orders: int
+    ) -> tuple[Floats, Floats] | None:
+        """rho (k, orders) on one ray, and the sizes of its terms."""
+        n, count, (gradient, inverse) = q.size, self._all.shape[1], linear
+        first = np.concatenate([q, lam[self._acting]])
+        known = first.size
+        x, sizes = np.zeros((2, known, orders + 1))
+        x[:, 0], sizes[:, 0] = first, self._sizes(q, lam)
+        x[:n, 1] = self.basis @ ray  # the tangent: what is missing of it is solved for
+        sizes[:n, 1] = np.abs(self.basis) @ np.abs(ray)
+        rho, terms = np.zeros((2, count, orders))
+        for order in range(orders):
+            found = self._residual(x[:, : order + 1], sizes[:, : order + 1])
+            if found is None:
+                return None
+            left, size = found
+            solved, spread = -inverse @ left, np.abs(inverse) @ size
+            if order:
+                x[:, order] += solved[:known]
+                spread += np.abs(inverse) @ (np.abs(gradient) @ np.abs(solved))
+                sizes[:, order] += np.abs(solved[:known]) + spread[:known]
+            rho[:, order], terms[:, order] = solved[known:], spread[known:]
+        return rho[: ray.size], terms[: ray.size]
+
+
+def _lengths(matrix: Floats, axis: int) -> Floats:
+    lengths = np.linalg.norm(matrix, axis=axis)
+    return np.where(lengths > 0, lengths, 1.0)
+
+
+def judged(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats, along: Floats
+) -> FlatVerdict:
+    """The verdict of directions (n, k) that may be flat, beside those of a continuum (n, d).
+
+    As long as they do not vanish together to the same power the steepest is set aside: it has a curvature.
+    """
+    try:
+        return _judged(problem, point, scales, basis, along)
+    except UnderflowError:
+        return FlatVerdict(point, 0, 0, basis.shape[1])
+
+
+def _judged(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats, along: Floats
+) -> FlatVerdict:
+    """The verdict. Raises `UnderflowError`."""
+    up = down = 0
+    while 0 < basis.shape[1] <= PARAMETERS.most:
+        equations = FlatEquations(problem, point.closed, scales, basis, along)
+        rays = _rays(basis.shape[1])
+        q, lam = equations.settled(point.q, point.lam)
+        found = equations.expanded(q, lam, rays, PARAMETERS.orders)
+        if found is None:
+            break
+        for power in range(PARAMETERS.orders, 2, -1):
+            moved = _moved(equations, (q, lam), found, power)
+            if moved is not None:
+                (q, lam), forms, rounding = moved
+                there = dataclasses.replace(point, q=q, lam=lam)
+                verdict = FlatVerdict(there, up, down, basis.shape[1])
+                return _of_forms(verdict, rays, forms, rounding, power)
+        curvatures, axes, nothing = _curvatures(equations, q, lam)
+        steepest = int(np.argmax(np.abs(curvatures)))
+        if not abs(curvatures[steepest]) > nothing:
+            break
+        up, down = up + (curvatures[steepest] > 0), down + (curvatures[steepest] < 0)
+        basis = basis @ np.delete(axes, steepest, axis=1)
+    return FlatVerdict(point, up, down, basis.shape[1])
+
+
+def is_balanced(problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats) -> bool:
+    """True if forces along flat directions (n, k) are rounding of their terms, and no zero by underflow, nor where a
+    function comes so close to its limit that a double has no difference any more: such a point is none."""
+    if not basis.size:
+        return True
+    equations = FlatEquations(problem, point.closed, scales, basis, np.zeros((problem.n, 0)))
+    try:
+        q, lam = equations.settled(point.q, point.lam)
+        found = equations.expanded(q, lam, np.eye(basis.shape[1]), 2)
+    except UnderflowError:
+        return False
+    return found is None or found.vanishes(2)
+
+
+def _curvatures(equations: FlatEquations, q: Floats, lam: Floats) -> tuple[Floats, Floats, float]:
+    """The second derivatives of phi (k,) on its axes (k, k), and their rounding; nothing where there are none."""
+    k = equations.basis.shape[1]
+    found = equations.expanded(q, lam, np.eye(k), 2)
+    if found is None:
+        return np.zeros(k), np.eye(k), 0.0
+    H = -found.rho[:, :, 1]
+    curvatures, axes = np.linalg.eigh((H + H.T) / 2)
+    return curvatures, axes, float(found.rounding[:, :, 1].max())
+
+
+def _moved(
+    equations: FlatEquations, begin: tuple[Floats, Floats], found: _Expansion, power: int
+) -> tuple[tuple[Floats, Floats], Floats, Floats] | None:
+    """q and lambda where all powers of phi below one vanish, with the form of this power on each ray and its
+    rounding; None where they do not."""
+    (q, lam), n = begin, len(begin[0])
+    size, last, way = equations.scales.length, np.inf, 0.0
+    for _ in range(PARAMETERS.moves):
+        forms, rounding = (part[:, power - 1] for part in found.forms)
+        if (np.abs(forms) <= rounding).all():
+            return None
+        # With phi = P(xi - delta) the next lower form is -delta . grad P.
+        lower = found.forms[0][:, power - 2]
+        shift = np.linalg.lstsq(found.rho[:, :, power - 1], lower, rcond=PARAMETERS.rank)[0]
+        length = float(np.linalg.norm(shift))
+        way += length
+        if not way <= PARAMETERS.near * size:
+            return None
+        if length >= last / 2 or length == 0.0:
+            break
+        q, lam = equations.settled(q + equations.basis @ shift, lam)
+        expanded = equations.expanded(q, lam, found.rays, power)
+        if expanded is None:
+            return None
+        found, last = expanded, length
+    forms, rounding = (part[:, power - 1] for part in found.forms)
+    if not found.vanishes(power) or (np.abs(forms) <= rounding).all():
+        return None
+    return (q[:n], lam), forms, rounding
+
+
+def _rays(k: int) -> Floats:
+    """Directions (rays, k) of length one, no two of them opposite."""
+    if k == 1:
+        return np.ones((1, 1))
+    if k == 2:
+        angles = np.pi * (np.arange(2 * PARAMETERS.orders) + 0.2871) / (2 * PARAMETERS.orders)
+        return np.column_stack([np.cos(angles), np.sin(angles)])
+    drawn = np.random.default_rng(3).standard_normal((3 * PARAMETERS.orders, k))
+    return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
+
+
+def _of_forms(verdict: FlatVerdict, rays: Floats, forms: Floats, rounding: Floats, power: int) -> FlatVerdict:
+    """The verdict of the first form that does not vanish, by its values on rays."""
+    rises, falls = bool((forms > rounding).any()), bool((forms < -rounding).any())
+    if power % 2:
+        rises = falls = True
+    is_strict = rises != falls and bool((np.abs(forms) > rounding).all()) and _is_definite(rays, forms, power)
+    order = power if is_strict or (rises and falls) else 0
+    return dataclasses.replace(verdict, rises=rises, falls=falls, is_strict=is_strict, order=order)
+
+
+def _is_definite(rays: Floats, forms: Floats, power: int) -> bool:
+    """True if a form is of one sign on all directions and not on rays alone: of two variables by its values between
+    them, each measured by its own power."""
+    if rays.shape[1] == 1:
+        return True
+    if rays.shape[1] > 2:
+        return False
+    powers = np.arange(power + 1)
+    monomials = rays[:, :1] ** (power - powers) * rays[:, 1:] ** powers
+    parts = np.linalg.lstsq(monomials, np.abs(forms), rcond=None)[0]
+    first, second = parts[0], parts[-1]
+    if not (first > 0 and second > 0):
+        return False
+    parts = parts / first ** (1 - powers / power) / second ** (powers / power)
+    angles = np.pi * np.arange(PARAMETERS.angles) / PARAMETERS.angles
+    values = (np.cos(angles)[:, None] ** (power - powers) * np.sin(angles)[:, None] ** powers) @ parts
+    between = power * np.pi / (2 * PARAMETERS.angles)
+    return bool(values.min() * (1 - between) > between * np.abs(values).max())

@@ -1,0 +1,126 @@
+"""Extremes near poles, kinks and tails against closed forms: infinity is no point, and no regular point is lost."""
+
+import math
+
+import pytest
+
+import lagcli
+
+HEAD = "lagcli: 1\n"
+
+
+def stationary(coordinates, of, row="", starts=4):
+    text = f"coordinates: {{{coordinates}}}\n" + (f'holonomic: {{row: "{row}"}}\n' if row else "")
+    return lagcli.stationary(lagcli.loads(HEAD + text), of=of, starts=starts)
+
+
+def one(start):
+    return f"x: {{value: {start!r}}}"
+
+
+@pytest.mark.parametrize(
+    ("of", "start", "extremes"),
+    [
+        ("x*exp(-x)", 0.3, {1.0: "maximum"}),
+        ("x*exp(-x)", 0.9, {1.0: "maximum"}),
+        ("x**2*exp(-x)", 0.5, {0.0: "minimum", 2.0: "maximum"}),
+        ("x**3*exp(-x)", 1.5, {0.0: "saddle", 3.0: "maximum"}),
+        ("-exp(-x**2)", 0.5, {0.0: "minimum"}),
+        ("x*exp(-x**2)", 0.5, {-math.sqrt(0.5): "minimum", math.sqrt(0.5): "maximum"}),
+        ("tanh(x)**2", 0.5, {0.0: "minimum"}),
+        ("tanh(3*x - 1)**2", 0.5, {1 / 3: "minimum"}),
+        ("-1/cosh(x)", 0.4, {0.0: "minimum"}),
+        ("-1/(1 + x**2)", 0.4, {0.0: "minimum"}),
+        ("x/(1 + x**2)", 0.4, {-1.0: "minimum", 1.0: "maximum"}),
+        ("4.5*(1 - exp(-1.9*(x - 0.74)))**2", 0.9, {0.74: "minimum"}),
+        ("exp(-2*x) - 2*exp(-x)", 0.5, {0.0: "minimum"}),
+        ("1/x**12 - 2/x**6", 1.3, {1.0: "minimum"}),
+        ("1/x + x", 0.5, {-1.0: "maximum", 1.0: "minimum"}),
+        ("log(x) + 1/x", 0.5, {1.0: "minimum"}),
+    ],
+)
+def test_wells_are_found_and_tails_are_no_points(of, start, extremes):
+    found = stationary(one(start), of)
+    assert not any(p.dimension for p in found)
+    listed = {p.at["x"]: p.type for p in found}
+    nearest = min(extremes, key=lambda x: abs(x - start))
+    assert min(abs(x - nearest) for x in listed) < 1e-9  # the one beside the start is always among them
+    for x, kind in listed.items():
+        known = min(extremes, key=lambda each: abs(each - x))
+        assert x == pytest.approx(known, abs=1e-9)
+        assert kind == extremes[known]
+
+
+@pytest.mark.parametrize(
+    ("of", "row", "start", "extremes"),
+    [
+        ("-exp(-x**2 - y**2)", "", (0.3, 0.2), [(0, 0, "minimum")]),
+        ("tanh(x)**2 + tanh(y)**2", "", (0.3, 0.2), [(0, 0, "minimum")]),
+        ("tanh(x)**2 + y**2", "", (0.3, 0.2), [(0, 0, "minimum")]),
+        ("x*y*exp(-x**2 - y**2)", "", (0.6, 0.5), [(math.sqrt(0.5), math.sqrt(0.5), "maximum")]),
+        ("exp(x*y)", "x**3 + y**3 = 16", (2.0, 2.0), [(2, 2, "maximum")]),
+    ],
+)
+def test_wells_of_two_coordinates_are_found_without_their_tails(of, row, start, extremes):
+    found = stationary(f"x: {{value: {start[0]}}}, y: {{value: {start[1]}}}", of, row, starts=3)
+    assert not any(p.dimension for p in found)
+    for x, y, kind in extremes:
+        assert any(math.hypot(p.at["x"] - x, p.at["y"] - y) < 1e-9 and p.type == kind for p in found)
+    if len(extremes) == 1 and "x*y*exp" not in of:
+        assert len(found) == 1
+
+
+def test_modes_and_equilibrium_know_the_same_well_of_morse():
+    model = lagcli.loads(
+        HEAD
+        + "coordinates: {x: {value: 0.9}}\nlagrangian: rate(x)**2/2\n"
+        + 'forces: {v: {potential: "4.5*(1 - exp(-1.9*(x - 0.74)))**2"}}\n'
+    )
+    assert [p.at["x"] for p in lagcli.equilibrium(model, starts=2)] == pytest.approx([0.74], abs=1e-12)
+    assert lagcli.modes(model).frequencies == pytest.approx([1.9 * 3.0], rel=1e-9)
+
+
+@pytest.mark.parametrize("of", ["max(x - 1, 0)**2", "max(abs(x) - 1, 0)**2"])
+def test_a_plateau_of_a_switch_is_a_continuum(of):
+    found = stationary(one(0.4), of, starts=2)
+    assert [p.dimension for p in found] == [1]
+
+
+@pytest.mark.parametrize(
+    ("of", "start", "x", "kind", "value"),
+    [
+        ("abs(x - 1) + x**2/4", 0.3, 1.0, "minimum", 0.25),
+        ("max(x, 1 - x)", 0.3, 0.5, "minimum", 0.5),
+        ("min(2*x, 1 - x)", 0.1, 1 / 3, "maximum", 2 / 3),
+        ("-abs(x + 2) + x/3", 0.3, -2.0, "maximum", -2 / 3),
+        ("abs(x)**0.5 + x/4", 0.3, 0.0, "minimum", 0.0),
+        ("sqrt((x - 3)**2) - x/2", 0.3, 3.0, "minimum", -1.5),
+    ],
+)
+def test_an_extreme_at_a_kink_is_named(of, start, x, kind, value):
+    found = stationary(one(start), of)
+    notes = [note for note in found.notes if "kink" in note]
+    assert any(f"x = {x:.9g} " in note and kind in note and f"= {value:.9g})" in note for note in notes)
+
+
+@pytest.mark.parametrize("of", ["abs(x - 1) + 2*x", "abs(x - 1)*(x - 1)", "max(x, 2*x)", "abs(x - 1)**3"])
+def test_a_kink_without_an_extreme_is_not_named(of):
+    assert not [note for note in stationary(one(0.3), of).notes if "kink" in note]
+
+
+TRIANGLE = "sqrt(x**2 + y**2) + sqrt((x - 1)**2 + y**2) + sqrt((x + {}*1)**2 + (y - 0.3)**2)"
+
+
+def test_the_shortest_sum_of_distances_is_at_an_obtuse_corner():
+    found = stationary("x: {value: 0.4}, y: {value: 0.3}", TRIANGLE.format(1))
+    total = 1 + math.hypot(1, 0.3)
+    (note,) = [note for note in found.notes if "kink" in note]
+    assert "at x = 0, y = 0 " in note
+    assert "minimum" in note
+    assert f"{total:.9g}" in note
+
+
+def test_on_a_row_the_ends_of_a_distance_are_named():
+    found = stationary("x: {value: 0.6}, y: {value: 0.8}", "abs(x) + 2*y", "x**2 + y**2 = 1")
+    notes = [note for note in found.notes if "kink" in note]
+    assert any("x = 0, y = -1 " in note and "minimum" in note for note in notes)
