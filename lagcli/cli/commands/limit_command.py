@@ -123,7 +123,7 @@ def sentence(found: StiffLimit) -> str:
     name = f"-k f of `{found.constraint}`"
     if not found.rungs:
         return f"there is no stiff run of `{found.constraint}` to be compared"
-    what = "mean" if found.rate_of == "mean_error" else "largest error"
+    what = "mean, weighted so that swings cancel," if found.rate_of == "weighted_mean" else "largest error"
     start = "on the slow motion" if found.start == "adapted" else "without stretch"
     if found.ramp is not None:
         last, seconds = found.rungs[-1], found.ramp["seconds"]
