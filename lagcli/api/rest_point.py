@@ -8,6 +8,7 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification import classify
+from lagcli.api import assemble_start
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import run_settings
 from lagcli.equations import jump_warnings, level_functions
@@ -58,7 +59,11 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
     known = ready.first_integrals(limit)
     invariant_values: list[EnforcedLevel] = []
     enforced: list[str] = []
-    notes = [*known.notes, *jump_warnings.out_of_sight(built)]
+    notes = [
+        *assemble_start.notes(ready, "the search begins at"),
+        *known.notes,
+        *jump_warnings.out_of_sight(built),
+    ]
     for integral in known.integrals:
         chart = next((c for c in _charts(built, integral.charts, state)), None)
         if chart is None:

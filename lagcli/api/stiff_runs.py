@@ -149,7 +149,7 @@ class _StiffRuns:
         means: tuple[float | None, float | None, float | None] = (None, None, None)
         if len(t) - 1 >= IN_A_SWING / 2 * self._swings(k):
             means = _means(t, error, followed.uncertainty + self._constrained.uncertainty)
-        if self._swings(k) < stiff_ladder.FEWEST_SWINGS:
+        if self._swings(k) < stiff_ladder.PARAMETERS.fewest_swings:
             means = (*means[:2], None)
         largest = float(np.abs(error[rows]).max())
         uncertainty = float(followed.uncertainty.max(initial=0.0))

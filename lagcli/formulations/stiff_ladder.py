@@ -16,8 +16,19 @@ Floats = npt.NDArray[np.float64]
 RUNGS, MOST_RUNGS = 2, 200
 # A ladder ends where what its run is uncertain by is more than this part of its error.
 UNCERTAIN = 0.1
-# In fewer swings than these the weights of the mean without swings rise and fall as the swings do.
-FEWEST_SWINGS = 4
+
+
+class StiffLadderParameters:
+    """Means over swings. The tests are of `tests/physics/test_limit.py`."""
+
+    __slots__ = ()
+
+    fewest_swings: float = 4.0
+    """In fewer swings the weights of the mean without swings rise and fall as these do.
+    `test_a_mean_without_swings_needs_four_of_them` fails at 0.4 and 40."""
+
+
+PARAMETERS = StiffLadderParameters()
 
 
 def rungs(text: str | Sequence[float]) -> tuple[float, ...]:
@@ -59,7 +70,7 @@ class Rung:
     max_error: the largest |-k f - lambda| over the rows; mean_error: |its time mean| over the run, None where the
     swings are too many to be resolved; mean_uncertainty: how far that mean is off at most, by the times between which
     it is taken and by the tolerances of both runs; weighted_mean: |its mean| with weights that leave no swings in it,
-    None where there are fewer than `FEWEST_SWINGS`;
+    None where there are fewer than four;
     uncertainty: of the force, by the tolerance of the run and by rounding; force (T,): -k f at the rows.
     """
 

@@ -108,7 +108,7 @@ def find(linear: Linear, terms: Floats) -> Freedoms:
 
 
 def _noise(linear: Linear, terms: Floats, Z: Floats) -> float:
-    """What rounding of the entries of K makes of Z^T K Z, at most."""
+    """The most that rounding of the entries of K makes of Z^T K Z."""
     inertia = linear.inertia[:, None]
     whitened = np.linalg.norm(terms / inertia / inertia.T, 2) if terms.size else 0.0
     return STIFFNESS_ROUNDOFF * float(whitened * np.linalg.norm(inertia * Z, 2) ** 2 if Z.size else 0.0)

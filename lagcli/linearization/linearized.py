@@ -11,7 +11,7 @@ at constant a and lambda, so that what the reference loads (prestress) is in K.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -133,6 +133,17 @@ class Linear:
     def values(self) -> Floats:
         """All entries in one column, for two of them to be compared."""
         return np.concatenate([np.zeros(0), *(part.nonzeros() for part in self.matrices)])
+
+    def in_units(self, unit: Linear) -> Iterator[tuple[Floats, npt.NDArray[np.intp], int]]:
+        """The entries of each matrix in units of the masses and rows of `unit`, their rows, and their power of a
+        frequency."""
+        own = unit.matrices
+        whitening = ca.diag(ca.DM(1 / unit.inertia))
+        B, A = (LocalRows(ca.mtimes(part, whitening)).divisors for part in (own.B, own.A))
+        lengths = (unit.inertia, unit.inertia, unit.inertia, B, A, A, B)
+        for matrix, length, order in zip(self.matrices, lengths, (0, 1, 2, 0, 0, 1, 1), strict=True):
+            rows = LocalRows(ca.mtimes(matrix, whitening))
+            yield rows.values / length[rows.row], rows.row, order
 
 
 class LinearizedFunctions:

@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
 from typing import Literal
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.linear.metric_rows import LocalRows
 from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference, RowValues
 
@@ -147,7 +144,7 @@ def is_same(one: Linear, other: Linear, duration: float) -> bool:
     are powers of a frequency. Where a row is all rounding, the largest of the matrix tells its size, or else the
     frequency of one turn in the time of the run.
     """
-    for (entries, row, order), (others, _, _) in zip(_in_units(one, one), _in_units(other, one), strict=True):
+    for (entries, row, order), (others, _, _) in zip(one.in_units(one), other.in_units(one), strict=True):
         if entries.shape != others.shape:  # a leaf has lost its gradient
             return False
         largest = np.zeros(int(row.max(initial=-1)) + 1)
@@ -157,15 +154,3 @@ def is_same(one: Linear, other: Linear, duration: float) -> bool:
             if not (np.abs(entries - others) <= SAME * largest[row] + least).all():
                 return False
     return True
-
-
-def _in_units(linear: Linear, unit: Linear) -> Iterator[tuple[Floats, npt.NDArray[np.intp], int]]:
-    """The entries of each matrix in units of the masses and rows of `unit`, their rows, and their power of a
-    frequency."""
-    m, own = linear.matrices, unit.matrices
-    whitening = ca.diag(ca.DM(1 / unit.inertia))
-    B, A = (LocalRows(ca.mtimes(part, whitening)).divisors for part in (own.B, own.A))
-    lengths = (unit.inertia, unit.inertia, unit.inertia, B, A, A, B)
-    for matrix, length, order in zip(m, lengths, (0, 1, 2, 0, 0, 1, 1), strict=True):
-        rows = LocalRows(ca.mtimes(matrix, whitening))
-        yield rows.values / length[rows.row], rows.row, order

@@ -101,6 +101,7 @@ DOORS = {
     "scipy": (
         "lagcli.api.sweeps.drawn_points",
         "lagcli.contact.",
+        "lagcli.formulations.stiff_ladder",
         "lagcli.linearization.",
         "lagcli.statics.point_values",
         "lagcli.statics.newton",

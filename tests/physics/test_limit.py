@@ -336,6 +336,14 @@ def test_the_rate_is_minus_one_within_what_it_is_off_by(
     assert abs(found.rate.slope + 1) <= found.rate.error < 0.1
 
 
+def test_a_mean_without_swings_needs_four_of_them() -> None:
+    """sqrt(k/m) 0.7/(2 pi) is 2.9 at the first, where the ends of the run are all there is, and 5.1 at the second."""
+    found = lagcli.limit(lagcli.loads(PENDULUM), "rod", stiffness="1e3:1e4", duration=0.7, unprestressed=True)
+    assert [rung.weighted_mean is None for rung in found.rungs] == [True, False, False]
+    assert all(rung.mean_error is not None for rung in found.rungs)
+    assert found.rate is not None
+
+
 def test_swings_leave_the_weighted_mean_and_the_time_mean_tells_what_it_is_off_by() -> None:
     t = np.linspace(0, 3.37, 2001)
     curve = 0.25 + np.cos(40 * t + 0.3)
