@@ -38,7 +38,7 @@ def of_modes(model: Model, found: Modes) -> Scene:
     t = np.linspace(0.0, 1.0, FRAMES)
     q = np.array([found.at[name] for name in found.coordinates])
     start = np.full(FRAMES, model.simulation.start)
-    rest = _scene(model, t, _track(model, start, np.tile(q, (FRAMES, 1))), ())
+    rest = _scene(model, t, _track(model, start, np.tile(q, (FRAMES, 1))), found.notes)
     size = scene.size(rest.points)
     modes = []
     for name, note, swings, shape in _described(found):

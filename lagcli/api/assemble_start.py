@@ -1,13 +1,14 @@
-"""A model with its start moved to the nearest consistent state."""
+"""A model with its start moved to the nearest consistent state, and the note that an answer is of that state."""
 
 from __future__ import annotations
 
 from lagcli.analysis.classification import classify
 from lagcli.api.models import cache
+from lagcli.api.models.cache import CompiledModel
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.start import consistent_start
+from lagcli.start import consistent_start, initial
 from lagcli.start.assembly import Assembly
 
 
@@ -23,3 +24,14 @@ def assembled(model: Model) -> tuple[Model, Assembly]:
         case = classify.classified(built, numeric).case
         found = consistent_start.nearest(case.system, case.numeric)
     return system.started_at(model, found.state.q, found.state.v), found
+
+
+def notes(ready: CompiledModel, done: str) -> tuple[str, ...]:
+    """The note where the declared positions violate the rows, and what is `done` at the nearest ones that do not."""
+    residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
+    if not any(residuals.in_position(i) for i in residuals.violated):
+        return ()
+    off = residuals.of_positions
+    return (
+        f"the initial positions violate the rows by {off:.3g}: {done} the nearest consistent configuration",
+    )

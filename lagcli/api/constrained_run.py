@@ -22,6 +22,9 @@ Floats = npt.NDArray[np.float64]
 
 # Rows in a swing, by which means are taken, and the most rows of a run.
 IN_A_SWING, MOST_ROWS = 16, 400_000
+# The run that tells the uncertainty has this many times the tolerance; where rounding takes part, the errors of the two
+# are nearly equal, and what they differ by is divided by little.
+LOOSER, LARGER = 100.0, 2.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -39,7 +42,7 @@ class LimitPlan:
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Constrained:
     """The constrained run: times (T,) and lambda (T,) on a grid of rows and on finer ones, where it began, the row,
-    and omega/sqrt(k) of its swing."""
+    omega/sqrt(k) of its swing, and what lambda is off by at the rows, by the tolerance."""
 
     run: SimulationRun
     row: StiffRow
@@ -49,6 +52,7 @@ class Constrained:
     refined: int
     t: Floats
     multiplier: Floats
+    uncertainty: Floats
 
     def at(self, refined: int) -> tuple[Floats, Floats]:
         """Times and lambda on a grid that is `refined` times as fine as that of the rows."""
@@ -155,15 +159,27 @@ def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) 
     refined = refinement(run.grid.count - 1, swings)
     if refined > 1:
         run = prepare_run.start(bare, finer(chosen, refined))
-    column = run.columns.index(f"lambda.{run.built.rows.rows[index].name}")
-    blocks = [np.zeros((0, 2))]
+    row = StiffRow(index, lam, rate)
     try:
-        blocks += [block[:, [0, column]].copy() for block in run.blocks()]
+        t, multiplier = _multiplier(run, index)
+        again = _multiplier(prepare_run.start(bare, looser(chosen)), index)[1]
     except run_stop.RunStop as stop:
         return f"the constrained run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
-    t, multiplier = np.concatenate(blocks).T
-    row = StiffRow(index, lam, rate)
-    return Constrained(run, row, start, frequency, chosen, refined, t, multiplier)
+    uncertainty = np.abs(again - multiplier[spaced(len(t), refined)]) / LARGER
+    return Constrained(run, row, start, frequency, chosen, refined, t, multiplier, uncertainty)
+
+
+def _multiplier(run: SimulationRun, index: int) -> Floats:
+    """The times and lambda of a row, (2, T). Raises `run_stop.RunStop`."""
+    column = run.columns.index(f"lambda.{run.built.rows.rows[index].name}")
+    blocks = [np.zeros((0, 2)), *(block[:, [0, column]].copy() for block in run.blocks())]
+    return np.concatenate(blocks).T
+
+
+def looser(chosen: Simulation) -> Simulation:
+    """The settings with a larger tolerance."""
+    atol = None if chosen.atol is None else LOOSER * chosen.atol
+    return dataclasses.replace(chosen, rtol=min(LOOSER * chosen.rtol, 0.1), atol=atol)
 
 
 def refinement(rows: int, swings: float) -> int:

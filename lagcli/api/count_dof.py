@@ -8,6 +8,7 @@ from lagcli.analysis import dof as counting
 from lagcli.analysis import free_particles
 from lagcli.analysis.classification import classify
 from lagcli.analysis.dof import DofCount
+from lagcli.api import assemble_start
 from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
@@ -35,7 +36,7 @@ def examined(ready: CompiledModel, limit: float) -> tuple[classify.Classified, c
     own = {classify.equation(one) for one in whole.conditions}
     counted = dataclasses.replace(
         found.count,
-        notes=(*whole.notes, *found.count.notes),
+        notes=(*assemble_start.notes(ready, "the count is that at"), *whole.notes, *found.count.notes),
         redundant_rows=tuple(name for name in found.count.redundant_rows if name not in own),
     )
     return dataclasses.replace(whole, found=found.found), dataclasses.replace(found, count=counted)

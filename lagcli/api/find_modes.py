@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 
 ABOUT = ("auto", "start", "equilibrium")
-NEAREST = "about the nearest equilibrium, for the start is none and no steady motion"
-FOLLOW = (
-    "; whether the motion from the start comes back, as a large swing does, is looked at with about: start"
-)
+NEAREST = "the start is at rest but is no equilibrium: these are the modes about the nearest equilibrium"
+AS_ASKED = "about the nearest equilibrium, as asked for"
+FOLLOW = "; to follow the motion from the start, as a large swing that comes back: `--about start`"
+NO_MOTION = "the start is no equilibrium and no steady motion"
 # Motions are followed so many times the duration of the run, of no more than so many coordinates; the first part of it
 # tells whether they are steady.
 LONGEST, MOST_FOLLOWED, FIRST = 2.2, 60, 0.02
 
 
 class NoEquilibriumError(Exception):
-    """The start is no equilibrium and no steady motion, and no equilibrium is found from it."""
+    """The motion that is asked for has no modes, or no equilibrium is found; the message says which."""
 
 
 @progress.phase("linearizing")
@@ -52,9 +52,10 @@ def modes(
     """Return frequencies, eigenvalues, shapes and stability of small deviations (`linear_modes.Modes`).
 
     About the declared start, if that is an equilibrium or a steady motion whose linear equations do not depend on t,
-    else about the nearest equilibrium. Of a steady motion whose linear equations have a period in t, and of one that
-    comes back to itself, the multipliers of a period are given. about: `start` or `equilibrium` asks for one of them
-    alone, and with `start` any motion that comes back will do. assemble: move the start onto the constraints first;
+    else, where it is at rest, about the nearest equilibrium. Of a steady motion whose linear equations have a period in
+    t, and of one that comes back to itself, the multipliers of a period are given. A start that moves otherwise is
+    refused. about: `start` or `equilibrium` asks for one of them alone, and with `start` any motion that comes back
+    will do. assemble: move the start onto the constraints first;
     limit: seconds for the first integrals of differential rows; lowest: how many modes of a model of more than
     600 coordinates (20). Angular frequencies in 1/time of the model's unit.
 
@@ -71,8 +72,8 @@ def modes(
     model = as_model(model)
     seconds = run_settings.seconds(limit)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
-    here, closed = linear_point.start(model)
     ready = cache.compiled(model)
+    here, closed = linear_point.start(ready, seconds)
     functions = _functions(ready, closed, seconds)
     found = _of_start(ready, functions, here, about, wanted)
     if found is not None:
@@ -80,15 +81,18 @@ def modes(
     if about == "start":
         if here.q.size > MOST_FOLLOWED:
             raise NoEquilibriumError(
-                "the start is no equilibrium and no steady motion, and whether it comes back is followed in models of"
-                f" up to {MOST_FOLLOWED} coordinates: this one has {here.q.size}"
+                f"{NO_MOTION}, and whether it comes back is followed in models of up to {MOST_FOLLOWED} coordinates:"
+                f" this one has {here.q.size}"
             )
-        raise NoEquilibriumError("the start is no equilibrium and no steady motion, and does not come back")
-    follow = FOLLOW if about == "auto" and here.q.size <= MOST_FOLLOWED and not closed else ""
-    here, closed = _nearest(ready)
+        raise NoEquilibriumError(f"{NO_MOTION}, and does not come back")
+    is_followed = here.q.size <= MOST_FOLLOWED and not closed
+    if about == "auto" and not reference.is_at_rest(here.q, here.v, _duration(ready)):
+        raise NoEquilibriumError(_of_moving(model, is_followed))
+    note = AS_ASKED if about == "equilibrium" else NEAREST + (FOLLOW if is_followed else "")
+    here, closed = _nearest(ready, seconds)
     functions = _functions(ready, closed, seconds)
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
-    notes = (NEAREST + follow, *_contacts(ready, closed))
+    notes = (note, *_contacts(ready, closed))
     if there.kind != "varying":
         return _steady(ready, functions, there, notes, wanted)
     again = _varying(ready, functions, there, notes)
@@ -97,6 +101,16 @@ def modes(
             "the linear equations about the nearest equilibrium depend on t without a period"
         )
     return again
+
+
+def _of_moving(model: Model, is_followed: bool) -> str:
+    """The reason to give no modes of a start that moves, and the lines that ask for others."""
+    line = f"lagcli modes {'MODEL' if model.path.startswith('<') else model.path} --about"
+    follow = f"; to see if its motion comes back: `{line} start`" if is_followed else ""
+    return (
+        "the start moves, and it is no steady motion whose linear equations have constant coefficients. For the modes"
+        f" about the nearest equilibrium: `{line} equilibrium`{follow}"
+    )
 
 
 def _duration(ready: CompiledModel) -> float:
@@ -182,16 +196,16 @@ def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
     return ready.numeric.keeping(dataclasses.replace(chosen, inactive=ready.numeric.selection.inactive))
 
 
-def _nearest(ready: CompiledModel) -> tuple[Reference, tuple[int, ...]]:
+def _nearest(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...]]:
     """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
     from lagcli.api import rest_point
     from lagcli.linearization.linearized import Reference
     from lagcli.statics.refine import NoEquilibrium
 
-    point = rest_point.nearest(ready)
+    point = rest_point.nearest(ready, limit)
     if isinstance(point, NoEquilibrium):
         raise NoEquilibriumError(
-            "the start is no equilibrium and no steady motion, and no equilibrium is found from it: the forces that"
+            "the start is no equilibrium, and none is found from it: the forces that"
             f" are left are {point.residual:.3g} of their size at best"
             + "".join(f"; {sentence}" for sentence in jump_warnings.out_of_sight(ready.system))
         )
@@ -211,11 +225,16 @@ def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> L
 
 def _notes(ready: CompiledModel, found: Steady, closed: tuple[int, ...]) -> tuple[str, ...]:
     """Sentences on the motion that was linearized about."""
-    where = {
-        "equilibrium": "about the declared start, an equilibrium",
-        "steady": "about the declared start, an instant of a steady motion",
-    }
-    return (where[found.kind], *_contacts(ready, closed))
+    if found.kind == "equilibrium":
+        where = "about the declared start, an equilibrium"
+    elif np.any(found.here.a):
+        where = (
+            "about the motion from the declared start, which is uniformly accelerated: no steady motion, but its linear"
+            " equations have constant coefficients"
+        )
+    else:
+        where = "about the declared start, an instant of a steady motion"
+    return (where, *_contacts(ready, closed))
 
 
 def _contacts(ready: CompiledModel, closed: tuple[int, ...]) -> tuple[str, ...]:

@@ -110,8 +110,7 @@ def _curves(found: StiffLimit) -> LimitCurves:
     else:
         ends = [rungs[0], rungs[-1]] if len(rungs) > 1 else [rungs[0]]
         forces = [(f"-k f, k = {one.stiffness:.3g}", one.force) for one in ends]
-    by_mean = found.rate_of == "mean_error"
-    errors = [(one.stiffness, (one.mean_error or 0.0) if by_mean else one.max_error) for one in rungs]
+    errors = [(one.stiffness, one.error(found.rate_of) or 0.0) for one in rungs]
     k = np.array([one.stiffness for one in rungs])
     rate = "" if found.rate is None else f", slope {-found.rate.slope:.3f}".replace("-", "−")
     return LimitCurves(
@@ -123,5 +122,5 @@ def _curves(found: StiffLimit) -> LimitCurves:
         np.array(errors),
         None if found.rate is None else found.rate.line(k),
         rate,
-        "mean error" if by_mean else "largest error",
+        "mean error without swings" if found.rate_of == "weighted_mean" else "largest error",
     )

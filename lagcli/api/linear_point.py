@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.api.models import cache
-from lagcli.api.simulate import simulate
+from lagcli.api.models.cache import CompiledModel
+from lagcli.api.runs import prepare_run, run_settings
 from lagcli.errors import diagnostics
+from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.output import table_columns
+from lagcli.output.runs import run_in_memory
 from lagcli.output.trajectory import SimulationStopped
 from lagcli.start import initial
 
@@ -23,15 +26,18 @@ if TYPE_CHECKING:
 COORDINATE_ROUNDOFF = 1e-14
 
 
-def start(model: Model) -> tuple[Reference, tuple[int, ...]]:
+def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...]]:
     """The state at the start with its multipliers, and the contacts that press there.
 
-    Raises `ModelError`, `SimulationStopped`.
+    limit: seconds for the first integrals of differential rows, for which whoever asks `ready` again asks no second
+    time. Raises `ModelError`, `SimulationStopped`.
     """
     from lagcli.linearization.linearized import Reference
 
-    run = simulate(model, duration=0.0, samples=2)
-    built = cache.compiled(model).system
+    built = ready.system
+    model, known = built.model, ready.examined_start(limit=limit).known
+    chosen = run_settings.chosen(model, {"duration": 0.0, "samples": 2})
+    run = run_in_memory.in_memory(prepare_run.start(model, chosen, known), "*", None, 0.0)
     (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[:1])
     lam = np.array([run[f"lambda.{row.name}"][0] for row in built.multiplier_rows])
     p = initial.declared(built).p
@@ -51,7 +57,7 @@ def of_start(model: Model) -> LinearPoint:
     if count > MOST:
         return LinearPoint(reason=f"there are {count} coordinates, and they are written out for up to {MOST}")
     try:
-        here, closed = start(model)
+        here, closed = start(ready, settings.LIMIT)
     except (diagnostics.ModelError, SimulationStopped):
         return LinearPoint(reason="the declared start is not one that `simulate` begins at")
     functions = LinearizedFunctions(ready.system, closed)

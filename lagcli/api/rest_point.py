@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis.classification import classify
+from lagcli.api import assemble_start
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import run_settings
 from lagcli.equations import jump_warnings, level_functions
@@ -64,7 +65,11 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
     known = ready.first_integrals(limit)
     invariant_values: list[EnforcedLevel] = []
     enforced: list[str] = []
-    notes = [*known.notes, *jump_warnings.out_of_sight(built)]
+    notes = [
+        *assemble_start.notes(ready, "the search begins at"),
+        *known.notes,
+        *jump_warnings.out_of_sight(built),
+    ]
     for integral in known.integrals:
         chart = next((c for c in _charts(built, integral.charts, state)), None)
         if chart is None:
@@ -82,13 +87,15 @@ def problem(ready: CompiledModel, laws: StaticLaws, start: StaticStart) -> Stati
 
 
 @progress.phase("looking for a point of rest")
-def nearest(ready: CompiledModel) -> EquilibriumPoint | NoEquilibrium:
+def nearest(ready: CompiledModel, limit: float | None = None) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest nearest to the declared start (D.25): lambda and contacts with it.
 
     Of two, the one that Newton's steps lead to and, where the forces have a potential, the one that lies downhill, the
-    nearer in the metric. Raises `diagnostics.ModelError` where no configuration satisfies the rows.
+    nearer in the metric.
+
+    limit: seconds for first integrals. Raises `diagnostics.ModelError` where no configuration satisfies the rows.
     """
-    start = begin(ready)
+    start = begin(ready, limit)
     asked, q = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start), start.state.q
     falls = point_values.potential_origin(asked) == "declared"
     is_large = falls and asked.n + asked.C > refine.PARAMETERS.large

@@ -23,9 +23,6 @@ from lagcli.simulation.run_state import run_stop
 
 Floats = npt.NDArray[np.float64]
 
-# The run that tells the uncertainty has this many times the tolerance; where rounding takes part, the errors of the two
-# are nearly equal, and what they differ by is divided by little.
-LOOSER, LARGER = 100.0, 2.0
 # Steps of a swing at the usual tolerance: an estimate until the first run has been made.
 STEPS_IN_A_SWING = 12.0
 NO_RATE = "of a ramp no rate is fitted: its errors are swings that the soft spring began, and they keep their action"
@@ -48,7 +45,7 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
     kind = "unprestressed" if plan.unprestressed else "adapted"
     if isinstance(constrained, str):
         nothing = np.zeros(0)
-        rate_of = "mean_error" if plan.unprestressed or plan.is_ramp else "max_error"
+        rate_of = "weighted_mean" if plan.unprestressed or plan.is_ramp else "max_error"
         return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=constrained)
     runs = _StiffRuns(constrained, row, plan)
     try:
@@ -56,8 +53,15 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
     except run_stop.RunStop as stop:
         t, multiplier = constrained.at(1)
         reason = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
-        found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "mean_error", stopped=reason)
+        found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "weighted_mean", stopped=reason)
     return dataclasses.replace(found, notes=(*notes, *found.notes))
+
+
+def _means(t: Floats, error: Floats, uncertainty: Floats) -> tuple[float, float, float]:
+    """|The time mean of an error|, how far it is off at most, and |the mean without swings|; uncertainty: of the error
+    at rows."""
+    mean, apart = stiff_ladder.time_mean(t, error)
+    return abs(mean), apart + float(uncertainty.mean()), abs(stiff_ladder.mean_without_swings(t, error))
 
 
 class _StiffRuns:
@@ -73,7 +77,7 @@ class _StiffRuns:
     def ladder(self, kind: str) -> StiffLimit:
         """One run for each stiffness, from the least on, as far as their errors can be resolved."""
         constrained, plan = self._constrained, self._plan
-        rate_of = "mean_error" if plan.unprestressed else "max_error"
+        rate_of = "weighted_mean" if plan.unprestressed else "max_error"
         rungs: list[Rung] = []
         ended = stopped = ""
         soft: list[str] = []
@@ -100,11 +104,8 @@ class _StiffRuns:
                 break
         t, multiplier = constrained.at(1)
         reason = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
-        errors = [one.mean_error if plan.unprestressed else one.max_error for one in rungs]
-        known = [error for error in errors if error is not None]
-        rate = (
-            stiff_ladder.fitted([one.stiffness for one in rungs], known) if len(known) == len(rungs) else None
-        )
+        known = [(one.stiffness, error) for one in rungs if (error := one.error(rate_of)) is not None]
+        rate = stiff_ladder.fitted([k for k, _ in known], [error for _, error in known])
         return StiffLimit(
             constrained.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
             steps=sum(one.steps or 0 for one in rungs), notes=(reason,) if soft else (), stopped=stopped,
@@ -128,14 +129,14 @@ class _StiffRuns:
             near = (stiffness[rows] >= least) & (stiffness[rows] <= most)
             if inside.sum() < 2:
                 continue
-            mean, apart = stiff_ladder.mean_of_swings(t[inside], error[inside])
+            means = _means(t[inside], error[inside], followed.uncertainty + constrained.uncertainty)
             own = float(followed.uncertainty[near].max(initial=0.0))
             middle = math.sqrt(least * most)
             largest = float(np.abs(error[inside]).max())
-            rungs.append(Rung(middle, largest, abs(mean), apart, None, own, followed.force[inside]))
+            rungs.append(Rung(middle, largest, *means, None, own, followed.force[inside]))
         # The mean of a stretch is that of the swings which the soft spring began: no power of k fits it.
         return StiffLimit(
-            constrained.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "mean_error",
+            constrained.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "weighted_mean",
             ramp={"seconds": seconds, "from": low, "to": high, "steps": float(followed.steps)},
             stiffness=stiffness[rows], force=followed.force[rows], steps=followed.steps, notes=(NO_RATE,),
         )  # fmt: skip
@@ -145,14 +146,14 @@ class _StiffRuns:
         t, multiplier = self._constrained.at(refined)
         error = followed.force - multiplier
         rows = constrained_run.spaced(len(t), refined)
-        mean: tuple[float | None, float | None] = (None, None)
-        swings = self._swings(k)
-        if len(t) - 1 >= IN_A_SWING / 2 * swings:
-            value, apart = stiff_ladder.mean_of_swings(t, error)
-            mean = abs(value), apart
+        means: tuple[float | None, float | None, float | None] = (None, None, None)
+        if len(t) - 1 >= IN_A_SWING / 2 * self._swings(k):
+            means = _means(t, error, followed.uncertainty + self._constrained.uncertainty)
+        if self._swings(k) < stiff_ladder.PARAMETERS.fewest_swings:
+            means = (*means[:2], None)
         largest = float(np.abs(error[rows]).max())
         uncertainty = float(followed.uncertainty.max(initial=0.0))
-        return Rung(k, largest, *mean, followed.steps, uncertainty, followed.force[rows])
+        return Rung(k, largest, *means, followed.steps, uncertainty, followed.force[rows])
 
     def _swings(self, k: float) -> float:
         """Swings of the row in the duration of the run."""
@@ -176,15 +177,10 @@ class _StiffRuns:
             q, v = stiff_start.stretched(constrained.run.numeric, constrained.start, row, k.least)
         settings = constrained_run.finer(constrained.settings, refined)
         force, steps, seconds = self._force(k, (q, v), settings)
-        loose = dataclasses.replace(
-            constrained.settings,
-            rtol=min(LOOSER * constrained.settings.rtol, 0.1),
-            atol=None if constrained.settings.atol is None else LOOSER * constrained.settings.atol,
-        )
-        again, _, _ = self._force(k, (q, v), loose)
+        again, _, _ = self._force(k, (q, v), constrained_run.looser(constrained.settings))
         rows = constrained_run.spaced(len(force), refined)
         t = constrained.at(1)[0]
-        uncertainty = np.abs(again - force[rows]) / LARGER + ROUNDINGS * self._size * k.at(t)
+        uncertainty = np.abs(again - force[rows]) / constrained_run.LARGER + ROUNDINGS * self._size * k.at(t)
         return _Followed(force, steps, seconds, uncertainty)
 
     def _force(
@@ -213,7 +209,9 @@ class _StiffRuns:
 
     def _lost_in_uncertainty(self, rung: Rung, rate_of: str) -> str:
         """The reason to end the ladder with a run whose error is below its uncertainty, or an empty text."""
-        error = rung.max_error if rate_of == "max_error" else rung.mean_error
+        error = rung.error(rate_of)
+        if error is None and rung.mean_error is not None:
+            return ""
         if error is None:
             return f"at k = {rung.stiffness:.4g} the swings are too many for a mean"
         if rung.uncertainty <= stiff_ladder.UNCERTAIN * error:

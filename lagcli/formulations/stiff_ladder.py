@@ -18,6 +18,19 @@ RUNGS, MOST_RUNGS = 2, 200
 UNCERTAIN = 0.1
 
 
+class StiffLadderParameters:
+    """Means over swings. The tests are of `tests/physics/test_limit.py`."""
+
+    __slots__ = ()
+
+    fewest_swings: float = 4.0
+    """In fewer swings the weights of the mean without swings rise and fall as these do.
+    `test_a_mean_without_swings_needs_four_of_them` fails at 0.4 and 40."""
+
+
+PARAMETERS = StiffLadderParameters()
+
+
 def rungs(text: str | Sequence[float]) -> tuple[float, ...]:
     """The stiffnesses of `LOW:HIGH`, two a decade, of `LOW:HIGH:COUNT`, of one number, or those that are given.
 
@@ -54,18 +67,29 @@ def rungs(text: str | Sequence[float]) -> tuple[float, ...]:
 class Rung:
     """One run of the ladder.
 
-    max_error: the largest |-k f - lambda| over the rows; mean_error: |its time mean| over whole swings, None where the
-    swings are too many to be resolved; mean_uncertainty: of that mean, from where the swings are cut; uncertainty: of
-    the force, by the tolerance of the run and by rounding; force (T,): -k f at the rows.
+    max_error: the largest |-k f - lambda| over the rows; mean_error: |its time mean| over the run, None where the
+    swings are too many to be resolved; mean_uncertainty: how far that mean is off at most, by the times between which
+    it is taken and by the tolerances of both runs; weighted_mean: |its mean| with weights that leave no swings in it,
+    None where there are fewer than four;
+    uncertainty: of the force, by the tolerance of the run and by rounding; force (T,): -k f at the rows.
     """
 
     stiffness: float
     max_error: float
     mean_error: float | None
     mean_uncertainty: float | None
+    weighted_mean: float | None
     steps: int | None
     uncertainty: float
     force: Floats
+
+    def error(self, name: str) -> float | None:
+        """The error of this name, `max_error`, `mean_error` or `weighted_mean`."""
+        return {
+            "max_error": self.max_error,
+            "mean_error": self.mean_error,
+            "weighted_mean": self.weighted_mean,
+        }[name]
 
     def as_json(self) -> dict[str, object]:
         """An entry of `table`."""
@@ -75,35 +99,57 @@ class Rung:
             "mean_error": self.mean_error,
             "steps": self.steps,
             "mean_uncertainty": self.mean_uncertainty,
+            "weighted_mean": self.weighted_mean,
             "uncertainty": self.uncertainty,
         }
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Rate:
-    """error = 10^at k^slope, fitted to the logarithms; error: the standard error of the slope, None for two points."""
+    """error = 10^at k^slope (1 + further/k), fitted to the logarithms; error: what the slope is off by, None for two
+    points."""
 
     slope: float
     at: float
     error: float | None
+    further: float = 0.0
 
     def line(self, k: Floats) -> Floats:
         """The fitted errors at stiffnesses (K,)."""
-        return np.asarray(10.0**self.at * k**self.slope)
+        return np.asarray(10.0**self.at * k**self.slope * 10.0 ** (self.further / k))
 
 
 def fitted(k: Sequence[float], errors: Sequence[float]) -> Rate | None:
-    """The rate of errors, or None where there are fewer than two or one of them is zero."""
+    """The rate of errors, or None where there are fewer than two or one of them is zero.
+
+    The next term of the series in 1/k is fitted too where there are four or more. The slope is off by its
+    interval of confidence, 95 % by Student's distribution, and by what it changes by without the softest spring.
+    """
     if len(k) < 2 or not all(error > 0 and math.isfinite(error) for error in errors):
         return None
     x, y = np.log10(np.array(k)), np.log10(np.array(errors))
-    about = x - x.mean()
-    slope = float(about @ y / (about @ about))
-    at = float(y.mean() - slope * x.mean())
-    if len(k) == 2:
-        return Rate(slope, at, None)
-    left = y - at - slope * x
-    return Rate(slope, at, float(np.sqrt(left @ left / (len(k) - 2) / (about @ about))))
+    found, error = _line(x, y)
+    if len(k) < 3:
+        return Rate(found[1], found[0], None)
+    without, _ = _line(x[1:], y[1:])
+    return Rate(found[1], found[0], error + abs(found[1] - without[1]), found[2])
+
+
+def _line(x: Floats, y: Floats) -> tuple[tuple[float, float, float], float]:
+    """y = a + b x + c 10^(-x) by least squares, c = 0 for fewer than four points, and half the interval of b."""
+    from scipy import special
+
+    columns = [np.ones_like(x), x] + ([10.0**-x] if len(x) > 3 else [])
+    sizes = [np.abs(column).max() for column in columns]
+    scaled = np.column_stack([column / size for column, size in zip(columns, sizes, strict=True)])
+    weights = np.linalg.lstsq(scaled, y, rcond=None)[0]
+    left, spare = y - scaled @ weights, len(x) - len(columns)
+    found = [*(weights / sizes), 0.0][:3]
+    error = 0.0
+    if spare:
+        variance = np.linalg.pinv(scaled.T @ scaled)[1, 1] * (left @ left) / spare
+        error = float(special.stdtrit(spare, 0.975) * math.sqrt(variance) / sizes[1])
+    return (float(found[0]), float(found[1]), float(found[2])), error
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +157,7 @@ class StiffLimit:
     """The stiff limit of one row: what `limit` returns.
 
     start: `adapted` or `unprestressed`; t (T,) and multiplier (T,): the rows of the constrained run and its lambda;
-    rungs: one run each, of a ramp one window each; rate: of `rate_of`, `max_error` or `mean_error`; ended: why the
+    rungs: one run each, of a ramp one window each; rate: of `rate_of`, `max_error` or `weighted_mean`; ended: why the
     ladder ended early, or nothing; ramp: seconds in which one run rose over all of it, or None, then with its
     stiffness (T,) and force (T,); stopped: why a run ended before its end, or nothing.
     """
@@ -142,7 +188,15 @@ class StiffLimit:
         if self.stiffness is not None and self.force is not None:
             names: tuple[str, ...] = ("t", "stiffness", "force", f"lambda.{self.constraint}")
             return names, np.column_stack([self.t, self.stiffness, self.force, self.multiplier])
-        names = ("stiffness", "max_error", "mean_error", "steps", "mean_uncertainty", "uncertainty")
+        names = (
+            "stiffness",
+            "max_error",
+            "mean_error",
+            "steps",
+            "mean_uncertainty",
+            "weighted_mean",
+            "uncertainty",
+        )
         rows = [[_number(one.as_json()[name]) for name in names] for one in self.rungs]
         return names, np.array(rows).reshape(-1, len(names))
 
@@ -167,33 +221,20 @@ def _number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def mean_of_swings(t: Floats, error: Floats) -> tuple[float, float | None]:
-    """The time mean of an error over whole swings, and what it is uncertain by: the two ways of cutting whole swings.
+def time_mean(t: Floats, error: Floats) -> tuple[float, float]:
+    """The time mean of an error over all its times, by Simpson's rule, and how far it is off at most: that over every
+    second time is off by sixteen times as much."""
+    from scipy import integrate
 
-    A swing begins where the error passes its middle upwards, or else downwards. Without two whole swings the mean is
-    over all times, and nothing is known of its uncertainty.
-    """
-    middle = (error.max() + error.min()) / 2
-    about = error - middle
-    up, down = (_crossings(t, sign * about) for sign in (1.0, -1.0))
-    if len(up) < 3 or len(down) < 3:
-        return _mean(t, error, float(t[0]), float(t[-1])), None
-    means = [_mean(t, error, float(ends[0]), float(ends[-1])) for ends in (up, down)]
-    return (means[0] + means[1]) / 2, abs(means[0] - means[1]) / 2
+    span = float(t[-1] - t[0])
+    rows = np.append(np.arange(0, len(t) - 1, 2), len(t) - 1)
+    mean, coarse = (float(integrate.simpson(error[part], x=t[part])) / span for part in (slice(None), rows))
+    return mean, abs(mean - coarse)
 
 
-def _crossings(t: Floats, value: Floats) -> Floats:
-    """The times at which a curve passes zero upwards."""
-    at = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0))
-    part = -value[at] / (value[at + 1] - value[at])
-    return np.asarray(t[at] + part * (t[at + 1] - t[at]))
+def mean_without_swings(t: Floats, error: Floats) -> float:
+    """The mean of an error with the weight sin^4, which rises and falls smoothly: swings leave k^(-5/2) in it."""
+    from scipy import integrate
 
-
-def _mean(t: Floats, value: Floats, begin: float, end: float) -> float:
-    """The mean of a curve between two times, by the trapezoidal rule."""
-    inside = (t > begin) & (t < end)
-    times = np.concatenate([[begin], t[inside], [end]])
-    values = np.interp(times, t, value)
-    if end <= begin:
-        return float(values[0])
-    return float(np.sum((values[1:] + values[:-1]) * np.diff(times)) / 2 / (end - begin))
+    weight = np.sin(math.pi * (t - t[0]) / (t[-1] - t[0])) ** 4
+    return float(integrate.simpson(weight * error, x=t) / integrate.simpson(weight, x=t))

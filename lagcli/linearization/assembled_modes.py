@@ -41,7 +41,7 @@ def modes(
     built = functions.system
     if found.here.q.size > DENSE:
         return _of_lowest(functions, found, wanted, notes)
-    free = _free(built, found)
+    free = _free(functions, found)
     every = spectrum.compute(free)
     judged = stability.verdict(functions, found, every, is_minimum)
     values = _eigenvalues(every)
@@ -130,10 +130,11 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
     )
 
 
-def _free(built: System, found: Steady) -> freedoms.Freedoms:
+def _free(functions: LinearizedFunctions, found: Steady) -> freedoms.Freedoms:
     try:
-        return freedoms.find(found.linear, found.here.q)
+        return freedoms.find(found.linear, functions.stiffness_terms(found.here, found.linear))
     except freedoms.HiddenConditionError:
+        built = functions.system
         row = built.rows.rows[built.holonomic_count]
         message = (
             "the differential rows are dependent there, and hold small deviations of positions to more than they"

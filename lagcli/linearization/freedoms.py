@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 DEPENDENT = 1e-9
 # Rows that are dependent, and their rates: what is left of them, as a part of their size.
 HIDDEN = 1e-8
-# Of the forces, in what is left of them: a change by this part over the whole configuration is none.
+# Of the terms of an entry of K, in what is left of them.
 STIFFNESS_ROUNDOFF = 2e-13
 
 
@@ -78,8 +78,11 @@ class Freedoms:
         return np.asarray(self.Z @ np.vstack([missing, x]))
 
 
-def find(linear: Linear, q: Floats) -> Freedoms:
-    """The free coordinates of linear equations at q (n,). Raises `HiddenConditionError`."""
+def find(linear: Linear, terms: Floats) -> Freedoms:
+    """The free coordinates of linear equations; terms (n, n): the sizes of what the entries of K are sums of.
+
+    Raises `HiddenConditionError`.
+    """
     M, C, K, B, A, D = (
         part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
     )
@@ -96,25 +99,30 @@ def find(linear: Linear, q: Floats) -> Freedoms:
     lengths = np.linalg.norm(np.linalg.solve(L, A.T), axis=0)
     lengths[lengths == 0] = 1.0
     A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
-    N, G = _differential(A_Z, D_Z)
-    size = float(np.linalg.norm(L.T @ q))
-    noise = (
-        STIFFNESS_ROUNDOFF * float(np.linalg.norm(np.linalg.solve(L, linear.load))) / size if size else 0.0
-    )
+    noise = _noise(linear, terms, Z)
     if np.abs(K_Z).max(initial=0.0) <= noise:
         K_Z[:] = 0.0
+    rate = max(np.abs(C_Z).max(initial=0.0), np.abs(K_Z).max(initial=0.0) ** 0.5)
+    N, G = _differential(A_Z, D_Z, float(rate))
     return Freedoms(Z, N, G, K_Z, C_Z, c, noise)
 
 
-def _differential(A: Floats, D: Floats) -> tuple[Floats, Floats]:
-    """N (m, k), the kernel of A (d, m), and G = A^+ D."""
+def _noise(linear: Linear, terms: Floats, Z: Floats) -> float:
+    """The most that rounding of the entries of K makes of Z^T K Z."""
+    inertia = linear.inertia[:, None]
+    whitened = np.linalg.norm(terms / inertia / inertia.T, 2) if terms.size else 0.0
+    return STIFFNESS_ROUNDOFF * float(whitened * np.linalg.norm(inertia * Z, 2) ** 2 if Z.size else 0.0)
+
+
+def _differential(A: Floats, D: Floats, rate: float) -> tuple[Floats, Floats]:
+    """N (m, k), the kernel of A (d, m), and G = A^+ D; rate: a size of frequencies, beside which D may be rounding."""
     m = A.shape[1]
     if not A.shape[0]:
         return np.eye(m), np.zeros((m, m))
     U, sigma, Vt = np.linalg.svd(A)
     r = int((sigma > DEPENDENT).sum())
     left = U[:, r:].T @ D
-    if np.abs(left).max(initial=0.0) > HIDDEN * np.abs(D).max(initial=0.0):
+    if np.abs(left).max(initial=0.0) > HIDDEN * max(np.abs(D).max(initial=0.0), rate):
         raise HiddenConditionError
     G = Vt[:r].T @ ((U[:, :r].T @ D) / sigma[:r, None])
     # Without rows that hold it, a basis of its own would only turn the coordinates.

@@ -11,7 +11,7 @@ at constant a and lambda, so that what the reference loads (prestress) is in K.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from lagcli.equations import level_functions, operation_rules, system
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.invariant import FirstIntegral
 
 if TYPE_CHECKING:
@@ -59,6 +60,19 @@ class LinearMatrices(NamedTuple):
     A: ca.DM
     D: ca.DM
     D_holonomic: ca.DM
+
+
+class RowValues(NamedTuple):
+    """Rates of all rows and contacts that press, their positions, and contacts that do not press, (k,) each.
+
+    values: B v + b, f and g; terms: what they are sums of; scales: what the whole configuration, or all speeds, could
+    make of them; one_sided: how many of the last may be above 0.
+    """
+
+    values: Floats
+    terms: Floats
+    scales: Floats
+    one_sided: int
 
 
 class Linear:
@@ -111,9 +125,25 @@ class Linear:
         return _sparse(self.matrices.D_holonomic)
 
     @cached_property
+    def inertia(self) -> Floats:
+        """The square roots of the diagonal of M, (n,): forces over them, and velocities times them, have one unit."""
+        return np.asarray(np.sqrt(np.array(ca.densify(ca.diag(self.matrices.M)), dtype=float).ravel()))
+
+    @cached_property
     def values(self) -> Floats:
         """All entries in one column, for two of them to be compared."""
         return np.concatenate([np.zeros(0), *(part.nonzeros() for part in self.matrices)])
+
+    def in_units(self, unit: Linear) -> Iterator[tuple[Floats, npt.NDArray[np.intp], int]]:
+        """The entries of each matrix in units of the masses and rows of `unit`, their rows, and their power of a
+        frequency."""
+        own = unit.matrices
+        whitening = ca.diag(ca.DM(1 / unit.inertia))
+        B, A = (LocalRows(ca.mtimes(part, whitening)).divisors for part in (own.B, own.A))
+        lengths = (unit.inertia, unit.inertia, unit.inertia, B, A, A, B)
+        for matrix, length, order in zip(self.matrices, lengths, (0, 1, 2, 0, 0, 1, 1), strict=True):
+            rows = LocalRows(ca.mtimes(matrix, whitening))
+            yield rows.values / length[rows.row], rows.row, order
 
 
 class LinearizedFunctions:
@@ -155,12 +185,16 @@ class LinearizedFunctions:
         self._at = SizedFunction(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_holonomic, ca.densify(residual), load]
         )
+        self._K, self._loaded, self._rows = K, loaded, self._row_function(built, numbers)
         occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
         self.cyclic = np.array([j not in occurring for j in range(int(q.numel()))], dtype=bool)
         d = built.dynamics
-        moving = ca.vertcat(ca.densify(built.rows.b), ca.jacobian(built.rows.f, s.t))
-        powers = [d.power, d.driving, ca.densify(moving), h]
-        self._powers = SizedFunction("powers", [s.t, q, v, built.p], [ca.densify(part) for part in powers])
+        f_t = ca.densify(ca.jacobian(built.rows.f, s.t))
+        vanishing = ca.vertcat(ca.densify(d.power), ca.densify(built.rows.b), f_t)
+        sizes = operation_rules.term_sizes(vanishing, [s.t, q, v, built.p])
+        self._powers = SizedFunction(
+            "powers", [s.t, q, v, built.p], [ca.densify(d.driving), vanishing, sizes]
+        )
 
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""
@@ -176,6 +210,46 @@ class LinearizedFunctions:
         found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
         return np.concatenate([np.zeros(0), *(part.nonzeros() for part in found[:7])])
 
+    def rows(self, here: Reference) -> RowValues:
+        """The rows at a reference, contacts that press among them."""
+        found = self._rows(here.t, here.q, here.v, here.p)
+        values, terms, scales = (np.array(part).ravel() for part in found)
+        return RowValues(values, terms, scales, self.system.contacts.count - len(self.closed))
+
+    @cached_property
+    def _stiffness_terms(self) -> ca.Function:
+        sizes = operation_rules.term_sizes(ca.densify(ca.vec(self._K.nz[:])), self._inputs)
+        return SizedFunction("stiffness_terms", self._inputs, [ca.SX(self._K.sparsity(), sizes)])
+
+    def stiffness_terms(self, here: Reference, linear: Linear) -> Floats:
+        """The sizes of the terms of the entries of K (n, n), with multipliers as large as all forces could make them.
+
+        A multiplier that is rounding is so beside these, and so is the stiffness that it makes.
+        """
+        m, s = linear.matrices, self.system.holonomic_count
+        rows = ca.vertcat(m.B[:s, :], m.A, m.B[s : s + len(self.closed), :])
+        lengths = LocalRows(ca.mtimes(rows, ca.diag(ca.DM(1 / linear.inertia)))).divisors
+        lam = np.abs(here.lam)
+        lam[self._loaded] += np.linalg.norm(linear.load / linear.inertia) / lengths
+        return np.array(self._stiffness_terms(here.t, here.q, here.v, here.a, lam, here.p))
+
+    def _row_function(self, built: System, closed: Sequence[int]) -> ca.Function:
+        """The columns of `RowValues`. By Cauchy and Schwarz |B_i v| <= |B_i| |v| in the metric of the masses."""
+        s, contacts, holonomic = built.symbols, built.contacts, built.holonomic_count
+        apart = [j for j in range(contacts.count) if j not in closed]
+        B, G = ca.vertcat(built.rows.B, contacts.G[closed, :]), contacts.G[apart, :]
+        rates = ca.densify(B @ s.v) + ca.vertcat(built.rows.b, contacts.g_t[closed, :])
+        levels = ca.vertcat(built.rows.f, contacts.g[closed, :], contacts.g[apart, :])
+        slopes = ca.vertcat(built.rows.B[:holonomic, :], contacts.G[closed, :], G)
+        inertia = ca.densify(ca.diag(built.dynamics.M))
+        far, fast = (ca.sqrt(ca.dot(inertia, x**2)) for x in (s.q, s.v))
+        lengths = [ca.sqrt(ca.densify(ca.mtimes(part**2, 1 / inertia))) for part in (slopes, B)]
+        values = ca.vertcat(rates, ca.densify(levels))
+        inputs = [s.t, s.q, s.v, built.p]
+        sizes = operation_rules.term_sizes(values, inputs)
+        scales = ca.vertcat(fast * lengths[1], far * lengths[0])
+        return SizedFunction("rows_and_sizes", inputs, [values, sizes, scales])
+
     def keeps_energy(self, here: Reference) -> bool:
         """True if the forces have a potential as they are written, and no force, position or row knows the time.
 
@@ -189,10 +263,8 @@ class LinearizedFunctions:
                 here.q + SPREAD * size * random.standard_normal(here.q.size),
             )
             v = random.standard_normal(here.q.size)
-            power, driving, moving, h = (np.array(part).ravel() for part in self._powers(t, q, v, here.p))
-            if driving.any() or np.abs(moving).max(initial=0.0) > ENERGY_ROUNDOFF:
-                return False
-            if not abs(power[0]) <= ENERGY_ROUNDOFF * float(np.abs(h) @ np.abs(v)):
+            driving, left, terms = (np.array(part).ravel() for part in self._powers(t, q, v, here.p))
+            if driving.any() or not (np.abs(left) <= ENERGY_ROUNDOFF * terms).all():
                 return False
         return True
 

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
+from lagcli.linearization import spectrum
+from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference, RowValues
 
 Floats = npt.NDArray[np.float64]
 Kind = Literal["equilibrium", "steady", "varying"]
@@ -46,10 +47,15 @@ def is_at_rest(q: Floats, v: Floats, duration: float) -> bool:
     return float(np.abs(v).max(initial=0.0)) * duration <= RESTING * size
 
 
-def is_balanced(linear: Linear, part: float = BALANCED) -> bool:
-    """True if the forces of a reference, which are finite, balance each other."""
-    largest = float(linear.load.max(initial=0.0))
-    return float(np.abs(linear.residual).max(initial=0.0)) <= part * largest < math.inf
+def is_balanced(linear: Linear, part: float = BALANCED, least: float = 0.0) -> bool:
+    """True if the forces of a reference, which are finite, balance each other.
+
+    Forces over the roots of their masses are compared: newtons and newton metres, and those of light and heavy
+    particles, then have one unit. least: an acceleration in this unit that is none.
+    """
+    with np.errstate(all="ignore"):  # what is no number is none of balance
+        load, left = (np.linalg.norm(each / linear.inertia) for each in (linear.load, linear.residual))
+    return bool(left <= part * load + least < math.inf)
 
 
 def classified(
@@ -62,7 +68,7 @@ def classified(
         linear = functions.at(still)
         if is_balanced(linear):
             return _lasting(functions, numeric, Steady("equilibrium", still, linear), duration)
-    here = dataclasses.replace(here, a=_without_rounding(functions, here))
+    here = dataclasses.replace(here, a=_without_rounding(functions, here, duration))
     return _lasting(functions, numeric, Steady("steady", here, functions.at(here)), duration)
 
 
@@ -73,33 +79,40 @@ def at_rest(
     found = Steady("equilibrium", here, functions.at(here))
     if not numeric.has_time:
         return found
-    later = (functions.at(moved(here, part * duration)).values for part in PATH_PARTS)
-    same = all(_is_same(found.linear.values, values) for values in later)
+    later = (functions.at(moved(here, part * duration)) for part in PATH_PARTS)
+    same = all(is_same(found.linear, linear, duration) for linear in later)
     return found if same else dataclasses.replace(found, kind="varying")
 
 
-def _without_rounding(functions: LinearizedFunctions, here: Reference) -> Floats:
+def _without_rounding(functions: LinearizedFunctions, here: Reference, duration: float) -> Floats:
     """The accelerations of a reference, 0 where its forces balance each other."""
     still = dataclasses.replace(here, a=np.zeros_like(here.q))
-    return still.a if is_balanced(functions.at(still)) else functions.acceleration(here)
+    linear = functions.at(still)
+    least = _least(linear, here, duration)
+    return still.a if is_balanced(linear, BALANCED, least) else functions.acceleration(here)
+
+
+def _least(linear: Linear, here: Reference, duration: float) -> float:
+    """An acceleration that changes the velocities by their rounding in the time of the run."""
+    return RESTING * float(np.linalg.norm(linear.inertia * here.v)) / duration
 
 
 def _lasting(
     functions: LinearizedFunctions, numeric: NumericSystem, found: Steady, duration: float
 ) -> Steady | None:
     """The motion with its kind, or None where it does not go on as it is."""
-    here, values = found.here, found.linear.values
+    here = found.here
     if found.kind == "equilibrium" and not numeric.has_time:
         return found
-    same = True
+    same, least = True, _least(found.linear, here, duration)
     for part in PATH_PARTS:
         later = moved(here, part * duration)
-        if not (_on_rows(numeric, later) and _beside_contacts(functions, numeric, later)):
+        if not on_rows(functions.rows(later)):
             return None
         linear = functions.at(later)
-        if not np.isfinite(linear.values).all() or not is_balanced(linear, PATH_ROUNDOFF):
+        if not np.isfinite(linear.values).all() or not is_balanced(linear, PATH_ROUNDOFF, least):
             return None
-        same = same and _is_same(values, linear.values)
+        same = same and is_same(found.linear, linear, duration)
     return found if same else dataclasses.replace(found, kind="varying")
 
 
@@ -110,27 +123,34 @@ def moved(here: Reference, s: float) -> Reference:
         return dataclasses.replace(here, t=here.t + s, q=q, v=here.v + here.a * s)
 
 
-def _on_rows(numeric: NumericSystem, here: Reference) -> bool:
-    """True if a state satisfies the rows."""
-    f, B_holonomic = numeric.holonomic(here.t, here.q, here.p)
-    B, b = numeric.rows(here.t, here.q, here.v, here.p)[:2]
-    left = [np.array(f).ravel(), np.array(B @ here.v).ravel() + np.array(b).ravel()]
-    terms = [
-        np.abs(np.array(B_holonomic)) @ (np.abs(here.q) + 1.0),
-        np.abs(np.array(B)) @ np.abs(here.v) + np.abs(np.array(b).ravel()),
-    ]
-    return all(bool((np.abs(x) <= PATH_ROUNDOFF * size).all()) for x, size in zip(left, terms, strict=True))
+def on_rows(rows: RowValues) -> bool:
+    """True if a state satisfies the rows and is on the allowed side of contacts that are none: one that closes ends the
+    motion.
+
+    Where the terms of a row are rounding, they do not tell how large the row is: beside them stands what the whole
+    configuration, or all speeds, could make of it.
+    """
+    least = PATH_ROUNDOFF * rows.terms + RESTING * rows.scales
+    off = np.abs(rows.values)
+    one_sided = off.size - rows.one_sided
+    off[one_sided:] = -rows.values[one_sided:]
+    return bool((off <= least).all())
 
 
-def _beside_contacts(functions: LinearizedFunctions, numeric: NumericSystem, here: Reference) -> bool:
-    """True if a state is on the allowed side of the contacts that are no rows: one that closes ends the motion."""
-    g, G = (np.array(part) for part in numeric.contacts(here.t, here.q, here.v, here.p)[:2])
-    others = [j for j in range(len(g)) if j not in functions.closed]
-    size = np.abs(G[others]) @ (np.abs(here.q) + 1.0)
-    return not bool((g.ravel()[others] < -PATH_ROUNDOFF * size).any())
+def is_same(one: Linear, other: Linear, duration: float) -> bool:
+    """True if two linear equations, which are finite, differ by rounding.
 
-
-def _is_same(one: Floats, other: Floats) -> bool:
-    size = float(np.abs(one).max(initial=0.0))
-    with np.errstate(invalid="ignore"):  # infinite ones are no number apart
-        return bool((np.abs(one - other) <= SAME * size).all())
+    Entries are compared with the largest in their row, in units in which M and the rows have the size 1 and the others
+    are powers of a frequency. Where a row is all rounding, the largest of the matrix tells its size, or else the
+    frequency of one turn in the time of the run.
+    """
+    for (entries, row, order), (others, _, _) in zip(one.in_units(one), other.in_units(one), strict=True):
+        if entries.shape != others.shape:  # a leaf has lost its gradient
+            return False
+        largest = np.zeros(int(row.max(initial=-1)) + 1)
+        np.maximum.at(largest, row, np.abs(entries))
+        least = spectrum.floor(len(largest)) * largest.max(initial=0.0) + RESTING / duration**order
+        with np.errstate(invalid="ignore"):  # infinite ones are no number apart
+            if not (np.abs(entries - others) <= SAME * largest[row] + least).all():
+                return False
+    return True

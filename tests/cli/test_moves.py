@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pathlib
 
 import numpy as np
 import pytest
@@ -134,3 +135,32 @@ holonomic: {pin: "a.x = 0.5", turned: "b.y = 0.25"}
     assert points["a"][0] == pytest.approx(0.5)
     assert np.linalg.norm(points["e"] - points["a"]) == pytest.approx(np.sqrt(5.25))
     assert lagcli.check(model, assemble=True).dof.configuration_dof == 4
+
+
+@pytest.mark.parametrize(
+    ("command", "done"),
+    [
+        (["dof"], "the count is that at"),
+        (["check"], "the count is that at"),
+        (["equilibrium"], "the search begins at"),
+        (["stationary", "--of", "a.x"], "the search begins at"),
+    ],
+)
+def test_answers_of_the_nearest_configuration_say_so(
+    command: list[str], done: str, tmp_path: pathlib.Path
+) -> None:
+    text = """
+lagcli: 1
+particles: {a: {mass: 1, position: [0.6, 0, -X]}}
+forces: {weight: {to: a, force: [0, 0, -9.81*m]}}
+holonomic: {rod: norm(a) = 1}
+"""
+    path = tmp_path / "off.yaml"
+    note = f"the initial positions violate the rows by 0.166: {done} the nearest consistent configuration"
+    for x, is_off in (("1", True), ("0.8", False)):
+        path.write_text(text.replace("X", x))
+        out, err, code = in_process.run(command[0], path, *command[1:])
+        assert code == 0
+        assert (note in out + err) == is_off
+        told = json.loads(in_process.run(command[0], path, *command[1:], "--json")[0])
+        assert (note in (told["dof"] if command == ["check"] else told)["notes"]) == is_off

@@ -103,6 +103,7 @@ DOORS = {
     "scipy": (
         "lagcli.api.sweeps.drawn_points",
         "lagcli.contact.",
+        "lagcli.formulations.stiff_ladder",
         "lagcli.linearization.",
         "lagcli.statics.kink_points",
         "lagcli.statics.point_values",

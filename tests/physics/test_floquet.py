@@ -85,7 +85,7 @@ def test_a_large_swing_comes_back_where_it_is_asked_for_and_else_gives_way_to_th
     assert small.about == "equilibrium"
     np.testing.assert_allclose(small.frequencies, [np.sqrt(9.81)], rtol=1e-12)
     # That another answer is to be had is told where nothing was asked for, and there alone.
-    assert any("comes back" in note and "about: start" in note for note in small.notes)
+    assert any("comes back" in note and "--about start" in note for note in small.notes)
     assert not any("comes back" in note for note in modes(SWING, "equilibrium").notes)
 
 

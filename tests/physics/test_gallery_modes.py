@@ -134,7 +134,7 @@ def test_carbon_dioxide() -> None:
 
 
 def test_water_has_the_three_frequencies_of_landau_and_lifshitz() -> None:
-    found = modes("water-vibrations")
+    found = modes("water-vibrations", "equilibrium")
     m_H, m_O, mdyn, half = 1.008, 15.9994, 6.02214076e4, np.deg2rad(52.26)
     k1, k2, mu = 7.76 * mdyn, 0.69 * mdyn, 2 * m_H + m_O
     broken = k1 / m_H * (1 + 2 * m_H / m_O * np.sin(half) ** 2)

@@ -8,6 +8,7 @@ import pathlib
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy import integrate
 
 import lagcli
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
@@ -40,6 +41,19 @@ holonomic:
 simulation: {duration: 4, samples: 201}
 """
 
+PENDULUM = """
+lagcli: 1
+particles: {p: {mass: 1.5, position: [0.6, 0, -0.8]}}
+forces: {w: {to: p, force: [0, 0, -9.81*m]}}
+holonomic: {rod: norm(p) = 1, plane: p.y = 0}
+"""
+CURVE = """
+lagcli: 1
+coordinates: {x: {value: 0, rate: 1}, y: {value: 0, rate: -0.3}, z: {value: 0}}
+lagrangian: "rate(x)**2/2 + rate(y)**2 + rate(x)*rate(y)*0.3 + rate(z)**2/2 - y*x**2 - z"
+holonomic: {s: "y + 0.3*sin(x) + 0.2*z = 0"}
+"""
+
 
 def of_stick(k: float, t: Floats, adapted: bool) -> Floats:
     """-k f of the stick: u'' + (k/mu) u = (T0/m2) cos w t in closed form, from u = -lambda/k or from u = 0."""
@@ -63,12 +77,12 @@ def test_force_of_every_run_is_that_of_the_closed_form(adapted: bool) -> None:
         assert found.rate.slope == pytest.approx(-1, abs=0.02)
         assert found.rungs[-1].max_error * 1e5 <= 6.912 * 1.001
     else:
-        assert found.rate_of == "mean_error"
+        assert found.rate_of == "weighted_mean"
         assert all(
             rung.max_error > 1.7 for rung in found.rungs
         )  # it swings between 0 and 2 lambda at every k
-        assert found.rungs[-1].mean_error is not None
-        assert found.rungs[-1].mean_error < 1e-4
+        assert found.rungs[-1].weighted_mean is not None
+        assert found.rungs[-1].weighted_mean < 1e-4
 
 
 def test_errors_of_a_whirled_mass_are_those_of_the_series() -> None:
@@ -265,13 +279,78 @@ def test_a_spring_at_rest_is_said_to_be_the_rod(tmp_path: pathlib.Path) -> None:
     assert "the ladder ends there" in err
 
 
-def test_means_are_over_whole_swings() -> None:
+@pytest.mark.parametrize(("adapted", "seconds"), [(True, 3.0), (False, 3.0), (True, 0.83), (False, 0.83)])
+def test_the_mean_is_that_over_the_run_to_what_it_is_off_by(adapted: bool, seconds: float) -> None:
+    found = lagcli.limit(lagcli.loads(STICK), "rod", unprestressed=not adapted, duration=seconds)
+    mu, push, w = 1.2 * 0.8 / 2.0, 3 / 0.8, 2.0
+    for rung in found.rungs:
+        k, fast = rung.stiffness, np.sqrt(rung.stiffness / mu)
+        steady = push / (k / mu - w**2)
+        begin = mu * push / k if adapted else 0.0
+        slow_part = (mu * push - k * steady) * np.sin(w * seconds) / w
+        mean = (slow_part - k * (begin - steady) * np.sin(fast * seconds) / fast) / seconds
+        assert rung.mean_error is not None
+        assert rung.mean_uncertainty is not None
+        assert abs(rung.mean_error - abs(mean)) <= rung.mean_uncertainty
+        assert rung.mean_uncertainty <= 0.02 * rung.mean_error
+
+
+def test_the_mean_of_a_pendulum_is_that_of_another_integration() -> None:
+    """The first 0.2 s of 2 are in it, though no swing of the whole error begins there."""
+    k, m, gravity = 1e4, 1.5, 9.81
+
+    def rod(t: float, y: Floats) -> list[float]:
+        return [y[1], -gravity * np.sin(y[0])]
+
+    def spring(t: float, y: Floats) -> list[float]:
+        pull = -k * (np.hypot(*y[:2]) - 1) / np.hypot(*y[:2]) / m
+        return [*y[2:], pull * y[0], pull * y[1] - gravity]
+
+    t = np.linspace(0, 2, 40001)
+    tight = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "t_eval": t}
+    begin = np.arctan2(0.6, 0.8)
+    th, rate = integrate.solve_ivp(rod, (0, 2), [begin, 0], **tight).y
+    multiplier = -m * (rate**2 + gravity * np.cos(th))
+    # lambda' = -m (2 th' th'' - g sin th th') vanishes at the start, at rest.
+    length = 1 - multiplier[0] / k
+    x, z = integrate.solve_ivp(spring, (0, 2), [0.6 * length, -0.8 * length, 0, 0], **tight).y[:2]
+    error = -k * (np.hypot(x, z) - 1) - multiplier
+    found = lagcli.limit(lagcli.loads(PENDULUM), "rod", stiffness=[k], duration=2)
+    (rung,) = found.rungs
+    assert rung.mean_error == pytest.approx(abs(integrate.simpson(error, x=t)) / 2, abs=rung.mean_uncertainty)
+    assert rung.mean_uncertainty < 1e-4 * rung.mean_error
+
+
+@pytest.mark.parametrize("unprestressed", [True, False])
+@pytest.mark.parametrize(
+    ("name", "duration"), [("pendulum", 2), ("pendulum", 0.9), ("curve", 2), ("curve", 7)]
+)
+def test_the_rate_is_minus_one_within_what_it_is_off_by(
+    name: str, duration: float, unprestressed: bool
+) -> None:
+    text, row = {"pendulum": (PENDULUM, "rod"), "curve": (CURVE, "s")}[name]
+    found = lagcli.limit(lagcli.loads(text), row, duration=duration, unprestressed=unprestressed)
+    assert found.rate_of == ("weighted_mean" if unprestressed else "max_error")
+    assert found.rate is not None
+    assert found.rate.error is not None
+    assert abs(found.rate.slope + 1) <= found.rate.error < 0.1
+
+
+def test_a_mean_without_swings_needs_four_of_them() -> None:
+    """sqrt(k/m) 0.7/(2 pi) is 2.9 at the first, where the ends of the run are all there is, and 5.1 at the second."""
+    found = lagcli.limit(lagcli.loads(PENDULUM), "rod", stiffness="1e3:1e4", duration=0.7, unprestressed=True)
+    assert [rung.weighted_mean is None for rung in found.rungs] == [True, False, False]
+    assert all(rung.mean_error is not None for rung in found.rungs)
+    assert found.rate is not None
+
+
+def test_swings_leave_the_weighted_mean_and_the_time_mean_tells_what_it_is_off_by() -> None:
     t = np.linspace(0, 3.37, 2001)
-    mean, apart = stiff_ladder.mean_of_swings(t, 0.25 + np.cos(40 * t + 0.3))
-    assert mean == pytest.approx(0.25, abs=1e-5)
-    assert apart is not None
-    assert apart < 1e-5
-    assert stiff_ladder.mean_of_swings(t, t)[1] is None
+    curve = 0.25 + np.cos(40 * t + 0.3)
+    assert stiff_ladder.mean_without_swings(t, curve) == pytest.approx(0.25, abs=1e-5)
+    mean, off = stiff_ladder.time_mean(t, curve)
+    exact = 0.25 + (np.sin(40 * 3.37 + 0.3) - np.sin(0.3)) / 40 / 3.37
+    assert abs(mean - exact) <= off < 1e-6
 
 
 def test_a_stop_event_ends_the_limit() -> None:

@@ -25,7 +25,8 @@ def test_what_leads_nowhere_in_the_time_of_the_run_is_at_rest(speed: float, rest
 
 @pytest.mark.parametrize(("left", "balanced"), [(3e-11, False), (3e-12, True)])
 def test_forces_balance_where_a_part_of_rounding_is_left(left: float, balanced: bool) -> None:
-    linear = SimpleNamespace(load=np.array([3.0, 1.0]), residual=np.array([0.0, left * 3.0]))
+    load, inertia = np.array([3.0, 1.0]), np.ones(2)
+    linear = SimpleNamespace(load=load, residual=np.array([0.0, left * 3.0]), inertia=inertia)
     assert reference.is_balanced(cast(Linear, linear)) == balanced
 
 

@@ -101,19 +101,22 @@ def _followed(model: Model, given: options.RunSettings, files: tuple[str | None,
 
 
 def _print_report(found: StiffLimit) -> None:
+    is_weighted = found.rate_of == "weighted_mean"
     rows = [
         [
             f"{one.stiffness:.6g}",
             f"{one.max_error:.6g}",
             "" if one.mean_error is None else f"{one.mean_error:.6g}",
             "" if one.mean_uncertainty is None else f"{one.mean_uncertainty:.2g}",
+            *(["" if one.weighted_mean is None else f"{one.weighted_mean:.6g}"] if is_weighted else []),
             f"{one.uncertainty:.2g}",
             "" if one.steps is None else str(one.steps),
         ]
         for one in found.rungs
     ]
     if rows:
-        console.table(["k", "largest error", "mean error", "±", "tolerance", "steps"], rows, {})
+        weighted = ["mean without swings"] if is_weighted else []
+        console.table(["k", "largest error", "mean error", "±", *weighted, "tolerance", "steps"], rows, {})
         print()
     console.paragraph(sentence(found), "    ")
 
@@ -123,7 +126,7 @@ def sentence(found: StiffLimit) -> str:
     name = f"-k f of `{found.constraint}`"
     if not found.rungs:
         return f"there is no stiff run of `{found.constraint}` to be compared"
-    what = "mean" if found.rate_of == "mean_error" else "largest error"
+    what = "mean without swings" if found.rate_of == "weighted_mean" else "largest error"
     start = "on the slow motion" if found.start == "adapted" else "without stretch"
     if found.ramp is not None:
         last, seconds = found.rungs[-1], found.ramp["seconds"]

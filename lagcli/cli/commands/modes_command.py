@@ -48,10 +48,10 @@ def modes(
     verbose: options.VerboseOption = False,
     debug: options.DebugOption = False,
 ) -> None:
-    """Linearize about the start, if that is an equilibrium or a steady motion, else about the nearest equilibrium, and
-    print frequencies, shapes and whether it is stable.
+    """Linearize about the start, if that is an equilibrium or a steady motion, else, where it is at rest, about the
+    nearest equilibrium, and print frequencies, shapes and whether it is stable.
 
-    Exit 4 where there is no equilibrium to be found.
+    Exit 4 where the start moves otherwise, and where there is no equilibrium to be found.
     """
     model_reading.require_models([model])
     page, figure = ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)

@@ -18,6 +18,10 @@ TITLE = "Small oscillations  M δq̈ + C δq̇ + K δq = Bᵀ δλ"
 ABOUT = {
     "equilibrium": "About the declared start, an equilibrium; what is zero there is put in.",
     "steady": "About the declared start, an instant of a steady motion; what is zero there is put in.",
+    "accelerated": (
+        "About the motion from the declared start, which is uniformly accelerated: no steady motion, but its linear"
+        " equations have constant coefficients; what is zero there is put in."
+    ),
     "general": (
         "The declared start is no equilibrium and no steady motion. About any point of rest, with the coordinates and λ"
         " of that point (the command equilibrium finds them):"
@@ -48,7 +52,8 @@ def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
         general = "the declared start is no equilibrium and no steady motion, and about any point of rest "
         yield Line(note=f"Not written out: {general if point.kind == 'general' else ''}{error}.")
         return
-    yield Line(note=ABOUT[point.kind])
+    is_accelerated = point.kind == "steady" and any(point.numbers[2])
+    yield Line(note=ABOUT["accelerated" if is_accelerated else point.kind])
     if point.closed:
         names = ", ".join(whole.contacts.rows[j].name for j in point.closed)
         yield Line(note=f"Contacts that press count as rows: {names}.")
