@@ -28,7 +28,7 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 
 CONDITION = "a combination of the rows says g dt = 0, and the condition g = 0 was not found in closed form"
-SIDES_DIFFER = "the start lies on a kink (abs, sign, min, max), whose sides may differ"
+SIDES_DIFFER = "the start lies, to nine digits, on a kink (abs, sign, min, max), whose sides may differ"
 # What a start that was declared in decimals shows where it lies on a special point.
 AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
 # The limits that are tried: numbers as they are written, as doubles, and at last as those of a start that was rounded,
