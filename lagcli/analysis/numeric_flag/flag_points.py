@@ -18,6 +18,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import progress
 from lagcli.analysis.numeric_flag import undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import row_block
@@ -94,6 +95,8 @@ PARAMETERS = FlowParameters()
 SEED = 20062
 # Straight lines through a start on switches, which are looked at on both sides.
 LINES = 4
+# Seconds of processor time for a field at a point, and for each entry of its rows.
+FIELD, ENTRY = 1e-4, 1e-6
 
 
 class Points:
@@ -177,6 +180,7 @@ class ReachablePoints:
 
         def along(x: Floats) -> Floats | None:
             A, _ = self._block.rows(x, point.p)
+            progress.reckon(FIELD + ENTRY * A.nnz())
             if not np.isfinite(A.nonzeros()).all():
                 return None
             return _projected(row_block.scaled(A[independent, :], ranges), u)

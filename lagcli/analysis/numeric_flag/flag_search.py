@@ -87,7 +87,7 @@ class NumericFlag:
 def flag(system: System, begin: State, rows: Sequence[int], deadline: float = math.inf) -> NumericFlag:
     """The flag of the differential ones among `rows`, indices of rows of the system, the others holonomic.
 
-    begin: a start on the surface; the flag is that of the motions from it. deadline: a value of `time.monotonic` at
+    begin: a start on the surface; the flag is that of the motions from it. deadline: of `progress.after`, at
     which the search is given up.
     """
     block = RowBlock(system, sorted(rows))
