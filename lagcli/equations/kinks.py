@@ -173,7 +173,7 @@ def switch_arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
 
 
 def on_side(op: int, parts: Sequence[ca.SX], side: float) -> ca.SX:
-    """What stands for an operation that switches where its argument has the sign `side`, 1 or -1."""
+    """The value of an operation that switches where its argument has the sign `side`, 1 or -1."""
     if op in (ca.OP_FMIN, ca.OP_FMAX):
         return parts[0 if (side > 0) == (op == ca.OP_FMAX) else 1]
     if op == ca.OP_FABS:

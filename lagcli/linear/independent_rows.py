@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 class IndependentRowsParameters:
     """The choice of independent rows, and what the others follow from.
 
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    The tests are of `tests/unit/test_numbers_of_rows.py` and `tests/unit/test_long_frameworks.py`.
     """
 
     __slots__ = ()

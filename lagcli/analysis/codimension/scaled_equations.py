@@ -22,7 +22,7 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 Indices = list[int]
-Places = npt.NDArray[np.intp]
+IndexArray = npt.NDArray[np.intp]
 
 
 class ScalingParameters:
@@ -92,7 +92,7 @@ class ScaledPart:
         return np.array(f).ravel()[self.rows] / self.weight, gradient / self.weight[:, None]
 
     def entries_at(self, z: Floats, t: float) -> tuple[Floats, LocalRows]:
-        """The same F, and the derivatives by their entries."""
+        """F (k,) as of `at`, and the derivatives by their entries."""
         f, B = self.numeric.holonomic(t, self.configuration(z), self.state.p)
         rows = LocalRows(B[self.rows, self.coordinates])
         scaled = rows.values * self.unit[rows.column] / self.weight[rows.row]
@@ -107,7 +107,7 @@ class ScaledPart:
         found[one, other] = values
         return found
 
-    def hessian_entries(self, z: Floats, t: float, stress: Floats) -> tuple[Places, Places, Floats]:
+    def hessian_entries(self, z: Floats, t: float, stress: Floats) -> tuple[IndexArray, IndexArray, Floats]:
         """The indices and values (e,) of its entries."""
         whole = np.zeros(int(self.numeric.hessian.size1_in(2)))
         whole[self.rows] = stress / self.weight
@@ -146,9 +146,9 @@ class ScaledPart:
 class _Second:
     """The second derivatives of k rows by m coordinates that are not zero, with their indices, all (z,)."""
 
-    row: Places
-    one: Places
-    other: Places
+    row: IndexArray
+    one: IndexArray
+    other: IndexArray
     sizes: Floats
     shape: tuple[int, int]
 
