@@ -1,7 +1,9 @@
 """Long work of this thread: the part that is going on, reported to whoever listens (a terminal, or nobody), and the
 time by which it has to end.
 
-What is ended has no answer, and so none that depends on the machine: the work is given up as a whole.
+Time is that of the processor, which other programs do not use up: seconds of this process (`time.process_time`), where
+somebody gives a limit. A limit that nobody gave is `Counted`: seconds that are reckoned from operations, so that no
+answer depends on a clock. What does the work reckons it, `reckon`, or is asked how much it has done, `reckons`.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from typing import Protocol
 
@@ -65,13 +67,64 @@ class OverTime(Exception):
     """The work takes longer than it may."""
 
 
+class Counted(float):
+    """Seconds reckoned from operations: those that they take on a processor of 2023, wherever they are done."""
+
+
+_sources: list[Callable[[], float]] = []
+_reckoned = 0.0
+
+
+def reckon(seconds: float) -> None:
+    """Say that work was done that takes so many seconds on a processor of 2023."""
+    global _reckoned
+    _reckoned += seconds
+
+
+def reckons(source: Callable[[], float]) -> None:
+    """Ask the source too how much work it has done, in these seconds."""
+    _sources.append(source)
+
+
+def _kind(seconds: float) -> Callable[[float], float]:
+    return Counted if isinstance(seconds, Counted) else float
+
+
+def _now(kind: float) -> float:
+    return (
+        _reckoned + sum(source() for source in _sources) if isinstance(kind, Counted) else time.process_time()
+    )
+
+
+def after(limit: float) -> float:
+    """The deadline that lies so many seconds ahead, of the kind that they are of."""
+    return _kind(limit)(_now(limit) + limit)
+
+
+def left(deadline: float) -> float:
+    """The seconds until a deadline, of its kind; negative when it has passed."""
+    return _kind(deadline)(deadline - _now(deadline))
+
+
+def soon(deadline: float, share: float) -> float:
+    """The deadline at which this share of what is left until another has passed."""
+    return after(_kind(deadline)(share * left(deadline)))
+
+
+def told(limit: float) -> str:
+    """The limit in words."""
+    reckoned = ", reckoned from operations" if isinstance(limit, Counted) else ""
+    return f"{limit:g} s of processor time{reckoned}"
+
+
 _end: ContextVar[float] = ContextVar("end", default=math.inf)
 
 
 @contextlib.contextmanager
 def ends_after(seconds: float) -> Iterator[None]:
-    """Inside the block, in this thread, `require_time` raises `OverTime` when so many seconds have passed."""
-    token = _end.set(min(_end.get(), time.monotonic() + seconds))
+    """Inside the block, in this thread, `require_time` raises `OverTime` when so many seconds of the processor have
+    passed."""
+    token = _end.set(min(_end.get(), time.process_time() + seconds))
     try:
         yield
     finally:
@@ -81,5 +134,5 @@ def ends_after(seconds: float) -> Iterator[None]:
 def require_time() -> None:
     """Raise `OverTime` where the time of the work that this thread does is over."""
     end = _end.get()
-    if end < math.inf and time.monotonic() >= end:
+    if end < math.inf and time.process_time() >= end:
         raise OverTime

@@ -208,18 +208,14 @@ def _redundant(numeric: NumericSystem, point: State, effective: list[int], surfa
 
 
 def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """The rows that depend on rows before them. Of very many they are looked for among rows that share a dependency."""
+    """The rows that depend on rows before them."""
     from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
 
     found = rank.estimate(rows).value if rows.is_large else None
     if found is None:
         return independent_rows.redundant(rows)
     flags = np.zeros(rows.count, dtype=bool)
-    chosen = independent_rows.dependence(rows, found).selection
-    flags[[dependency[0] for dependency in chosen.dependencies if len(dependency) == 1]] = True
-    for rest, support in chosen.groups():
-        among = sorted([*rest, *support])
-        flags[among] = independent_rows.redundant(rows.take(among))
+    flags[independent_rows.dependence(rows, found).following()] = True
     return flags
 
 

@@ -118,11 +118,10 @@ def _null_vectors(
     system: System, rows: MetricRows, chosen: independent_rows.Dependence, selection: Selection
 ) -> tuple[NullVector, ...]:
     names = [row.name for row in system.rows.rows]
-    index = {row: k for k, row in enumerate(chosen.independent)}
     found = []
     for dependency, weights in zip(selection.dependencies, chosen.weights, strict=True):
         of = {dependency[0]: -1.0 / rows.lengths[dependency[0]]}
-        of |= {row: weights[index[row]] / rows.lengths[row] for row in dependency[1:]}
+        of |= {row: weights.get(row, 0.0) / rows.lengths[row] for row in dependency[1:]}
         vector = np.array([of[row] for row in sorted(dependency)])
         largest = np.abs(vector).max()
         lead = vector[np.abs(vector) > rank.PARAMETERS.small * largest][0]

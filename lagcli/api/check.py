@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from typing import TYPE_CHECKING
 
+from lagcli import progress
 from lagcli.analysis import check_report, codimension, free_particles, uniqueness
 from lagcli.analysis.check_report import Report
 from lagcli.analysis.classification import verdict
@@ -95,7 +95,7 @@ def witness(model: Model, row: str, *, assemble: bool, limit: float) -> Witness 
     if assemble or model.simulation.assemble:
         model, _ = assemble_start.assembled(model)
     ready = cache.compiled(model)
-    return witness_search.find(ready.system, ready.numeric, row, time.monotonic() + limit)
+    return witness_search.find(ready.system, ready.numeric, row, progress.after(limit))
 
 
 def _inertia(ready: CompiledModel) -> tuple[diagnostics.Diagnostic, ...]:

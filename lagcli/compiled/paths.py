@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import progress
 from lagcli.compiled.bound_function import Buffer, buffer
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
@@ -29,6 +30,7 @@ OUTPUTS = {"rate": 1, "ahead": 1, "turned": 3}
 ROUGH: Scheme = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))  # the classical one
 SHARED_NODES = 3000  # of a field in which common subexpressions are looked for
 WRITTEN_OUT = 3e4  # operations of a step that is written out too
+INSTRUCTION = 1e-8  # seconds of processor time for an operation at one point
 
 
 @frozen
@@ -117,6 +119,14 @@ class PathSteps:
         )
         return ahead.reshape(Z.shape), J_z, J_u * h
 
+    def _instructions(self, name: str) -> int:
+        """Operations for one point; those of derivatives are as many as of the field for each of its values."""
+        once: int = self._field.n_instructions()
+        if name == "rate":
+            return once
+        stages = len((ROUGH if name == "turned" else self._scheme)[0])
+        return once * stages * (self._field.size1_out(0) if name == "turned" else 1)
+
     def _function(self, name: str) -> ca.Function:
         """The field, a step of length one, or a rough one with its derivatives.
 
@@ -174,6 +184,7 @@ class PathSteps:
             mapped = function.map(many) if many > 1 else function
             known = mapped, buffer(mapped)
             self._mapped[name, many] = known
+        progress.reckon(many * self._instructions(name) * INSTRUCTION)
         mapped, (arrays, run) = known
         # The buffer holds addresses alone: the arrays must live until it has run.
         arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]

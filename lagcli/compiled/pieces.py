@@ -13,19 +13,14 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
+from lagcli.equations import kinks, operation_graph
 from lagcli.equations.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
 # What vanishes where a function of these arguments is not analytic.
 ENDS: dict[int, Callable[..., ca.SX]] = {
-    ca.OP_FABS: lambda a: a,
-    ca.OP_SIGN: lambda a: a,
-    ca.OP_FMIN: lambda a, b: a - b,
-    ca.OP_FMAX: lambda a, b: a - b,
-    ca.OP_LT: lambda a, b: a - b,
-    ca.OP_LE: lambda a, b: a - b,
+    **kinks.ARGUMENTS,
     ca.OP_SQRT: lambda a: a,
     ca.OP_HYPOT: lambda a, b: a * a + b * b,
     ca.OP_ASIN: lambda a: 1 - a * a,
@@ -43,7 +38,6 @@ TOUCHED = 0.1
 ON_END = 1e-9
 # In the first round a modulus may come to light, as the root of a square.
 ROUNDS = 2
-SWITCHES = {ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX}
 
 
 def ends(value: ca.SX, inputs: Sequence[ca.SX]) -> list[tuple[ca.SX, ca.SX]]:
@@ -104,25 +98,16 @@ def _touched(u: Floats) -> npt.NDArray[np.bool_]:
     return is_least & (least <= TOUCHED * np.minimum(before, after))
 
 
-def on_branch(
-    value: ca.SX, inputs: Sequence[ca.SX], point: Sequence[Floats], near: float, otherwise: float
-) -> ca.SX:
+def on_branch(value: ca.SX, inputs: Sequence[ca.SX], point: Sequence[Floats], near: float) -> ca.SX:
     """A column on the branch of a point; a switch that is within `near` of it stays, unless a branch that is not taken
-    holds it, or is put on the side that is given `otherwise`, 1 or -1 in place of 0."""
-
-    def sign_of(argument: ca.SX) -> float:
-        found = float(SizedFunction("switch", list(inputs), [argument])(*point))
-        return float(np.sign(found)) if abs(found) > near else otherwise
+    holds it."""
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op not in SWITCHES:
+        if op not in kinks.ARGUMENTS:
             return result
-        side = sign_of(parts[0] - parts[1] if len(parts) == 2 else parts[0])
-        if not side:
-            return result
-        if len(parts) == 2:
-            return parts[0 if (side > 0) == (op == ca.OP_FMAX) else 1]
-        return side * parts[0] if op == ca.OP_FABS else ca.SX(side)
+        argument = kinks.ARGUMENTS[op](*parts)
+        found = float(SizedFunction("switch", list(inputs), [argument])(*point))
+        return kinks.on_side(op, parts, float(np.sign(found))) if abs(found) > near else result
 
     # A root of a square that came to light is a modulus.
     for _ in range(ROUNDS):

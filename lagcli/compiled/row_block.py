@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import program
+from lagcli.equations import kinks, operation_graph
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 
@@ -26,9 +26,6 @@ Floats = npt.NDArray[np.float64]
 
 # Rounds in which rows and columns are scaled in turn.
 SCALING_ROUNDS, TINY_ENTRY = 3, 1e-4
-
-
-KINKS = {"fabs", "sign", "fmin", "fmax", "lt", "le", "eq", "ne", "if_else_zero"}
 
 
 class RowBlock:
@@ -64,9 +61,8 @@ class RowBlock:
         numbers = np.append(self.columns, [symbols.q.numel()] if self.has_time else []).astype(np.intp)
         self.kinds = np.where(numbers < lengths, 0, numbers + 1)
 
-    def on_branch(self, x: Floats, p: Floats, near: float, side: float = 0.0) -> RowBlock:
-        """The block with switches (abs, sign, min, max) as they are at a point; those within `near` of it stay, or are
-        put on one `side` (1 or -1)."""
+    def on_branch(self, x: Floats, p: Floats, near: float) -> RowBlock:
+        """The block with switches (abs, sign, min, max) as they are at a point; those within `near` of it stay."""
         if not self.has_kinks:
             return self
         from lagcli.compiled import pieces
@@ -74,7 +70,7 @@ class RowBlock:
         there = copy.copy(self)
         for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
             there.__dict__.pop(name, None)
-        point = [self.x, self.p], [x, p], near, side
+        point = [self.x, self.p], [x, p], near
         entries = pieces.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *point)
         there.A, there._f = ca.SX(self.A.sparsity(), entries), pieces.on_branch(ca.densify(self._f), *point)
         return there
@@ -104,8 +100,8 @@ class RowBlock:
     @cached_property
     def has_kinks(self) -> bool:
         """True if abs, sign, min or max change how the rows are to be computed from point to point."""
-        steps = (*program.written_out(self.along).steps, *program.written_out(self.curl).steps)
-        return any(name in KINKS for name, *_ in steps)
+        steps = (*operation_graph.instructions(self.along), *operation_graph.instructions(self.curl))
+        return any(step.op in kinks.ARGUMENTS for step in steps)
 
     @cached_property
     def pieces(self) -> AnalyticPieces:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Iterator
 
+from lagcli import progress
 from lagcli.derivation.sections import (
     linear_section,
     page_sections,
@@ -45,12 +46,12 @@ class Options:
 def derive(built: System, options: Options) -> Derivation:
     """The equations of motion. Raises `diagnostics.ModelError` for what is too large to be written out."""
     try:
-        return time_limit.run(time_limit.after(options.limit), lambda: _derived(built, options))
+        return time_limit.run(progress.after(options.limit), lambda: _derived(built, options))
     except (RecursionError, TooDeep):
         raise _too_large(built, "an expression is nested too deeply") from None
     except time_limit.TimeUpError:
         hint = "`--limit SECONDS` gives it more time"
-        raise _too_large(built, f"it takes longer than {options.limit:g} s", hint) from None
+        raise _too_large(built, f"it takes longer than {progress.told(options.limit)}", hint) from None
 
 
 def _too_large(built: System, reason: str, hint: str = "") -> diagnostics.ModelError:

@@ -6,7 +6,7 @@ of a motion that goes over the edge would have to jump: an impact, which the equ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,19 @@ from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
+
+# The operations that switch, and what is compared with zero by each. The last four are what derivatives of `min` and
+# `max` are made of.
+ARGUMENTS: dict[int, Callable[..., ca.SX]] = {
+    ca.OP_FABS: lambda a: a,
+    ca.OP_SIGN: lambda a: a,
+    ca.OP_FMIN: lambda a, b: a - b,
+    ca.OP_FMAX: lambda a, b: a - b,
+    ca.OP_LT: lambda a, b: a - b,
+    ca.OP_LE: lambda a, b: a - b,
+    ca.OP_EQ: lambda a, b: a - b,
+    ca.OP_NE: lambda a, b: a - b,
+}
 
 
 class KinkParameters:
@@ -79,8 +92,8 @@ class Kinks:
         row = self.at(t, q, p)
         if row is not None:
             message = (
-                f"the gradient of the constraint `{row.name}` jumps at the start: `abs`, `sign`, `min` or `max`"
-                " switches there, and the constraint force has no direction"
+                f"the gradient of the constraint `{row.name}` jumps at the start, to nine digits: `abs`, `sign`,"
+                " `min` or `max` switches there, and the constraint force has no direction"
             )
             hint = "start clear of that point, or state the branch that is meant as an equation without the switch"
             raise diagnostics.ModelError(
@@ -151,11 +164,20 @@ def switch_arguments(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
     found: list[ca.SX] = []
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op in (ca.OP_FABS, ca.OP_SIGN):
-            found.append(parts[0])
-        elif op in (ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE):
-            found.append(parts[0] - parts[1])
+        if op in ARGUMENTS:
+            found.append(ARGUMENTS[op](*parts))
         return result
 
     operation_graph.replayed(ca.densify(ca.vec(value)), inputs, visit)
     return found
+
+
+def on_side(op: int, parts: Sequence[ca.SX], side: float) -> ca.SX:
+    """The value of an operation that switches where its argument has the sign `side`, 1 or -1."""
+    if op in (ca.OP_FMIN, ca.OP_FMAX):
+        return parts[0 if (side > 0) == (op == ca.OP_FMAX) else 1]
+    if op == ca.OP_FABS:
+        return side * parts[0]
+    if op == ca.OP_SIGN:
+        return ca.SX(side)
+    return ca.SX(op == ca.OP_NE or (side < 0 and op in (ca.OP_LT, ca.OP_LE)))

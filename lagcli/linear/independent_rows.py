@@ -7,7 +7,7 @@ name. Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.linear import rank
-from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,7 +24,7 @@ Floats = npt.NDArray[np.float64]
 class IndependentRowsParameters:
     """The choice of independent rows, and what the others follow from.
 
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    The tests are of `tests/unit/test_numbers_of_rows.py` and `tests/unit/test_long_frameworks.py`.
     """
 
     __slots__ = ()
@@ -38,11 +38,15 @@ class IndependentRowsParameters:
     rounding, and dependent on it alone, rounding leaves its square root.
     `test_a_row_takes_part_in_a_dependency_with_seven_digits` fails at 1e-8 and 1e-6."""
     shift: float = 1e-13
-    """It is added to the diagonal of the Gram matrix of many rows, whose pivots decide.
+    """It is added to the diagonal of the Gram matrix of many rows, whose largest pivots are those of independent rows.
     `test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added` fails at 1e-14 and 1e-12."""
-    pivot: float = 1e-10
-    """Pivots of many rows below this are rounding.
-    `test_of_many_rows_those_are_independent_whose_pivot_has_ten_digits` fails at 1e-11 and 1e-9."""
+    spanned: float = 1e-10
+    """A row of length one is a combination of a few of many where no more than this is left of it.
+    `test_a_row_depends_on_a_few_of_many_to_ten_digits` fails at 1e-11 and 1e-9."""
+    swapped: float = 4.0
+    """Of many rows one that follows from the independent ones with a larger weight than this is one of them in place
+    of that row: each time the volume that they span grows by so much.
+    `test_of_many_rows_those_that_span_most_are_independent` fails at 0.4 and 40."""
     better: float = 4.0
     """Other rows are taken where their angle is this many times as large.
     `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones` fails at 0.4 and 40."""
@@ -55,25 +59,49 @@ class IndependentRowsParameters:
 
 
 PARAMETERS = IndependentRowsParameters()
+# Rows among which a dependency is looked for before all are asked, and rows whose weights are found together: what
+# others cost, no answer hangs on them.
+NEAR, TOGETHER = 60, 40
 
 
 @frozen
 class Dependence:
-    """Independent rows (r,) and the `rest` (k,), whose unit rows are `weights` (k, r) @ the unit independent rows."""
+    """Independent rows, and the `rest`, each of whose unit rows is a combination of unit independent rows: `weights`
+    has its weight of each row that takes part."""
 
     independent: tuple[int, ...]
     rest: tuple[int, ...]
-    weights: Floats
+    weights: tuple[Mapping[int, float], ...]
 
     @property
     def selection(self) -> Selection:
         """The rows to step with, and the dependencies."""
-        supports = (np.flatnonzero(np.abs(row) > PARAMETERS.weight) for row in self.weights)
         dependencies = tuple(
-            (row, *(self.independent[k] for k in support))
-            for row, support in zip(self.rest, supports, strict=True)
+            (row, *(i for i in sorted(of) if abs(of[i]) > PARAMETERS.weight))
+            for row, of in zip(self.rest, self.weights, strict=True)
         )
         return Selection(self.independent, dependencies)
+
+    def following(self) -> list[int]:
+        """The rows that depend on rows before them: the last ones of null vectors that all end at another row."""
+        ends: dict[int, dict[int, float]] = {}
+        for row, of in zip(self.rest, self.weights, strict=True):
+            vector = {row: -1.0} | dict(of)
+            while vector := _without_rounding(vector):
+                last = max(vector)
+                if last not in ends:
+                    ends[last] = vector
+                    break
+                factor = vector.pop(last) / ends[last][last]
+                for i, weight in ends[last].items():
+                    if i != last:
+                        vector[i] = vector.get(i, 0.0) - factor * weight
+        return sorted(ends)
+
+
+def _without_rounding(vector: Mapping[int, float]) -> dict[int, float]:
+    least = PARAMETERS.weight * max(map(abs, vector.values()), default=0.0)
+    return {i: weight for i, weight in vector.items() if abs(weight) > least}
 
 
 def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
@@ -83,13 +111,43 @@ def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
     row in place of one of them would not keep its coordinates.
     """
     if count == rows.count:
-        return Dependence(tuple(range(count)), (), np.zeros((0, count)))
+        return Dependence(tuple(range(count)), (), ())
     first: list[int] = []
     if 0 < holonomic < rows.count:
         part = rows.take(list(range(holonomic)))
         rank_there = rank.estimate(part).low
-        first = list(range(holonomic)) if rank_there == holonomic else _independent(part, rank_there, [])
-    return over(rows, tuple(_independent(rows, count, first)))
+        first = list(range(holonomic)) if rank_there == holonomic else independent(part, rank_there)
+    found = over(rows, tuple(independent(rows, count, first)))
+    return _exchanged(found, holonomic) if rows.is_large else found
+
+
+def _exchanged(found: Dependence, holonomic: int) -> Dependence:
+    """The dependence on rows of many of which the others are combinations with small weights: pivots tell that rows
+    are independent, and not how far. A row of more weight than `swapped` changes places with the one that depends on
+    it.
+    """
+    vectors = {row: dict(of) for row, of in zip(found.rest, found.weights, strict=True)}
+    waiting = list(found.rest)
+    while waiting:
+        row = waiting.pop()
+        of = vectors.get(row, {})
+        among = [i for i in of if (i < holonomic) == (row < holonomic)]
+        heaviest = max(among, key=lambda i: (abs(of[i]), -i), default=None)
+        if heaviest is None or abs(of[heaviest]) <= PARAMETERS.swapped:
+            continue
+        pivot = vectors.pop(row).pop(heaviest)
+        other = {row: 1.0 / pivot} | {i: -w / pivot for i, w in of.items()}
+        vectors[heaviest] = other
+        waiting.append(heaviest)
+        for one, its in vectors.items():
+            factor = its.pop(heaviest, 0.0) if one != heaviest else 0.0
+            if factor:
+                for i, w in other.items():
+                    its[i] = its.get(i, 0.0) + factor * w
+                waiting.append(one)
+    rest = tuple(sorted(vectors))
+    staying = {*found.independent, *found.rest}.difference(rest)
+    return Dependence(tuple(sorted(staying)), rest, tuple(vectors[row] for row in rest))
 
 
 def elsewhere(selection: Selection, rows: MetricRows, holonomic: int) -> Selection | None:
@@ -128,17 +186,71 @@ def _smallest_singular_value(rows: MetricRows, independent: tuple[int, ...]) -> 
     return float(np.linalg.svd(rows.dense[list(independent)], compute_uv=False).min(initial=1.0))
 
 
-def _independent(rows: MetricRows, count: int, first: list[int]) -> list[int]:
+def independent(rows: MetricRows, count: int, first: Sequence[int] = ()) -> list[int]:
     """`count` independent rows, those in `first` among them."""
     if not rows.is_large:
         return sorted(farthest(rows.dense, count, first, PARAMETERS.early))
-    return _farther(rows, count, first) if first else _pivots(rows)
+    return _farther(rows, count, first) if first else _pivots(rows, count)
 
 
 def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
     """The dependence of rows on those chosen, which are independent and span all of them."""
     rest = sorted(set(range(rows.count)) - set(independent))
-    return Dependence(independent, tuple(rest), _combinations(rows, list(independent), rest))
+    known = _near_weights(rows, independent, rest) if rows.is_large else {}
+    far = [row for row in rest if row not in known]
+    for some in (far[k : k + TOGETHER] for k in range(0, len(far), TOGETHER)):
+        least = PARAMETERS.weight if rows.is_large else 0.0
+        for row, weights in zip(some, _combinations(rows, list(independent), some), strict=True):
+            among = np.flatnonzero(np.abs(weights) > least).tolist()
+            known[row] = {independent[k]: float(weights[k]) for k in among}
+    return Dependence(independent, tuple(rest), tuple(known[row] for row in rest))
+
+
+def _near_weights(
+    rows: MetricRows, independent: Sequence[int], rest: Sequence[int]
+) -> dict[int, Mapping[int, float]]:
+    """The weights of those rows in `rest` that depend on a few independent ones near them, which share coordinates
+    with them, or with rows that do. Others of many rows are found with the factors of all of them."""
+    entries = LocalRows(rows.unit)
+    by_row: list[dict[int, float]] = [{} for _ in range(rows.count)]
+    for i, j, value in zip(
+        entries.row.tolist(), entries.column.tolist(), entries.values.tolist(), strict=True
+    ):
+        if value:
+            by_row[i][j] = value
+    holding: dict[int, list[int]] = {}
+    for i in independent:
+        for j in by_row[i]:
+            holding.setdefault(j, []).append(i)
+    found: dict[int, Mapping[int, float]] = {}
+    for row in rest:
+        near: dict[int, None] = {}
+        columns = dict.fromkeys(by_row[row])
+        while True:
+            added = [i for j in columns for i in holding.get(j, ()) if i not in near]
+            near |= dict.fromkeys(added)
+            if not added or len(near) > NEAR:
+                break
+            columns |= dict.fromkeys(j for i in added for j in by_row[i])
+            weights = _weights_among(by_row, list(near), list(columns), row)
+            if weights is not None:
+                found[row] = weights
+                break
+    return found
+
+
+def _weights_among(
+    by_row: list[dict[int, float]], near: list[int], columns: list[int], row: int
+) -> Mapping[int, float] | None:
+    """The weights of a row over others, all on these columns, or None where it is no combination of them."""
+    at = {j: k for k, j in enumerate(columns)}
+    B = np.zeros((len(near) + 1, len(columns)))
+    for k, i in enumerate((*near, row)):
+        B[k, [at[j] for j in by_row[i]]] = list(by_row[i].values())
+    weights = np.linalg.lstsq(B[:-1].T, B[-1], rcond=None)[0]
+    if np.linalg.norm(weights @ B[:-1] - B[-1]) > PARAMETERS.spanned:
+        return None
+    return {i: w for i, w in zip(near, weights.tolist(), strict=True) if abs(w) > PARAMETERS.weight}
 
 
 def joined(first: Selection, others: Iterable[Selection]) -> Selection:
@@ -181,21 +293,22 @@ def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> 
     return np.array(factors.solve(gram, ca.densify(ca.mtimes(among, others.T)))).T
 
 
-def _farther(rows: MetricRows, count: int, first: list[int]) -> list[int]:
+def _farther(rows: MetricRows, count: int, first: Sequence[int]) -> list[int]:
     """The choice of `farthest` for many rows: what is left of the other rows after the first ones, by its Gram
     matrix."""
     others = sorted(set(range(rows.count)) - set(first))
-    weights = _combinations(rows, first, others)
+    weights = _combinations(rows, list(first), others)
     unit = rows.unit
     left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
     return sorted([*first, *(others[k] for k in farthest(left, count - len(first), (), PARAMETERS.early))])
 
 
-def _pivots(rows: MetricRows) -> list[int]:
-    """Independent rows of many: those whose pivot in the sparse factors of the Gram matrix is no rounding."""
+def _pivots(rows: MetricRows, count: int) -> list[int]:
+    """`count` independent rows of many: those with the largest pivots in the sparse factors of the Gram matrix. The
+    others are left what is added to its diagonal, times the squared length of their null vectors."""
     D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + PARAMETERS.shift * ca.DM.eye(rows.count))
-    large = np.array(D).ravel() > PARAMETERS.pivot
-    return sorted(np.asarray(order)[large].tolist())
+    largest = np.argsort(-np.array(D).ravel(), kind="stable")[:count]
+    return sorted(np.asarray(order)[largest].tolist())
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from lagcli import progress
 from lagcli.errors import diagnostics
 
 if TYPE_CHECKING:  # the command line reads the bounds before it has to load numbers
@@ -44,7 +45,7 @@ _ELSEWHERE = {
 }
 MAX_ROWS = 10**9  # a billion rows of ten columns are 80 GB
 MOST_STEPS = 1e10  # of a run; they would take days
-LIMIT = 20.0  # seconds for the proofs of a model
+LIMIT = progress.Counted(20.0)  # seconds for the proofs of a model
 
 
 def method_name(settings: Simulation) -> str:

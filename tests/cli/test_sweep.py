@@ -177,7 +177,7 @@ def test_a_point_is_ended_before_its_run_too(
         clock[0] += 3600.0
         return work(*arguments, **named)
 
-    monkeypatch.setattr(progress, "time", types.SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(progress, "time", types.SimpleNamespace(process_time=lambda: clock[0]))
     cache.forget()
     whole = run(*common)
     assert whole.returncode == 0

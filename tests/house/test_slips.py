@@ -13,6 +13,7 @@ import pytest
 import sympy
 
 import lagcli
+from lagcli import progress
 from lagcli.derivation.symbolic import tidy
 from lagcli.pfaffian.exact import guarded, sampling, time_limit
 from lagcli.pfaffian.integrals import kernel_frame, matrix_flow
@@ -127,7 +128,7 @@ def endless(depth: int) -> int:
 
 def test_an_endless_recursion_of_ours_is_none_of_them() -> None:
     with pytest.raises(RecursionError):
-        time_limit.run(time_limit.after(20), lambda: endless(0))
+        time_limit.run(progress.after(20), lambda: endless(0))
 
 
 def test_an_expression_too_deep_for_sympy_is_one_of_them() -> None:

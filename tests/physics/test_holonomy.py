@@ -4,7 +4,6 @@ import itertools
 import json
 import math
 import subprocess
-import time
 from pathlib import Path
 
 import matplotlib.image
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli import progress
 from lagcli.analysis.holonomy import local_system, path_orbit, witness, witness_search
 from lagcli.api.models import cache
 from lagcli.cli.commands import witness_text as telling
@@ -50,7 +50,7 @@ def of_reference(name: str) -> str:
 
 def found(text: str, row: str, limit: float = 60.0) -> witness.Witness | None:
     ready = cache.compiled(lagcli.loads(text))
-    return witness_search.find(ready.system, ready.numeric, row, time.monotonic() + limit)
+    return witness_search.find(ready.system, ready.numeric, row, progress.after(limit))
 
 
 def verified(text: str, row: str, limit: float = 60.0) -> witness.Witness:

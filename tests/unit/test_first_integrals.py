@@ -7,6 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
+from lagcli import progress
 from lagcli.pfaffian import joint
 from lagcli.pfaffian.exact import enclosure, time_limit
 from lagcli.pfaffian.flag import elimination
@@ -56,7 +57,7 @@ def rank_is(matrix, rank, surface=()):
 
 def searched(system_, budget=None):
     begun = time_limit.operations()
-    found = first_integrals.search(system_, time_limit.after(SECONDS), budget=budget)
+    found = first_integrals.search(system_, progress.after(SECONDS), budget=budget)
     return [f.integral for f in found], found, time_limit.operations() - begun
 
 
@@ -241,7 +242,7 @@ def test_what_is_found_before_the_end_is_kept():
 
 def test_a_deadline_in_the_past_gives_nothing_at_once():
     with spent.at_most(0):
-        assert first_integrals.search(KNOWN["rays"][0], time_limit.after(-1.0)) == ()
+        assert first_integrals.search(KNOWN["rays"][0], progress.after(-1.0)) == ()
 
 
 def test_a_constant_on_one_side_of_a_kink_is_no_integral():
@@ -322,7 +323,7 @@ def test_elimination_drops_what_follows_from_the_rest():
 )
 def test_roots_and_squares_of_sines_are_made_rational(function, variable):
     found = time_limit.run(
-        time_limit.after(SECONDS), lambda: potential.antiderivative(sympy.sympify(function), variable)
+        progress.after(SECONDS), lambda: potential.antiderivative(sympy.sympify(function), variable)
     )
     assert found is not None
     assert potential.writable(found)
@@ -338,7 +339,7 @@ def test_separable_forms_with_roots_and_sines_have_integrals():
         ([[cos(y) ** 2 + cos(L) ** 2 * sin(y) ** 2, -cos(L)]], (L,), x - sympy.atan(cos(L) * sympy.tan(y))),
     ):
         found = frobenius.classify(
-            form.Form("row", (x, y), tuple(rows[0]), parameters), time_limit.after(SECONDS)
+            form.Form("row", (x, y), tuple(rows[0]), parameters), progress.after(SECONDS)
         )
         assert found.kind == "integrable"
         assert found.integral is not None

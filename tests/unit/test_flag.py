@@ -8,7 +8,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.pfaffian.exact import time_limit
+from lagcli import progress
 from lagcli.pfaffian.flag import derived_flag, function_field
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from tests.helpers import spent
@@ -39,7 +39,7 @@ def reference(name):
 
 
 def found(system):
-    return derived_flag.flag(system, time_limit.after(SECONDS), sympy.Symbol("t", real=True))
+    return derived_flag.flag(system, progress.after(SECONDS), sympy.Symbol("t", real=True))
 
 
 def shown(dims):
@@ -152,7 +152,7 @@ def test_what_cannot_be_proved_is_not_decided():
     with pytest.raises(function_field.NotDecidedError):
         found(block("x y z", [["-y*(asin(x) + acos(x) - asin(y) - acos(y))", "0", "1"]]))
     with pytest.raises(function_field.NotDecidedError):
-        derived_flag.flag(trailers(3), time_limit.after(0.0))
+        derived_flag.flag(trailers(3), progress.after(0.0))
 
 
 # What must not change.

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ import lagcli
 from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
 from lagcli.analysis.codimension.manifold import Manifold
 from lagcli.api.models import cache
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
 
 
@@ -91,10 +93,11 @@ def test_what_comes_near_a_surface_slowly_creeps(left, creeps):
 class Walked:
     """A manifold on which every walk is made; `steps` and `begins` count."""
 
-    equations = SimpleNamespace(at=lambda z, t: (np.zeros(1), None))
-
     def __init__(self):
         self.steps = self.begins = 0
+
+    def look(self, z, t):
+        return SimpleNamespace(F=np.zeros(1))
 
     def fails_far(self, *_):
         return False
@@ -156,11 +159,13 @@ def test_a_radius_of_curvature_is_a_unit_down_to_four_digits(radius, is_unit):
 
 
 def test_coordinates_are_measured_alike_after_ten_rounds():
-    first = SimpleNamespace(changes=lambda unit: np.zeros((1, 2)))
+    none = np.zeros(0, dtype=np.intp)
+    first = SimpleNamespace(row=none, one=none, changes=lambda unit: np.zeros(0))
+    B = LocalRows(ca.DM([[1.0, 1e6]]))
     symbols = SimpleNamespace(q=SimpleNamespace(numel=lambda: 2))
     system = SimpleNamespace(symbols=symbols, model=SimpleNamespace(generalized_names=("x", "y")))
     state = SimpleNamespace(q=np.zeros(2))
-    unit = scaled_equations._units(system, state, [0, 1], np.array([[1.0, 1e6]]), first)
+    unit = scaled_equations._units(system, state, [0, 1], B, first)
     # Each round takes the root of what they differ by.
     assert 1e6 * unit[1] / unit[0] == pytest.approx(1e6 ** (1 / 2**10), rel=1e-6)
 
@@ -170,15 +175,15 @@ def test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates(jump, answer
     mixed = np.random.default_rng(scaled_equations.SEED).standard_normal(1)
 
     def at(z, t):
-        return np.zeros(1), np.array([[1.0 + jump / mixed[0] * bool(z[0])]])
+        return np.zeros(1), LocalRows(ca.DM([[1.0 + jump / mixed[0] * bool(z[0])]]))
 
     part = SimpleNamespace(
         coordinates=[0],
         rows=[0],
         begin=np.zeros(1),
         state=SimpleNamespace(t=0.0),
-        hessian=lambda z, t, w: np.zeros((1, 1)),
-        at=at,
+        hessian_entries=lambda z, t, w: (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0)),
+        entries_at=at,
         rounding=1e-8,
     )
     assert scaled_equations.is_smooth(part) is answer

@@ -112,27 +112,26 @@ def test_a_row_hangs_on_a_coordinate_of_its_own_by_a_hundredth(own, hangs):
 @pytest.mark.parametrize(("apart", "chosen"), [(0.4, [0, 1]), (0.2, [0, 2])])
 def test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest(apart, chosen):
     rows = metric_rows_of([[1.0, 0.0], [math.sqrt(1 - apart**2), apart], [0.0, 1.0]])
-    assert independent_rows._independent(rows, 2, []) == chosen
+    assert independent_rows.independent(rows, 2) == chosen
 
 
 @pytest.mark.parametrize(("weight", "dependency"), [(3e-8, (2, 0)), (3e-7, (2, 0, 1))])
 def test_a_row_takes_part_in_a_dependency_with_seven_digits(weight, dependency):
-    found = Dependence((0, 1), (2,), np.array([[1.0, weight]]))
+    found = Dependence((0, 1), (2,), ({0: 1.0, 1: weight},))
     assert found.selection.dependencies == (dependency,)
 
 
-@pytest.mark.parametrize(("pivot", "count"), [(3e-11, 1), (3e-10, 2)])
-def test_of_many_rows_those_are_independent_whose_pivot_has_ten_digits(pivot, count):
-    angle = math.sqrt(pivot)
-    rows = metric_rows_of([[1.0, 0.0], [math.cos(angle), math.sin(angle)]])
-    assert len(independent_rows._pivots(rows)) == count
+@pytest.mark.parametrize(("left", "is_near"), [(3e-11, True), (3e-10, False)])
+def test_a_row_depends_on_a_few_of_many_to_ten_digits(left, is_near):
+    rows = metric_rows_of([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.8, left]])
+    assert (2 in independent_rows._near_weights(rows, (0, 1), (2,))) is is_near
 
 
 def test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added(monkeypatch):
     added = []
     factors = ca.ldl
     monkeypatch.setattr(ca, "ldl", lambda gram: added.append(float(gram[0, 0]) - 1.0) or factors(gram))
-    independent_rows._pivots(metric_rows_of([[1.0, 0.0], [1.0, 0.0]]))
+    independent_rows._pivots(metric_rows_of([[1.0, 0.0], [1.0, 0.0]]), 1)
     assert added == pytest.approx([1e-13], rel=0.01, abs=0.0)
 
 

@@ -11,6 +11,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lagcli import progress
 from lagcli.pfaffian import memo
 from lagcli.pfaffian.exact import (
     constant_combinations,
@@ -42,11 +43,11 @@ def pfaffian(variables, coefficients, parameters=()):
 
 
 def judged(variables, coefficients, parameters=()):
-    return frobenius.classify(pfaffian(variables, coefficients, parameters), time_limit.after(SECONDS))
+    return frobenius.classify(pfaffian(variables, coefficients, parameters), progress.after(SECONDS))
 
 
 def is_zero(expression):
-    return zero_test.is_zero(expression, time_limit.after(SECONDS)).truth
+    return zero_test.is_zero(expression, progress.after(SECONDS)).truth
 
 
 def verified(variables, coefficients, verdict):
@@ -68,7 +69,7 @@ def test_reference_rows_get_their_verdict_alone(system, n):
     letters = {c: sympy.Symbol(c, real=True) for c in system["coords"]}
     row = pfaffian(letters.values(), [sympy.sympify(c, locals=letters) for c in system["forms"][n]])
     with spent.at_most(PROMPT):
-        verdict = frobenius.classify(row, time_limit.after(SECONDS))
+        verdict = frobenius.classify(row, progress.after(SECONDS))
     assert (verdict.kind == "exact") == system["exact"][n]
     assert (verdict.kind in ("exact", "integrable")) == system["each_integrable"][n]
     assert verdict.proof == "symbolic"
@@ -336,8 +337,7 @@ def test_what_is_found_for_one_member_is_told_of_the_others():
     members = [sympy.symbols(f"p[{n}].x p[{n}].x2 p[{n}].z", real=True) for n in (1, 2)]
     judge = memo.VerdictMemo()
     first, second = (
-        judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), time_limit.after(SECONDS))
-        for m in members
+        judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), progress.after(SECONDS)) for m in members
     )
     assert second.special == (members[1][1],)
     assert second.method == first.method.replace("p[1]", "p[2]")
@@ -391,7 +391,7 @@ def test_constants_of_linear_equations_are_exact_in_parameters_and_roots():
 
 
 def test_integrable_without_closed_form_is_said():
-    verdict = frobenius.classify(pfaffian((x, y), (x**2 + y**2, 1)), time_limit.after(3))
+    verdict = frobenius.classify(pfaffian((x, y), (x**2 + y**2, 1)), progress.after(3))
     assert (verdict.kind, verdict.integral, verdict.integrating_factor) == ("integrable", None, None)
     assert "No closed form" in verdict.method
 
@@ -459,7 +459,7 @@ def test_symbols_without_assumptions_are_given_back():
     ],
 )
 def test_identities_are_proved(expression):
-    finding = zero_test.is_zero(expression, time_limit.after(SECONDS))
+    finding = zero_test.is_zero(expression, progress.after(SECONDS))
     assert (finding.truth, finding.proof) == (zero_test.Truth.YES, "symbolic")
 
 
@@ -479,7 +479,7 @@ def test_differences_are_proved(expression):
 
 
 def test_what_cannot_be_proved_stays_unknown():
-    finding = zero_test.is_zero(sympy.asin(x) + sympy.acos(x) - sympy.pi / 2, time_limit.after(SECONDS))
+    finding = zero_test.is_zero(sympy.asin(x) + sympy.acos(x) - sympy.pi / 2, progress.after(SECONDS))
     assert (finding.truth, finding.proof) == (zero_test.Truth.UNKNOWN, "none")
     assert finding.reason
 
@@ -504,7 +504,7 @@ def test_a_hopeless_zero_test_ends_in_time():
     expression = big - sympy.expand((x + y) * (x + y + z + R + 1)) * (x + y + z + R + 1) ** 58
     expression -= (z + R + 1) * (x + y + z + R + 1) ** 59
     with spent.at_most(PROMPT):
-        finding = zero_test.is_zero(expression, time_limit.after(0.3))
+        finding = zero_test.is_zero(expression, progress.after(0.3))
     assert finding.truth is not zero_test.Truth.NO
 
 
@@ -521,7 +521,7 @@ def test_late_work_is_ended_and_leaves_no_thread():
                 continue
 
     with pytest.raises(time_limit.TimeUpError):
-        time_limit.run(time_limit.after(0.1), forever)
+        time_limit.run(progress.after(0.1), forever)
     assert alive() == []
 
 
@@ -610,7 +610,7 @@ def test_an_interrupt_that_is_swallowed_again_and_again_is_repeated(monkeypatch)
                     raise
 
     with pytest.raises(time_limit.TimeUpError):
-        time_limit.run(time_limit.after(0.05), careless)
+        time_limit.run(progress.after(0.05), careless)
     deaf.set()
     late_work_ends()
 
@@ -625,27 +625,25 @@ def test_no_thread_of_late_work_goes_on(monkeypatch):
 
     def nested(depth):
         return (
-            time_limit.run(time_limit.after(10 + depth), lambda: nested(depth - 1), 30)
-            if depth
-            else forever()
+            time_limit.run(progress.after(10 + depth), lambda: nested(depth - 1), 30) if depth else forever()
         )
 
     for _ in range(5):
         with pytest.raises(time_limit.TimeUpError):
-            time_limit.run(time_limit.after(20), lambda: nested(3), budget=120)
+            time_limit.run(progress.after(20), lambda: nested(3), budget=120)
     assert alive() == []
 
 
 def test_limits_pass_values_and_errors_on():
-    assert time_limit.run(time_limit.after(5), lambda: 7) == 7
+    assert time_limit.run(progress.after(5), lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
-        time_limit.run(time_limit.after(5), lambda: 1 // 0)
+        time_limit.run(progress.after(5), lambda: 1 // 0)
     with pytest.raises(time_limit.TimeUpError):
-        time_limit.run(time_limit.after(-1), lambda: 7)
+        time_limit.run(progress.after(-1), lambda: 7)
 
 
 def test_an_expired_deadline_gives_undecided():
-    verdict = frobenius.classify(pfaffian((x, y, z), (sympy.sin(y), x, y)), time_limit.after(-1))
+    verdict = frobenius.classify(pfaffian((x, y, z), (sympy.sin(y), x, y)), progress.after(-1))
     assert verdict.kind == "undecided"
 
 

@@ -61,7 +61,7 @@ class Case:
         )
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
-        """The flag of a group by numbers; `deadline`: a value of `time.monotonic`."""
+        """The flag of a group by numbers; `deadline`: of `progress.after`."""
         # Loaded here and not above: models without differential rows need none of it.
         from lagcli.analysis import numeric_flag
 

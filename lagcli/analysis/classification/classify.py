@@ -8,7 +8,6 @@ differentials are rows too. Only a g that vanishes nowhere, or only at single ti
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Sequence
 
 from lagcli import compiled, progress
@@ -30,7 +29,7 @@ from lagcli.model import family, settings
 from lagcli.model import model as nouns
 from lagcli.start import assembly, initial, sample_points
 
-QUICK = 1.0  # seconds for numbers to show that nothing is integrable
+QUICK = progress.Counted(1.0)  # seconds for numbers to show that nothing is integrable
 MOST = 30  # rounds of conditions that demand others
 AGAIN = "the hidden conditions of the rows have no end that algebra sees"
 
@@ -75,11 +74,11 @@ def classified(system: System, numeric: NumericSystem, limit: float = settings.L
 
 def _classified(system: System, numeric: NumericSystem, limit: float) -> Classified:
     conditions: tuple[Condition, ...] = ()
-    deadline = time.monotonic() + limit
+    deadline = progress.after(limit)
     for _ in range(MOST):
         case, conflict = _case(system, numeric)
         try:
-            found = _judged(case, max(0.0, deadline - time.monotonic()) if conditions else limit)
+            found = _judged(case, progress.left(deadline) if conditions else limit)
         except HiddenConditionsError as hidden:
             known = {one.text for one in conditions}
             new = tuple({one.text: one for one in hidden.conditions if one.text not in known}.values())
@@ -99,7 +98,7 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
 
 def certainly_nonholonomic(case: Case) -> bool:
     """True if numbers alone show that no combination of differential rows is integrable, which takes no SymPy."""
-    flags = (case.flag(group, time.monotonic() + QUICK) for group in case.groups)
+    flags = (case.flag(group, progress.after(QUICK)) for group in case.groups)
     return all(found.is_certain and not found.extra[-1] for found in flags)
 
 
@@ -154,7 +153,7 @@ def _judged(case: Case, limit: float) -> Classification:
     # Loaded here and not above: SymPy costs half a second that holonomic models need not spend.
     from lagcli.analysis.classification import classifier
 
-    judging = classifier.Classifier(case, time.monotonic() + limit)
+    judging = classifier.Classifier(case, progress.after(limit))
     found = [judging.judge(group) for group in case.groups]
     verdicts = {v.row: v for rows, _ in found for v in rows}
     names = [row.name for row in case.system.rows.rows[case.system.holonomic_count :]]

@@ -37,7 +37,7 @@ def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
 
 
 class Locality:
-    """The start of a case in the symbols of a translation; `deadline`: a value of `time.monotonic`."""
+    """The start of a case in the symbols of a translation; `deadline`: of `progress.after`."""
 
     def __init__(self, case: Case, translation: translate.Translation, deadline: float) -> None:
         self._case, self._translation, self._deadline = case, translation, deadline

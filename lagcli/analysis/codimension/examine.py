@@ -95,29 +95,30 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     chosen = independent_rows.dependence(rows, found.value).selection
     case = _Case(system, numeric, state, _times(system, state))
     independent = set(chosen.independent)
-    if len(chosen.dependencies) > MOST_DEPENDENCIES:
-        left_out = tuple(dependency[0] for dependency in chosen.dependencies)
+    parts = [among for among in _around(B, set()) if not independent.issuperset(among)]
+    follow, failing = _followed(case, [parts] if rows.is_large else _batches(parts), independent)
+    several = {i for part in failing for i in part}
+    dependencies = [dependency for dependency in chosen.dependencies if several.issuperset(dependency)]
+    if len(dependencies) > MOST_DEPENDENCIES:
+        left_out = tuple(dependency[0] for dependency in dependencies)
         such_as = initial.names_of(system, list(left_out[:1]))
         reason = (
             f"{len(left_out)} rows depend on others at the start, such as {such_as}:"
             f" that they follow from them is proved of {MOST_DEPENDENCIES} rows at most"
         )
         return Codimension("undecided", found.value, None, left_out, reason=reason)
-    groups = _connected(chosen.dependencies)
-    follow, failing = _followed(case, groups, independent)
-    if failing:  # of a group that does not follow as a whole some dependencies may
-        several = {i for group in failing for i in group}
-        dependencies = [
-            sorted(dependency) for dependency in chosen.dependencies if several.issuperset(dependency)
-        ]
-        more, _ = _followed(
-            case, [dependency for dependency in dependencies if dependency not in failing], independent
-        )
+    # Of a part that does not follow as a whole some groups may, and of a group some dependencies.
+    for smaller in (_connected(dependencies), [sorted(dependency) for dependency in dependencies]):
+        tried = [group for group in smaller if group not in failing and several.issuperset(group)]
+        more, _ = _followed(case, _batches(tried), independent)
         follow = sorted({*follow, *more})
         # Where all that is left of a group is independent, all of it follows from that.
         failing = [
-            rest for group in failing if not independent.issuperset(rest := sorted(set(group) - set(more)))
+            rest
+            for group in _connected(dependencies)
+            if not independent.issuperset(rest := sorted(set(group) - set(follow)))
         ]
+        several = {i for group in failing for i in group}
     dependent = sorted({i for dependency in chosen.dependencies for i in dependency})
     sets = [_Set("redundant", 0, 0, dependent, [], follow)]
     for among in _around(B, set(follow)) if failing else ():
@@ -164,31 +165,35 @@ def _connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
     return list(found.values())
 
 
-def _followed(case: _Case, groups: list[Rows], independent: set[int]) -> tuple[Rows, list[Rows]]:
+def _followed(case: _Case, lots: list[list[Rows]], independent: set[int]) -> tuple[Rows, list[Rows]]:
     """Rows that follow from the independent ones of their group alone, and the groups of which that is not shown.
 
-    Several groups are looked at together as long as they are few: a model of many twin rods is one of many groups.
+    Several groups are looked at together: a model of many twin rods is one of many groups. Of a lot that does not
+    follow as a whole the halves are looked at.
     """
     follow: Rows = []
     failing: list[Rows] = []
-    for several in _batches(groups):
+    for several in lots:
         rows = sorted({i for group in several for i in group})
-        is_small = len(rows) <= metric_rows.PARAMETERS.dense
-        if is_small and _is_regular(case.part(rows), len(independent.intersection(rows)), case.times):
+        part = case.part(rows)
+        if (part.is_large or len(rows) <= metric_rows.PARAMETERS.dense) and _is_regular(
+            part, independent, case.times
+        ):
             follow += [i for i in rows if i not in independent]
         elif len(several) == 1:
             failing += several
         else:
-            some, others = _followed(case, several[: len(several) // 2], independent)
-            more, rest = _followed(case, several[len(several) // 2 :], independent)
-            follow, failing = follow + some + more, failing + others + rest
+            halves = [several[: len(several) // 2], several[len(several) // 2 :]]
+            some, others = _followed(case, halves, independent)
+            follow, failing = follow + some, failing + others
     return sorted(follow), failing
 
 
-def _is_regular(part: ScaledPart, row_rank: int, times: Sequence[float]) -> bool:
+def _is_regular(part: ScaledPart, independent: set[int], times: Sequence[float]) -> bool:
     from lagcli.analysis.codimension import manifold, scaled_equations
 
-    return scaled_equations.is_smooth(part) and manifold.is_regular(part, row_rank, times)
+    chosen = [k for k, i in enumerate(part.rows) if i in independent]
+    return scaled_equations.is_smooth(part) and manifold.is_regular(part, len(chosen), times, chosen)
 
 
 def _batches(groups: list[Rows]) -> list[list[Rows]]:

@@ -7,14 +7,18 @@ way off: if all of F vanishes there but for rounding, F = 0 is the manifold.
 
 from __future__ import annotations
 
-import dataclasses
+import abc
 from collections.abc import Sequence
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
-from lagcli.linear import rank
+from lagcli.linear import metric_rows, rank
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,33 +69,104 @@ PARAMETERS = ManifoldParameters()
 SEED = 20061
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Manifold:
-    """A F = 0 near z0: `chosen` is A (r, E)."""
+class Look(Protocol):
+    """Equations F (E,) at a point, those of them that cut out the manifold, and its directions there."""
 
-    equations: Equations
-    chosen: Floats
+    F: Floats
+    is_finite: bool
+    rest: Floats
+    """A F (r,)."""
+
+    @property
+    def lengths(self) -> Floats:
+        """The lengths of the gradients (E,)."""
+        ...
+
+    def shortest(self) -> Floats | None:
+        """The shortest step with A dF step = A F, or None where their gradients are dependent."""
+        ...
+
+    def tangent(self, direction: Floats) -> Floats:
+        """The part of a direction along the manifold."""
+        ...
+
+
+class _DenseLook:
+    """A dense, as are the derivatives J (E, N)."""
+
+    def __init__(self, F: Floats, J: Floats, A: Floats) -> None:
+        self.F, self._J, self._A = F, J, A
+        self.is_finite = bool(np.isfinite(F).all() and np.isfinite(J).all())
+        self.rest = A @ F
+
+    @property
+    def lengths(self) -> Floats:
+        return np.asarray(np.linalg.norm(self._J, axis=1))
+
+    def shortest(self) -> Floats | None:
+        Q, R = np.linalg.qr((self._A @ self._J).T)
+        if np.abs(np.diag(R)).min(initial=1.0) < rank.PARAMETERS.small:
+            return None
+        return np.asarray(Q @ np.linalg.solve(R.T, self.rest))
+
+    def tangent(self, direction: Floats) -> Floats:
+        Q, _ = np.linalg.qr((self._A @ self._J).T)
+        return np.asarray(direction - Q @ (Q.T @ direction))
+
+
+class _SparseLook:
+    """A takes some of the equations as they are, and the derivatives J (E, N) are sparse."""
+
+    def __init__(self, F: Floats, J: LocalRows, chosen: list[int]) -> None:
+        self.F, self._J, self._chosen = F, J, chosen
+        self.is_finite = bool(np.isfinite(F).all() and np.isfinite(J.values).all())
+        self.rest = F[chosen]
+
+    @property
+    def lengths(self) -> Floats:
+        return self._J.norms
+
+    @cached_property
+    def _rows(self) -> MetricRows:
+        B = self._J.B[self._chosen, :]
+        return MetricRows(B, Metric.unit(int(B.shape[1])))
+
+    def shortest(self) -> Floats | None:
+        step = -self._rows.correction(self.rest, metric_rows.PARAMETERS.shift)
+        return step if np.isfinite(step).all() else None
+
+    def tangent(self, direction: Floats) -> Floats:
+        across = self._J.times(direction)[self._chosen]
+        return direction + self._rows.correction(across, metric_rows.PARAMETERS.shift)
+
+
+class Walked(abc.ABC):
+    """A F = 0 near z0, a manifold to walk on."""
+
+    rounding: float
+
+    @abc.abstractmethod
+    def look(self, z: Floats, t: float) -> Look:
+        """The equations at a point."""
 
     def reached(self, z: Floats, t: float) -> Floats | None:
         """The point of the manifold that Newton's method reaches from z, or None."""
-        limit = PARAMETERS.solved + PARAMETERS.roundings * self.equations.rounding
+        limit = PARAMETERS.solved + PARAMETERS.roundings * self.rounding
         for _ in range(PARAMETERS.newton_steps):
-            F, J = self.equations.at(z, t)
-            if not (np.isfinite(F).all() and np.isfinite(J).all()):
+            here = self.look(z, t)
+            if not here.is_finite:
                 return None
-            rest = self.chosen @ F
-            if np.abs(rest).max(initial=0.0) <= limit:
+            if np.abs(here.rest).max(initial=0.0) <= limit:
                 return z
-            Q, R = np.linalg.qr((self.chosen @ J).T)
-            if np.abs(np.diag(R)).min(initial=1.0) < rank.PARAMETERS.small:
+            step = here.shortest()
+            if step is None:
                 return None
-            z = z - Q @ np.linalg.solve(R.T, rest)
+            z = z - step
         return None
 
     def step(self, z: Floats, t: float, direction: Floats) -> Floats | None:
         """A point of the manifold about a step away along the tangent part of a direction, or None."""
-        Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
-        along = direction - Q @ (Q.T @ direction)
+        along = self.look(z, t).tangent(direction)
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.PARAMETERS.large:  # nowhere to go: the manifold is a point
             return z
@@ -104,17 +179,16 @@ class Manifold:
 
     def holds_all(self, z: Floats, t: float, off: float) -> bool:
         """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
-        F, _ = self.equations.at(z, t)
+        F = self.look(z, t).F
         limit = (
             min(PARAMETERS.vanishes + PARAMETERS.written * off, PARAMETERS.off)
-            + PARAMETERS.roundings * self.equations.rounding
+            + PARAMETERS.roundings * self.rounding
         )
         return bool(np.abs(F).max(initial=0.0) <= limit) and limit < PARAMETERS.hidden
 
     def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
         """True if some equations do not vanish at points of the manifold far along a straight line from z."""
-        Q, _ = np.linalg.qr((self.chosen @ self.equations.at(z, t)[1]).T)
-        along = direction - Q @ (Q.T @ direction)
+        along = self.look(z, t).tangent(direction)
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.PARAMETERS.large:
             return False
@@ -123,14 +197,38 @@ class Manifold:
             there = self.reached(point, t)
             if there is None or np.abs(there - point).max() > PARAMETERS.step:
                 return False  # it is curved: what Newton's method finds may be another branch
-            F, J = self.equations.at(there, t)
-            distance = np.abs(F) / np.maximum(np.linalg.norm(J, axis=1), 1.0)
-            if (
-                distance.max(initial=0.0)
-                > PARAMETERS.off + PARAMETERS.roundings * size * self.equations.rounding
-            ):
+            look = self.look(there, t)
+            distance = np.abs(look.F) / np.maximum(look.lengths, 1.0)
+            if distance.max(initial=0.0) > PARAMETERS.off + PARAMETERS.roundings * size * self.rounding:
                 return True
         return False
+
+
+class Manifold(Walked):
+    """A F = 0 with a matrix `chosen` A (r, E)."""
+
+    def __init__(self, equations: Equations, chosen: Floats) -> None:
+        self._equations, self._chosen = equations, chosen
+
+    @property
+    def rounding(self) -> float:  # type: ignore[override]
+        """The amount by which rounding moves values of F near zero."""
+        return self._equations.rounding
+
+    def look(self, z: Floats, t: float) -> Look:
+        """The equations at a point."""
+        return _DenseLook(*self._equations.at(z, t), self._chosen)
+
+
+class LargeManifold(Walked):
+    """Some of the rows of a large part, by their numbers there."""
+
+    def __init__(self, part: ScaledPart, chosen: list[int]) -> None:
+        self._part, self._chosen, self.rounding = part, chosen, part.rounding
+
+    def look(self, z: Floats, t: float) -> Look:
+        """The rows at a point."""
+        return _SparseLook(*self._part.entries_at(z, t), self._chosen)
 
 
 def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | None:
@@ -143,13 +241,22 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
     return Manifold(equations, left[:, :count].T) if large == small == count else None
 
 
-def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
+def _of_many(part: ScaledPart, chosen: list[int]) -> LargeManifold | None:
+    """The manifold of those rows of a large part, or None where no gap shows its rank to be their number."""
+    _, J = part.entries_at(part.begin, part.state.t)
+    if not np.isfinite(J.values).all():
+        return None
+    rows = MetricRows(J.B, Metric.unit(int(J.B.shape[1])))
+    return LargeManifold(part, chosen) if rank.estimate(rows).value == len(chosen) else None
+
+
+def satisfies_all(found: Walked, z: Floats, t: float, times: Sequence[float]) -> bool:
     """True if all equations vanish on the manifold around a point of it, and at other times.
 
     Where a step cannot be made, or rounding is too large to see it, that is not shown.
     """
     random = np.random.default_rng(SEED)
-    off = float(np.abs(found.equations.at(z, t)[0]).max(initial=0.0))
+    off = float(np.abs(found.look(z, t).F).max(initial=0.0))
     if found.fails_far(z, t, random.standard_normal(z.size)):
         return False
     for time in (*([t] * PARAMETERS.walks), *times):
@@ -163,8 +270,9 @@ def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) 
     return True
 
 
-def is_regular(part: ScaledPart, count: int, times: Sequence[float]) -> bool:
-    """True if rows of this rank at their begin cut out a surface of that codimension, and do so at other times.
+def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent: Sequence[int] = ()) -> bool:
+    """True if rows of this rank at their begin cut out a surface of that codimension, and do so at other times. Of a
+    large part as many `independent` ones are given.
 
     Then some of them cut it out and the others vanish on it, and the multiplier rule (D.13-D.22) holds: there are
     multipliers for the force that the surface needs, though not single ones.
@@ -172,5 +280,5 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float]) -> bool:
     t = part.state.t
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
-    found = along(part, part.begin, t, count)
+    found = _of_many(part, list(independent)) if part.is_large else along(part, part.begin, t, count)
     return found is not None and satisfies_all(found, part.begin, t, times)

@@ -9,16 +9,20 @@ from __future__ import annotations
 import dataclasses
 from typing import Protocol
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.linear import metric_rows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 Indices = list[int]
+IndexArray = npt.NDArray[np.intp]
 
 
 class ScalingParameters:
@@ -87,12 +91,34 @@ class ScaledPart:
         gradient = np.array(B[self.rows, self.coordinates]) * self.unit
         return np.array(f).ravel()[self.rows] / self.weight, gradient / self.weight[:, None]
 
+    def entries_at(self, z: Floats, t: float) -> tuple[Floats, LocalRows]:
+        """F (k,) as of `at`, and the derivatives by their entries."""
+        f, B = self.numeric.holonomic(t, self.configuration(z), self.state.p)
+        rows = LocalRows(B[self.rows, self.coordinates])
+        scaled = rows.values * self.unit[rows.column] / self.weight[rows.row]
+        return np.array(f).ravel()[self.rows] / self.weight, LocalRows(
+            ca.DM(rows.B.sparsity(), ca.DM(scaled))
+        )
+
     def hessian(self, z: Floats, t: float, stress: Floats) -> Floats:
         """Second derivatives (m, m) of stress . F at x = z."""
+        found = np.zeros((len(self.coordinates), len(self.coordinates)))
+        one, other, values = self.hessian_entries(z, t, stress)
+        found[one, other] = values
+        return found
+
+    def hessian_entries(self, z: Floats, t: float, stress: Floats) -> tuple[IndexArray, IndexArray, Floats]:
+        """The indices and values (e,) of its entries."""
         whole = np.zeros(int(self.numeric.hessian.size1_in(2)))
         whole[self.rows] = stress / self.weight
         H = self.numeric.hessian(t, self.configuration(z), whole, self.state.p)
-        return np.array(H[self.coordinates, self.coordinates]) * np.outer(self.unit, self.unit)
+        found = LocalRows(H[self.coordinates, self.coordinates])
+        return found.row, found.column, found.values * self.unit[found.row] * self.unit[found.column]
+
+    @property
+    def is_large(self) -> bool:
+        """True if the rows are too many to be looked at densely."""
+        return metric_rows.are_many(len(self.rows), len(self.coordinates))
 
     def configuration(self, z: Floats) -> Floats:
         """The configuration q (n,); coordinates without these rows stay where they are."""
@@ -120,17 +146,15 @@ class ScaledPart:
 class _Second:
     """The second derivatives of k rows by m coordinates that are not zero, with their indices, all (z,)."""
 
-    row: npt.NDArray[np.intp]
-    one: npt.NDArray[np.intp]
-    other: npt.NDArray[np.intp]
+    row: IndexArray
+    one: IndexArray
+    other: IndexArray
     sizes: Floats
     shape: tuple[int, int]
 
     def changes(self, unit: Floats) -> Floats:
-        """The most that gradients (k, m) change where each coordinate moves by its unit (m,)."""
-        indices = self.row * self.shape[1] + self.one
-        found = np.bincount(indices, self.sizes * unit[self.other], minlength=self.shape[0] * self.shape[1])
-        return np.asarray(found.reshape(self.shape), dtype=float)
+        """The terms (z,) of what gradients change by where each coordinate moves by its unit (m,)."""
+        return np.asarray(self.sizes * unit[self.other])
 
     def norms(self, unit: Floats) -> Floats:
         """Their sizes (k,) in these units."""
@@ -138,27 +162,50 @@ class _Second:
         return np.sqrt(np.bincount(self.row, scaled**2, minlength=self.shape[0]))
 
 
-def _second(plain: ScaledPart) -> _Second:
-    k, m = len(plain.rows), len(plain.coordinates)
+def _second(plain: ScaledPart, J: LocalRows) -> _Second:
+    """Rows over other coordinates each are looked at together."""
+    k, m = J.count, len(plain.coordinates)
     indices, sizes = [], []
-    for row, chosen in enumerate(np.eye(k)):
-        H = plain.hessian(plain.begin, plain.state.t, chosen)
-        one, other = np.nonzero(H)
-        indices.append(np.array([np.full(one.size, row), one, other], dtype=np.intp))
-        sizes.append(np.abs(H[one, other]))
+    for rows in _apart(J):
+        chosen, owner = np.zeros(k), np.full(m, -1, dtype=np.intp)
+        chosen[rows] = 1.0
+        among = chosen[J.row] > 0
+        owner[J.column[among]] = J.row[among]
+        one, other, values = plain.hessian_entries(plain.begin, plain.state.t, chosen)
+        there = np.flatnonzero(values)
+        indices.append(np.array([owner[one[there]], one[there], other[there]], dtype=np.intp))
+        sizes.append(np.abs(values[there]))
     row, one, other = np.concatenate(indices, axis=1)
     return _Second(row, one, other, np.concatenate(sizes), (k, m))
+
+
+def _apart(J: LocalRows) -> list[Indices]:
+    """Sets of rows that have no coordinate in common, each row in the first that has room for it."""
+    columns: list[list[int]] = [[] for _ in range(J.count)]
+    for row, column in zip(J.row.tolist(), J.column.tolist(), strict=True):
+        columns[row].append(column)
+    found: list[Indices] = []
+    sets_of: dict[int, set[int]] = {}
+    for row, own in enumerate(columns):
+        taken = set().union(*(sets_of.get(column, set()) for column in own))
+        number = next(n for n in range(len(found) + 1) if n not in taken)
+        if number == len(found):
+            found.append([])
+        found[number].append(row)
+        for column in own:
+            sets_of.setdefault(column, set()).add(number)
+    return found
 
 
 def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> ScaledPart:
     """The part of some rows at a state."""
     sparse = numeric.holonomic(state.t, state.q, state.p)[1][rows, :]
     coordinates = sorted(set(sparse.sparsity().get_col()))
-    B = np.array(sparse[:, coordinates])
+    B = LocalRows(sparse[:, coordinates])
     plain = ScaledPart(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))
-    second = _second(plain)
+    second = _second(plain, B)
     unit = _units(system, state, coordinates, B, second)
-    steep, bent = np.linalg.norm(B * unit, axis=1), second.norms(unit)
+    steep, bent = LocalRows(ca.DM(B.B.sparsity(), ca.DM(B.values * unit[B.column]))).norms, second.norms(unit)
     with np.errstate(divide="ignore", invalid="ignore"):
         radii = (steep / bent)[steep > PARAMETERS.flat * bent]
     radius = float(np.median(radii)) if radii.size else 1.0
@@ -175,20 +222,21 @@ def is_smooth(part: ScaledPart) -> bool:
     random = np.random.default_rng(SEED)
     mixed, direction = random.standard_normal(len(part.rows)), random.standard_normal(len(part.coordinates))
     z, t = part.begin, part.state.t
-    H = part.hessian(z, t, mixed)
-    here = mixed @ part.at(z, t)[1]
+    one, other, values = part.hessian_entries(z, t, mixed)
+    bend = np.bincount(one, values * direction[other], minlength=direction.size)
+    here = part.entries_at(z, t)[1].combined(mixed)
     limit = (
-        PARAMETERS.close * PARAMETERS.bent * max(1.0, float(np.abs(H).max(initial=0.0)))
+        PARAMETERS.close * PARAMETERS.bent * max(1.0, float(np.abs(values).max(initial=0.0)))
         + PARAMETERS.roundings * part.rounding
     )
     for side in (-PARAMETERS.close, PARAMETERS.close):
-        change = mixed @ part.at(z + side * direction, t)[1] - here
-        if not np.abs(change - side * H @ direction).max(initial=0.0) <= limit:  # nan neither
+        change = part.entries_at(z + side * direction, t)[1].combined(mixed) - here
+        if not np.abs(change - side * bend).max(initial=0.0) <= limit:  # nan neither
             return False
     return True
 
 
-def _units(system: System, state: State, coordinates: Indices, B: Floats, second: _Second) -> Floats:
+def _units(system: System, state: State, coordinates: Indices, B: LocalRows, second: _Second) -> Floats:
     """Units (m,) of coordinates: of particles the extent of their positions, the same for all of them; of generalized
     ones such that they move the rows alike, with first and second derivatives, B (k, m) and `second`."""
     q = state.q[coordinates]
@@ -197,11 +245,20 @@ def _units(system: System, state: State, coordinates: Indices, B: Floats, second
         axes = [[i for i in coordinates if i % 3 == axis] for axis in range(3)]
         extent = max((float(np.ptp(state.q[axis])) for axis in axes if axis), default=0.0)
         return np.full(len(q), extent or initial.size(q))
-    unit = np.full(len(q), initial.size(q))
+    unit, m = np.full(len(q), initial.size(q)), len(q)
+    numbers, of_both = np.unique(
+        np.concatenate([B.row * m + B.column, second.row * m + second.one]), return_inverse=True
+    )
+    row, column = np.divmod(numbers, m)
+    of_B, of_second = of_both[: B.row.size], of_both[B.row.size :]
     for _ in range(PARAMETERS.equilibrations):
-        size = np.maximum(np.abs(B), second.changes(unit)) * unit
-        longest = size.max(axis=1, initial=0.0)
-        size /= np.where(longest > 0, longest, 1.0)[:, None]
-        across = size.max(axis=0, initial=0.0)
+        size = np.zeros(numbers.size)
+        np.add.at(size, of_second, second.changes(unit))
+        size[of_B] = np.maximum(size[of_B], np.abs(B.values))
+        size *= unit[column]
+        longest, across = np.zeros(B.count), np.zeros(m)
+        np.maximum.at(longest, row, size)
+        size /= np.where(longest > 0, longest, 1.0)[row]
+        np.maximum.at(across, column, size)
         unit = unit / np.sqrt(np.where(across > 0, across, 1.0))
     return np.asarray(unit * initial.size(q / unit))

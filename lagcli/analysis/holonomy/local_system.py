@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -27,6 +26,8 @@ Numbers = npt.NDArray[np.int64]
 LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
 PERIOD = 2 * np.pi
+# Seconds of processor time for forms at points, and for each of their entries.
+FORMS, ENTRY = 1e-4, 1e-6
 # Points beside the start; the same in every run.
 SAMPLES, SEED = 5, 1909
 
@@ -58,7 +59,7 @@ class LoopTimeUpError(Exception):
 class LocalPart:
     """`rows` (c,) and `coordinates` (k,) are numbers in the whole system; `row` is the one in question, in `rows`.
 
-    After `deadline` (monotonic clock, s) it answers with `LoopTimeUpError`.
+    After `deadline` (see `progress.after`) it answers with `LoopTimeUpError`.
     """
 
     system: System
@@ -115,6 +116,7 @@ class LocalPart:
         Its columns are those of displacements in the units of the points.
         """
         self.wait()
+        progress.reckon(FORMS + ENTRY * len(Z) * self._entries[0].size)
         Z = Z * self.scale
         most = max(1, TOUCHED // max(1, self._entries[0].size))
         found = [self._forms(Z[i : i + most]) for i in range(0, len(Z), most)]
@@ -123,7 +125,7 @@ class LocalPart:
     def wait(self) -> None:
         """Raises `LoopTimeUpError` after the deadline, and `OverTime` where the time of the whole work is over."""
         progress.require_time()
-        if time.monotonic() > self.deadline:
+        if progress.left(self.deadline) < 0:
             raise LoopTimeUpError
 
     @cached_property

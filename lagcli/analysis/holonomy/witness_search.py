@@ -92,7 +92,7 @@ SEED = 2023
 
 
 def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> Witness | None:
-    """A witness for a row by name, or None where none was found before the deadline (monotonic clock, s).
+    """A witness for a row by name, or None where none was found before the deadline (see `progress.after`).
 
     Raises `diagnostics.ModelError` where no consistent configuration is found, `KeyError` for an unknown row.
     """

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import progress
 from lagcli.analysis.numeric_flag import evaluation_point, multiprecision, precise_brackets, undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
@@ -29,8 +30,8 @@ ROUGH_ZERO, ROUGH_SURE, OFFSET = Decimal("1e-13"), Decimal("1e-8"), 1e-13
 DEEPER = 1e-4
 # Random components are whole numbers up to this, so that one random bracket stands for all.
 LETTERS = 10**6
-# Multiplications beyond which no bracket is computed; in many digits a million of them takes about a second.
-LARGEST = 4_000_000
+# Multiplications beyond which no bracket is computed, and the seconds of one in many digits.
+LARGEST, SECONDS = 4_000_000, 1e-6
 # The same for a component of x in doubles.
 DOUBLES = 5
 SEED = 20062
@@ -73,8 +74,10 @@ class BracketValues:
         added: list[DigitSample] = []
         while span.rank < end:
             undecided.require_time(self._deadline)
-            if _work(shape) * self._length > LARGEST:
+            work = _work(shape) * self._length
+            if work > LARGEST:
                 raise undecided.Undecided(f"brackets of {lie_brackets.leaves(shape)} fields are too large")
+            progress.reckon(work * SECONDS)
             sample = self._sample(shape)
             if not span.add(sample):
                 break

@@ -18,11 +18,14 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import progress
 from lagcli.analysis.numeric_flag import undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
+from lagcli.equations import kinks
 from lagcli.equations.system import System
+from lagcli.linear import generic_direction
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
@@ -90,6 +93,10 @@ class FlowParameters:
 PARAMETERS = FlowParameters()
 # Of random directions: a fixed one, so that a verdict does not change.
 SEED = 20062
+# Straight lines through a start on switches, which are looked at on both sides.
+LINES = 4
+# Seconds of processor time for a field at a point, and for each entry of its rows.
+FIELD, ENTRY = 1e-4, 1e-6
 
 
 class Points:
@@ -119,11 +126,15 @@ class Points:
         return max(enumerate(self.visited), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
     def both_sides_turn(self) -> bool:
-        """True if the brackets of two fields are as many as rows on both sides of a switch that the start lies on."""
+        """True if the brackets of two fields are as many as rows on the sides of the switches that the start lies on:
+        of one switch on both, of several on those to which some straight lines through the start lead."""
         if not self._block.has_kinks:
             return True
-        sides = (self._block.on_branch(self.start.x, self.start.p, math.inf, side) for side in (1.0, -1.0))
-        points = [EvaluationPoint(block, self.start.x, self.start.p) for block in sides]
+        x, p = self.start.x, self.start.p
+        way = kinks.PARAMETERS.farther * initial.size(x)
+        lines = [way * generic_direction.direction(x.size, seed) for seed in range(LINES)]
+        sides = (self._block.on_branch(x + side * line, p, 0.0) for line in lines for side in (1.0, -1.0))
+        points = (EvaluationPoint(block, x, p) for block in sides)
         return all(one.is_finite and one.first == len(one.independent) for one in points)
 
     def flow(self) -> list[EvaluationPoint]:
@@ -169,6 +180,7 @@ class ReachablePoints:
 
         def along(x: Floats) -> Floats | None:
             A, _ = self._block.rows(x, point.p)
+            progress.reckon(FIELD + ENTRY * A.nnz())
             if not np.isfinite(A.nonzeros()).all():
                 return None
             return _projected(row_block.scaled(A[independent, :], ranges), u)

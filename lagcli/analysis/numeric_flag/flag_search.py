@@ -28,7 +28,7 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 
 CONDITION = "a combination of the rows says g dt = 0, and the condition g = 0 was not found in closed form"
-SIDES_DIFFER = "the start lies on a kink (abs, sign, min, max), whose sides may differ"
+SIDES_DIFFER = "the start lies, to nine digits, on a kink (abs, sign, min, max), whose sides may differ"
 # What a start that was declared in decimals shows where it lies on a special point.
 AT_START = Limits(Decimal("1e-11"), Decimal("1e-11"))
 # The limits that are tried: numbers as they are written, as doubles, and at last as those of a start that was rounded,
@@ -87,7 +87,7 @@ class NumericFlag:
 def flag(system: System, begin: State, rows: Sequence[int], deadline: float = math.inf) -> NumericFlag:
     """The flag of the differential ones among `rows`, indices of rows of the system, the others holonomic.
 
-    begin: a start on the surface; the flag is that of the motions from it. deadline: a value of `time.monotonic` at
+    begin: a start on the surface; the flag is that of the motions from it. deadline: of `progress.after`, at
     which the search is given up.
     """
     block = RowBlock(system, sorted(rows))

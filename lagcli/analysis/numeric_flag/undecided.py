@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from lagcli import progress
 
 
@@ -19,7 +17,7 @@ class AmbiguousRank(Undecided):
 
 
 def require_time(deadline: float) -> None:
-    """Raise `Undecided` after a value of `time.monotonic`, and `OverTime` where the time of the whole work is over."""
+    """Raise `Undecided` after a deadline of `progress.after`, `OverTime` where the time of the whole work is over."""
     progress.require_time()
-    if time.monotonic() > deadline:
+    if progress.left(deadline) < 0:
         raise Undecided("the time limit ended the search for brackets")

@@ -12,11 +12,12 @@ from lagcli.model import settings
 from lagcli.output.files import formats
 
 
-def _seconds(value: float) -> float:
-    """A limit as it is. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
+def _seconds(context: typer.Context, option: typer.CallbackParam, value: float) -> float:
+    """A limit as it is, or that of nobody. Raises `typer.BadParameter` for nan, which no lower bound refuses."""
     if math.isnan(value):
         raise typer.BadParameter("must be a number of seconds, not nan")
-    return value
+    source = context.get_parameter_source(option.name or "")
+    return settings.LIMIT if source is None or source.name == "DEFAULT" else value
 
 
 ModelArgument = Annotated[
@@ -36,7 +37,8 @@ SetOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
 LimitOption = Annotated[
-    float, typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="time for proofs")
+    float,
+    typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="processor time for proofs"),
 ]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
 VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]

@@ -8,6 +8,7 @@ import pathlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from lagcli import progress
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.output.files import write_guard
@@ -80,7 +81,9 @@ def shown(model: Model, report: Report, row: str, assemble: bool, limit: float, 
 
     found = checking.witness(model, row, assemble=assemble, limit=limit)
     if found is None:
-        reason = f"undecided: no loop that shows `{row}` to be nonholonomic was found in {limit:g} s"
+        reason = (
+            f"undecided: no loop that shows `{row}` to be nonholonomic was found in {progress.told(limit)}"
+        )
         return Answer(None, reason, exits.UNDECIDED)
     if plot is not None:
         with write_guard.drawing(plot):

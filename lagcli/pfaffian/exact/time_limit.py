@@ -1,10 +1,10 @@
 """Hard limits for computer algebra, on every platform and in every thread: a time, and a budget of operations.
 
 A verdict must not depend on the machine. So what a search may cost is a budget of operations, which ends at the same
-place on every machine, and the time, which `--limit` gives, only bounds it from above. An operation is the making of
-a sum, product, power, function or whole number: SymPy remembers their values, and its memory counts how often it is
-asked. Searches for integrals make 20 000 to 70 000 in a second of a processor of 2023, some 40 000 in the middle.
-Arithmetic of polynomials and of intervals makes few.
+place on every machine, and so does the limit of all of them, unless `--limit` gives it in seconds of the processor. An
+operation is the making of a sum, product, power, function or whole number: SymPy remembers their values, and its memory
+counts how often it is asked. Searches for integrals make 20 000 to 70 000 in a second of a processor of 2023, some
+40 000 in the middle. Arithmetic of polynomials and of intervals makes few.
 
 SymPy's solvers and integrators may run for ever on small input. Signals work only in the main thread of a
 POSIX process, and a process of its own must import SymPy again (half a second) and has to copy the
@@ -34,6 +34,9 @@ Value = TypeVar("Value")
 SLOWEST = 8_000.0
 """Operations in a second of processor time, below which a budget of them ends by time: there the work was hardly
 anything but arithmetic that is not counted. On a machine some times as slow others still end by their operations."""
+
+USUAL = 40_000.0
+"""Operations in a second of processor time, by which limits are reckoned that nobody gave in seconds."""
 
 _COUNTED = tuple(
     make.cache_info  # not there where SymPy remembers nothing (`SYMPY_USE_CACHE=no`)
@@ -74,26 +77,20 @@ def operations() -> int:
     return sum(one.hits + one.misses for one in counted)
 
 
-def after(seconds: float) -> float:
-    """The deadline (a value of the monotonic clock, s) that lies `seconds` ahead."""
-    return time.monotonic() + seconds
-
-
-def left(deadline: float) -> float:
-    """Seconds until `deadline`; negative when it has passed."""
-    return deadline - time.monotonic()
+_BEFORE = operations()  # those of the import of SymPy
+progress.reckons(lambda: (operations() - _BEFORE) / USUAL)
 
 
 def check(deadline: float) -> None:
     """Raise `TimeUpError` when `deadline` has passed, or the budget of the work that calls it is spent."""
-    if left(deadline) <= 0:
+    if progress.left(deadline) <= 0:
         raise TimeUpError("no time left")
     if operations() > getattr(_local, "end", math.inf):
         raise TimeUpError("the budget of operations is spent")
 
 
 def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -> Value:
-    """The value of `work()`, computed before `deadline` (monotonic clock, s).
+    """The value of `work()`, computed before `deadline` (see `progress.after`).
 
     With a budget the work also ends after so many operations (`operations`): what is found does not depend on
     the speed of the machine. What comes later than that counts as late, though it came. Exceptions of `work` are
@@ -111,8 +108,9 @@ def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -
 
 def _alone(deadline: float, work: Callable[[], Value]) -> Value:
     """The value of `work()`, while no other thread has one in hand: operations are counted for the whole process."""
-    if not _turn.acquire(timeout=min(max(0.0, left(deadline)), threading.TIMEOUT_MAX)):
-        raise TimeUpError("the time limit was reached")
+    while not _turn.acquire(timeout=_POLL):
+        if progress.left(deadline) <= 0:
+            raise TimeUpError("the time limit was reached")
     try:
         return work()
     finally:
@@ -146,7 +144,7 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
         _start(thread)
         while thread.is_alive():
             progress.require_time()
-            rest = min(left(until), spent + seconds - time.process_time())
+            rest = min(progress.left(until), spent + seconds - time.process_time())
             if rest <= 0 or operations() > end:
                 raise TimeUpError("the limit was reached")
             thread.join(min(rest, _POLL))  # short: an interrupt from outside waits for the end of a join
@@ -155,7 +153,8 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
         around.remove(own)
     if errors:
         raise errors[0]
-    if not values or operations() > end:
+    is_late = isinstance(until, progress.Counted) and progress.left(until) <= 0
+    if not values or is_late or operations() > end:
         raise TimeUpError("the limit was reached")
     return values[0]
 
@@ -186,7 +185,7 @@ def _end(work: _Work) -> None:
     and a long piece of machine code meets none. After `_KILL_PATIENCE` another thread goes on with it: what is late
     must not go on to work beside what comes next.
     """
-    if not _interrupted(work, after(_KILL_PATIENCE)):
+    if not _interrupted(work, time.monotonic() + _KILL_PATIENCE):
         pursuit = threading.Thread(
             target=_interrupted, args=(work, math.inf), name="lagcli-late", daemon=True
         )
@@ -194,9 +193,9 @@ def _end(work: _Work) -> None:
 
 
 def _interrupted(work: _Work, give_up: float) -> bool:
-    """True if all its threads have ended before `give_up` (monotonic clock, s)."""
+    """True if all its threads have ended before `give_up` (see `progress.after`)."""
     with _quiet:
-        while (threads := work.alive()) and left(give_up) > 0:
+        while (threads := work.alive()) and time.monotonic() < give_up:
             for thread in threads:
                 if thread.ident is not None:
                     ctypes.pythonapi.PyThreadState_SetAsyncExc(

@@ -40,7 +40,7 @@ class Finding:
 def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
     """Tell if the expression vanishes identically, or wherever all expressions of `surface` do.
 
-    Ends at `deadline` (monotonic clock, s) with "unknown". On a surface "no" is numeric: a value at points found
+    Ends at `deadline` (see `progress.after`) with "unknown". On a surface "no" is numeric: a value at points found
     by Newton's method with 50 digits.
     """
     if surface:

@@ -78,7 +78,7 @@ def flag(
 
     It holds for nearly all values of the parameters, and for those of `values` where some are given: else
     `function_field.ExceptionalError` is raised. Raises `function_field.NotDecidedError` where an entry is neither
-    proved zero nor proved not, at `deadline` (monotonic clock, s) and where expressions grow too large.
+    proved zero nor proved not, at `deadline` (see `progress.after`) and where expressions grow too large.
     """
     try:
         return time_limit.run(deadline, lambda: _FlagSearch(block, deadline, time, values or {}).flag())

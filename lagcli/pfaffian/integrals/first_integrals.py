@@ -38,8 +38,8 @@ def search(
 ) -> tuple[Found, ...]:
     """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
 
-    The rows are completely integrable, on the surface of the block where it has one; the deadline is a value of
-    the monotonic clock, s. Fewer than C, or none, where no closed form was found. Where the rows are not completely
+    The rows are completely integrable, on the surface of the block where it has one; the deadline is one of
+    `progress.after`. Fewer than C, or none, where no closed form was found. Where the rows are not completely
     integrable, `wanted` tells how many integrals there are. `budget`: of operations for all ways together.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}

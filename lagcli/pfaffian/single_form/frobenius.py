@@ -17,6 +17,7 @@ from typing import Literal
 import sympy
 from sympy.polys.rings import PolyElement
 
+from lagcli import progress
 from lagcli.pfaffian.exact import enclosure, normal_form, time_limit, zero_test
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -68,7 +69,7 @@ class FormVerdict:
 
 
 def classify(form: forms.Form, deadline: float) -> FormVerdict:
-    """The verdict for `form`, at the latest at `deadline` (monotonic clock, s; see `time_limit.after`).
+    """The verdict for `form`, at the latest at `deadline` (see `progress.after`).
 
     A form without a finite real value and one that vanishes identically are undecided, with the reason.
     """
@@ -172,7 +173,7 @@ def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> 
 
 def _search(form: forms.Form, deadline: float) -> integrating_factors.FactorResult | None:
     try:
-        until = time_limit.after(_SEARCH_SHARE * time_limit.left(deadline))
+        until = progress.soon(deadline, _SEARCH_SHARE)
         return time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH)
     except time_limit.TimeUpError:
         return None

@@ -1,0 +1,104 @@
+"""Limits of searches: reckoned from operations where nobody gives one, of the processor where somebody does."""
+
+import itertools
+import pickle
+import time
+from types import SimpleNamespace
+
+import pytest
+
+import lagcli
+from lagcli import progress
+from lagcli.api import check as checking
+from lagcli.api.models import cache
+from lagcli.derivation import derivation
+from lagcli.equations import system
+from lagcli.model import settings
+
+pytestmark = pytest.mark.numeric
+
+KNIFE = """lagcli: 1
+coordinates: {x: {value: 0.1}, y: {value: 0.2}, p: {value: 0.3}, w: {value: 0.4}}
+lagrangian: rate(x)**2/2 + rate(y)**2/2 + rate(p)**2/2 + rate(w)**2/2
+differential:
+  edge: d(y)*cos(p) - d(x)*sin(p) = 0
+  more: exp(w)*d(w) + x*exp(w)*d(y) + y*exp(w)*d(x) = 0
+"""
+# Powers of powers of numbers are left to numbers.
+NUMBERS = KNIFE.replace("exp(w)*d(w) + x*exp(w)*d(y) + y*exp(w)*d(x)", "d(w) - (1.00001**200)**10*y*d(y)")
+
+
+@pytest.fixture
+def racing(monkeypatch):
+    """A clock of the wall on which hours pass from one look to the next."""
+    clock = itertools.count(0.0, 3600.0)
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    cache.forget()
+
+
+@pytest.mark.parametrize(("text", "freedoms"), [(KNIFE, (3, 2)), (NUMBERS, (3, 2))])
+def test_no_clock_of_the_wall_ends_a_proof(text, freedoms, racing):
+    count = lagcli.dof(lagcli.loads(text))
+    assert (count.configuration_dof, count.velocity_dof, count.reason) == (*freedoms, "")
+
+
+def test_nor_the_writing_of_equations_or_the_search_for_a_loop(racing):
+    model = lagcli.loads(KNIFE)
+    assert derivation.derive(system.build(model), derivation.Options()).text()
+    assert checking.witness(model, "edge", assemble=False, limit=settings.LIMIT) is not None
+
+
+def test_a_limit_that_somebody_gives_is_of_the_processor(monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(process_time=lambda: clock[0]))
+    deadline = progress.after(5)
+    progress.reckon(1000.0)
+    assert progress.left(deadline) == 5.0
+    assert progress.left(progress.soon(deadline, 0.8)) == pytest.approx(4.0)
+    clock[0] += 6.0
+    assert progress.left(deadline) == -1.0
+    with progress.ends_after(2.0):
+        progress.require_time()
+        clock[0] += 3.0
+        with pytest.raises(progress.OverTime):
+            progress.require_time()
+
+
+def test_a_limit_that_nobody_gives_passes_by_work_alone(monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(process_time=lambda: clock[0]))
+    deadline = progress.after(settings.LIMIT)
+    clock[0] += 1e6
+    assert progress.left(deadline) == pytest.approx(20.0)
+    progress.reckon(8.0)
+    assert progress.left(deadline) == pytest.approx(12.0)
+    assert isinstance(progress.soon(deadline, 0.5), progress.Counted)
+    assert progress.left(progress.soon(deadline, 0.5)) == pytest.approx(6.0)
+    assert isinstance(pickle.loads(pickle.dumps(settings.LIMIT)), progress.Counted)
+
+
+def test_the_words_of_a_limit_say_of_which_kind_it_is():
+    assert progress.told(5.0) == "5 s of processor time"
+    assert progress.told(settings.LIMIT) == "20 s of processor time, reckoned from operations"
+
+
+def test_the_same_work_is_reckoned_alike(monkeypatch):
+    """Of numbers; what SymPy does depends on what it remembers."""
+
+    def reckoned():
+        cache.forget()
+        spent = []
+        monkeypatch.setattr(progress, "reckon", spent.append)
+        lagcli.dof(lagcli.loads(NUMBERS))
+        return spent
+
+    first = reckoned()
+    assert sum(first) > 0
+    assert reckoned() == first
+
+
+def test_a_search_that_is_over_leaves_its_rows_undecided():
+    cache.forget()
+    found = lagcli.dof(lagcli.loads(NUMBERS), limit=progress.Counted(1e-6))
+    assert found.configuration_dof is None
+    assert "limit" in found.reason or "time" in found.reason
