@@ -108,6 +108,9 @@ def count(found: DofCount) -> list[str]:
         total = f"{found.coordinates} - {s} - {m} = {found.velocity_dof}"
         lines.append(f"velocity degrees of freedom: {label} - s - m = {total}")
     lines += [f"note: {note}" for note in found.notes]
+    if found.contacts:
+        counted = _number(found.contacts, "one-sided constraint")
+        lines.append(f"note: {counted} not counted; `displacements` tells what closed contacts leave free")
     lines.append(f"proof: {found.proof}")
     return [diagnostics.printable(line) for line in lines]
 

@@ -47,7 +47,8 @@ class DofCount:
     configuration_dof = n - s, velocity_dof = n - s - m. `redundant_rows` names rows that follow from rows before
     them; where the rank of rows is below their codimension s may exceed their number, none of them is named, and
     redundant counts what is left of rows - s - m, if anything. `start_rank` is the rank of all rows at the start
-    itself; `rows` the number of holonomic and rigid rows, `rank` theirs at generic points of their surface.
+    itself; `rows` the number of holonomic and rigid rows, `rank` theirs at generic points of their surface;
+    `contacts` the number of one-sided constraints, which are not counted.
     """
 
     particles: int
@@ -65,6 +66,7 @@ class DofCount:
     notes: tuple[str, ...]
     rows: int
     rank: int
+    contacts: int = 0
 
     def __repr__(self) -> str:
         low, high = self.bounds
@@ -168,6 +170,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         notes=() if open_reason else (*_notes(on, surface, rank_beyond), *found.notes),
         rows=len(holonomic_rows),
         rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
+        contacts=system.contacts.count,
     )
     return Examined(counted, surface, points, found)
 

@@ -7,6 +7,7 @@ added up.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,9 +103,12 @@ def found(
         inertia = np.array(numeric.inertia(start.t, start.q, start.v, start.p)).diagonal()
         momentum = np.sqrt(2 * exchanged * np.abs(inertia).sum())
         tolerance += settings.atol * float(max(np.abs(each).sum() for each in forces) + momentum)
-    # The rounding of the terms of the energy, and of the positions it is taken at, in each of the steps.
-    terms = [float(numeric.energy_terms(each.t, each.q, each.v, each.p)) for each in (start, last)]
+    # The rounding of the energy, of the positions it is taken at and of its terms, in each of the steps.
     moved = [float(np.abs(each * state.q).sum()) for each, state in zip(forces, (start, last), strict=True)]
-    rounding = statistics.LAST_DIGITS * max(1, counted.steps) * (max(terms) + max(moved) + extremes.largest)
-    error = EnergyError(extremes.imbalance, exchanged, tolerance, rounding)
+    rounding = statistics.LAST_DIGITS * max(1, counted.steps)
+    error = EnergyError(extremes.imbalance, exchanged, tolerance, rounding * (max(moved) + extremes.largest))
+    if error.is_kept:  # the terms of a large system take longer than its run
+        return None
+    terms = [float(numeric.energy_terms(each.t, each.q, each.v, each.p)) for each in (start, last)]
+    error = dataclasses.replace(error, rounding=error.rounding + rounding * max(terms))
     return None if error.is_kept else error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -87,19 +87,19 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     if incidents is not None:
         incidents = table_input.at_rows(incidents, found)
     checks = [_numbers(laws, found)]
-    sentences: tuple[str, ...] = ()
-    figures: Figures = ()
-    written = written_digits.ALL
-    if checks[0].verdict != "fail":
+    judged, written = _Judged([], (), (), ()), [written_digits.ALL, written_digits.ALL]
+
+    def judge_by(of_table: Tolerance, of_incidents: Tolerance) -> _Judged:
         with np.errstate(all="ignore"):
-            written = _written(table, found)
-            e = Evidence(laws, found, tolerance.by(written), run=WholeRun(table, incidents))
-            if model.inequality or np.any(np.diff(found.t) == 0):
-                more, sentences, figures, further_notes = _of_one_sided(e)
-                notes = (*notes, *further_notes)
-            else:
-                more, sentences, figures = _of_smooth(e)
-        checks += more
+            return _judged(Evidence(laws, found, of_table, run=WholeRun(table, incidents, of_incidents)))
+
+    if checks[0].verdict != "fail":
+        judged = judge_by(tolerance, tolerance)
+        short = _written(table, found) if judged.fails else written
+        if any(digits.is_certain for digits in short) or judged.fail_everywhere:
+            written = short
+        if any(digits.is_short for digits in written):
+            judged = judge_by(*(tolerance.by(digits) for digits in written))
     return Audit(
         title=model.title,
         path=model.path,
@@ -108,24 +108,24 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         end=float(found.t[-1]),
         rtol=tolerance.rtol,
         atol=tolerance.atol,
-        checks=tuple(checks),
-        sentences=sentences,
-        notes=(*notes, *_elsewhere(model, found, tolerance)),
-        figures=figures,
-        written=written if written.is_short else None,
+        checks=(*checks, *judged.checks),
+        sentences=judged.sentences,
+        notes=(*notes, *judged.notes, *_elsewhere(model, found, tolerance)),
+        figures=judged.figures,
+        written=written[0] if written[0].is_short else None,
+        written_events=written[1] if written[1].is_short else None,
         unread=(*(name for name in table.columns if name not in known), *table.unread),
     )
 
 
-def _written(table: AuditedTable, found: Record) -> WrittenDigits:
-    """The digits of the numbers of a table and of its incidents, of the one that has fewer."""
+def _written(table: AuditedTable, found: Record) -> list[WrittenDigits]:
+    """The digits of the numbers of a table, and of that of its incidents: they are two files."""
     index = list(table.columns).index("t")
     written = written_digits.of(np.delete(table.rows, index, axis=1), found.t)
     if table.events is None:
-        return written
+        return [written, written_digits.ALL]
     index, rows = table.events.columns.index("t"), table.events.rows
-    of_events = written_digits.of(np.delete(rows, index, axis=1), rows[:, index])
-    return written.coarser(of_events).of_times(rows[:, index])
+    return [written, written_digits.of(np.delete(rows, index, axis=1), rows[:, index])]
 
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
@@ -136,6 +136,33 @@ def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
 def _laws(model: nouns.Model, tolerance: Tolerance | None = None) -> ModelLaws:
     """The laws of a model with all its inequalities as rows."""
     return ModelLaws(model, tolerance.jumps if tolerance else {}, range(len(model.contact_names)))
+
+
+class _Judged(NamedTuple):
+    """The findings by one tolerance."""
+
+    checks: list[Check]
+    sentences: tuple[str, ...]
+    figures: Figures
+    notes: tuple[str, ...]
+
+    @property
+    def fails(self) -> bool:
+        return any(check.verdict == "fail" for check in self.checks)
+
+    @property
+    def fail_everywhere(self) -> bool:
+        """True if most rows that a check looks at fail: so they do where they are rounded."""
+        least = written_digits.PARAMETERS.everywhere
+        beyond = ([ratio > 1 for _, ratio in check.curve] for check in self.checks if check.verdict == "fail")
+        return any(np.mean(rows) >= least for rows in beyond if rows)
+
+
+def _judged(e: Evidence) -> _Judged:
+    """All checks of a run but those of the numbers themselves."""
+    if e.laws.model.inequality or np.any(np.diff(e.record.t) == 0):
+        return _Judged(*_of_one_sided(e))
+    return _Judged(*_of_smooth(e), ())
 
 
 def _of_smooth(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures]:

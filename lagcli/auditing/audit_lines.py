@@ -41,7 +41,9 @@ def of(found: Audit) -> AuditLines:
     if found.unread:
         sentences.append(unread(found.unread))
     if found.written is not None:
-        sentences.append(found.written.sentence)
+        sentences.append(found.written.sentence())
+    if found.written_events is not None:
+        sentences.append(found.written_events.sentence("table of events"))
     return AuditLines(wide_rows(found.checks), failures, [*sentences, found.conclusion])
 
 

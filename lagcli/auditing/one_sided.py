@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from lagcli.auditing import audit_lines
-from lagcli.auditing.checks import checks_contact, checks_motion, checks_steps
+from lagcli.auditing.checks import checks_contact, checks_flight, checks_motion, checks_steps
 from lagcli.auditing.checks.audit_report import NAMED, NEARLY_ALL, Check, TableLocation, Verdict
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Incidents
 from lagcli.auditing.evidence.tolerances import Evidence
 
-LEAST = 8  # rows of a stretch that is examined by differences
 MOST = 60  # stretches, the longest ones, that are examined by differences
 MOST_MODES = 60  # sets of closed contacts, those with most rows
 MOST_DESCRIBED = 3  # sets of closed contacts of which it is reported what is determined
@@ -45,7 +44,7 @@ class OneSidedParts:
         else:
             self._cut = checks_contact.may_hold_impact(t, states)
         self._steps = int((np.diff(t) > 0).sum())
-        stretches = [k for k in _split(t, self._closed, self._cut) if len(k) >= LEAST]
+        stretches = [k for k in _split(t, self._closed, self._cut) if len(k) >= checks_flight.FEWEST_ROWS]
         longest = sorted(stretches, key=len, reverse=True)[:MOST]
         self._looked_at = sorted(longest, key=lambda k: int(k[0]))
         self.sentences: tuple[str, ...] = ()

@@ -13,8 +13,9 @@ S and M are factored as L D L^T with their sparsity: S by expanded graphs while 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, wraps
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -48,6 +49,17 @@ EXPANDED_OPERATIONS = 3e5
 # How far integrals may move a projected state, weighed against its residual: of a state that is projected where 1e-9 of
 # its size is left, by a hundredth of its size.
 THROWN = 1e-7
+
+
+def _of_steps(make: Callable[[NumericSystem], ca.Function]) -> cached_property[ca.Function]:
+    """A function of the system whose functions make the steps, made once there."""
+
+    @wraps(make)
+    def function(numeric: NumericSystem) -> ca.Function:
+        own = numeric.stepped
+        return make(numeric) if own is numeric else getattr(own, make.__name__)
+
+    return cached_property(function)
 
 
 class NumericSystem:
@@ -151,7 +163,7 @@ class NumericSystem:
         way = self.stepped._way
         return way.stage if isinstance(way, Expanded) else None
 
-    @cached_property
+    @_of_steps
     def project(self) -> ca.Function:
         """project(t, y, p) -> y on f = 0 and B v + b = 0, y' there, a status of four, and `parts.Sizes.packed`.
 
@@ -159,8 +171,6 @@ class NumericSystem:
         all of y' is.
         A state that g = 0 threw far off counts as not projected: it is on another branch.
         """
-        if self._switched is not None:
-            return self._switched.project
         t, y, p = inputs = _inputs(self._way.projection)
         projected, rate, _, status, sizes = self._way.projection(t, self._projected(t, y, p), p)
         residual = status[0]
@@ -170,14 +180,12 @@ class NumericSystem:
         status = ca.vertcat(residual, status[1:], ca.sum1(rate))
         return SizedFunction("project", inputs, [projected, rate, ca.densify(status), sizes])
 
-    @cached_property
+    @_of_steps
     def record(self) -> ca.Function:
         """record(t, y, p) -> y projected, one row of the table without t, and the figures of the account.
 
         These are position drift, velocity drift, Jacobi energy and its part without velocities.
         """
-        if self._switched is not None:
-            return self._switched.record
         t, y, p = inputs = _inputs(self._way.projected)
         projected, rate, lam = self._way.projected(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, projected, p, lam)
@@ -187,30 +195,24 @@ class NumericSystem:
     @cached_property
     def holonomic(self) -> ca.Function:
         """holonomic(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
-        symbols = self._system.symbols
-        outputs = [self._parts.f, self._parts.B_holonomic]
-        return SizedFunction("holonomic", [symbols.t, symbols.q, self._system.p], outputs)
+        t, q, _, p = self._inputs
+        return SizedFunction("holonomic", [t, q, p], [self._parts.f, self._parts.B_holonomic])
 
     @cached_property
     def hessian(self) -> ca.Function:
         """hessian(t, q, omega, p) -> (n, n), the second derivatives of omega . f by q; omega (s,)."""
-        symbols = self._system.symbols
+        t, q, _, p = self._inputs
         omega = ca.SX.sym("omega", self._parts.f.numel())
-        second = ca.hessian(ca.dot(omega, self._parts.f), symbols.q)[0]
-        return SizedFunction("hessian", [symbols.t, symbols.q, omega, self._system.p], [second])
+        return SizedFunction("hessian", [t, q, omega, p], [ca.hessian(ca.dot(omega, self._parts.f), q)[0]])
 
     @cached_property
     def rows(self) -> ca.Function:
         """rows(t, q, v, p) -> B (C, n), b (C,); where contacts act, all K of them too, after the others."""
-        parts = self._parts
-        if not parts.closed:
-            return SizedFunction("rows", self._inputs, [parts.B, parts.b])
-        return SizedFunction("rows", self._inputs, list(self._every_row))
-
-    @property
-    def _every_row(self) -> tuple[ca.SX, ca.SX]:
-        parts, contacts = self._parts, self._parts.contacts
-        return ca.sparsify(ca.vertcat(parts.B, contacts.G)), ca.vertcat(parts.b, contacts.g_t)
+        B, b = self._parts.B, self._parts.b
+        if self._parts.closed:
+            contacts = self._parts.contacts
+            B, b = ca.sparsify(ca.vertcat(B, contacts.G)), ca.vertcat(b, contacts.g_t)
+        return SizedFunction("rows", self._inputs, [B, b])
 
     @cached_property
     def contacts(self) -> ca.Function:
@@ -218,10 +220,8 @@ class NumericSystem:
         of g."""
         contacts = self._parts.contacts
         size = ca.fabs(contacts.G) @ ca.fabs(self._parts.y[: self.n])
-        dense = (contacts.g, contacts.g_t, contacts.gamma, size)
-        g, g_t, gamma, size = (ca.densify(value) for value in dense)
-        outputs = [g, contacts.G, g_t, gamma, size]
-        return SizedFunction("contacts", self._inputs, outputs)
+        g, *others = map(ca.densify, (contacts.g, contacts.g_t, contacts.gamma, size))
+        return SizedFunction("contacts", self._inputs, [g, contacts.G, *others])
 
     @cached_property
     def contact_values(self) -> ca.Function:
@@ -235,9 +235,9 @@ class NumericSystem:
         """contact_motion(t, q, v, p) -> h (n,), gamma (C,) of the equality rows and (K,) of the contacts, and the
         entries of M, B and G: what the accelerations follow from."""
         parts, contacts = self._parts, self._parts.contacts
-        dense = [ca.densify(each) for each in (parts.h, parts.gamma, contacts.gamma)]
         entries = [ca.vec(each.nz[:]) for each in (parts.M, parts.B, contacts.G)]
-        return SizedFunction("contact_motion", self._inputs, [*dense, *map(ca.densify, entries)])
+        outputs = map(ca.densify, (parts.h, parts.gamma, contacts.gamma, *entries))
+        return SizedFunction("contact_motion", self._inputs, list(outputs))
 
     @property
     def response(self) -> ca.Function:
@@ -263,11 +263,9 @@ class NumericSystem:
         """The numbers of the contacts that act, each beyond C."""
         return self._parts.closed
 
-    @cached_property
+    @_of_steps
     def solved(self) -> ca.Function:
         """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
-        if self._switched is not None:
-            return self._switched.solved
         t, y, p = inputs = _inputs(self._way.projected)
         _, rate, lam = self._way.projected(t, y, p)
         return SizedFunction("solved", inputs, [rate, self._parts.multipliers(t, y, p, lam)])
@@ -285,16 +283,12 @@ class NumericSystem:
     @cached_property
     def event_values(self) -> ca.Function:
         """event_values(t, y, y', lambda, p) -> `when` of the declared events, (E,)."""
-        system, parts = self._system, self._parts
-        rate = ca.vertcat(ca.SX.sym("v", self.n), system.a, ca.SX.sym("power"))
-        inputs = [parts.t, parts.y, rate, system.lam, parts.p]
-        return SizedFunction("event_values", inputs, [ca.densify(system.event_values)])
+        inputs = _solved_inputs(self._system, self._parts)
+        return SizedFunction("event_values", inputs, [ca.densify(self._system.event_values)])
 
-    @cached_property
+    @_of_steps
     def events_at(self) -> ca.Function:
         """events_at(t, y, p) -> `when` of the declared events (E,) at a state."""
-        if self._switched is not None:
-            return self._switched.events_at
         t, y, p = inputs = _inputs(self._way.projected)
         rate, lam = self.solved(t, y, p)
         return SizedFunction("events_at", inputs, [self.event_values(t, y, rate, lam, p)])
@@ -317,39 +311,33 @@ class NumericSystem:
     @cached_property
     def sizes(self) -> ca.Function:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
-        parts = self._parts
-        packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
-        return SizedFunction("sizes", self._inputs, [ca.densify(packed)])
+        return self._sizes("sizes", self._parts.h)
 
     @cached_property
     def term_sizes(self) -> ca.Function:
         """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
-        parts = self._parts
-        from lagcli.equations import operation_rules
-
-        terms = operation_rules.term_sizes(ca.densify(parts.h), self._inputs)
-        packed = shared.sizes(parts, parts.v, terms, parts.M).packed
-        return SizedFunction("terms", self._inputs, [packed])
+        return self._sizes("terms", self._rules.term_sizes(ca.densify(self._parts.h), self._inputs))
 
     @cached_property
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
-        parts = self._parts
-        from lagcli.equations import operation_rules
-
-        units = operation_rules.roundings(ca.densify(parts.h), self._inputs)
-        packed = shared.sizes(parts, parts.v, units, parts.M).packed
-        return SizedFunction("roundings", self._inputs, [ca.densify(packed)])
+        return self._sizes("roundings", self._rules.roundings(ca.densify(self._parts.h), self._inputs))
 
     @cached_property
     def energy_terms(self) -> ca.Function:
         """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
+        units = self._rules.roundings(ca.densify(self._system.dynamics.jacobi), self._inputs)
+        return SizedFunction("energy_terms", self._inputs, [ca.densify(units)])
+
+    def _sizes(self, name: str, h: ca.SX) -> ca.Function:
+        packed = shared.sizes(self._parts, self._parts.v, h, self._parts.M).packed
+        return SizedFunction(name, self._inputs, [ca.densify(packed)])
+
+    @property
+    def _rules(self) -> ModuleType:
         from lagcli.equations import operation_rules
 
-        symbols = self._system.symbols
-        inputs = [symbols.t, symbols.q, symbols.v, self._system.p]
-        units = operation_rules.roundings(ca.densify(self._system.dynamics.jacobi), inputs)
-        return SizedFunction("energy_terms", inputs, [ca.densify(units)])
+        return operation_rules
 
     @property
     def force(self) -> ca.Function:
@@ -378,6 +366,11 @@ def _inputs(function: ca.Function) -> list[ca.MX]:
     return [ca.MX.sym(name, function.size1_in(i)) for i, name in enumerate("typ")]
 
 
+def _solved_inputs(system: System, parts: shared.Parts) -> list[ca.SX]:
+    rate = ca.vertcat(ca.SX.sym("v", system.symbols.q.numel()), system.a, ca.SX.sym("power"))
+    return [parts.t, parts.y, rate, system.lam, parts.p]
+
+
 def table(system: System, parts: shared.Parts) -> ca.Function:
     """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
     model, dynamics, symbols = system.model, system.dynamics, system.symbols
@@ -393,7 +386,6 @@ def table(system: System, parts: shared.Parts) -> ca.Function:
         dynamics.jacobi,
         dynamics.rest,
     )
-    rate = ca.vertcat(ca.SX.sym("v", n), system.a, ca.SX.sym("power"))
-    inputs = [symbols.t, parts.y, rate, system.lam, parts.p]
+    inputs = _solved_inputs(system, parts)
     options = {"cse": parts.is_small}
     return SizedFunction("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

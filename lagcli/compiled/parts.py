@@ -199,7 +199,8 @@ class Parts:
     @property
     def closed(self) -> list[int]:
         """The numbers of the contacts that act, each beyond C."""
-        return [i for i in self.selection.present if i >= self.B.shape[0]]
+        C = self.B.shape[0]
+        return [i for i in self.selection.present if i >= C]
 
     def keeping(self, selection: Selection) -> Parts:
         """The parts stepped with other independent rows."""

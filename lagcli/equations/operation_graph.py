@@ -17,7 +17,7 @@ T = TypeVar("T")
 Expression = Callable[[], ca.SX]
 # (operation, what was found for its operands, its expression) -> what is found for it.
 Look = Callable[[int, list[T], Expression], T]
-# (the number of the input, 0), or (None, the constant) -> what is found for it.
+# (the number of the input, the entry of it), or (None, the constant) -> what is found for it.
 Leaf = Callable[[int | None, float], T]
 
 
@@ -77,7 +77,7 @@ def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) 
         if op == ca.OP_OUTPUT:
             found[given[1]] = work[taken[0]]
         elif op == ca.OP_INPUT:
-            work[given[0]] = leaf(taken[0], 0.0)
+            work[given[0]] = leaf(taken[0], taken[1])
         elif op == ca.OP_CONST:
             work[given[0]] = leaf(None, constant)
         else:

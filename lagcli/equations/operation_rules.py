@@ -64,10 +64,8 @@ def roundings(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
 
 
 def _sizes(value: ca.SX, inputs: Sequence[ca.SX], of_leaf: Callable[[ca.SX], ca.SX]) -> ca.SX:
-    symbols = [each for part in inputs if part.numel() for each in ca.vertsplit(ca.vec(part))]
-
-    def leaf(number: int | None, constant: float) -> Sized:
-        x = ca.SX(constant) if number is None else symbols[number]
+    def leaf(number: int | None, value: float) -> Sized:
+        x = ca.SX(value) if number is None else inputs[number][int(value)]
         return x, of_leaf(x)
 
     def look(op: int, parts: list[Sized], expression: operation_graph.Expression) -> Sized:
@@ -75,7 +73,7 @@ def _sizes(value: ca.SX, inputs: Sequence[ca.SX], of_leaf: Callable[[ca.SX], ca.
         size = ca.fabs(made)
         return made, size if rule is None else ca.fmax(size, rule(made, *parts))
 
-    found = operation_graph.folded(value, symbols, leaf, look)
+    found = operation_graph.folded(value, inputs, leaf, look)
     return ca.vertcat(ca.SX(0, 1), *(size for _, size in found))
 
 

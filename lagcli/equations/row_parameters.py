@@ -55,7 +55,8 @@ def _rows(system: System) -> list[ca.SX]:
 
 def _occurring(system: System, expressions: Iterable[ca.SX]) -> Indices:
     """The indices of symbols that occur: a number that only decides between pieces occurs too, without a derivative."""
-    found = {symbol.element_hash() for each in expressions for symbol in ca.symvar(each)}
+    entries = ca.vertcat(*(ca.vec(each) for each in expressions))
+    found = {symbol.element_hash() for symbol in ca.symvar(entries)}
     p = ca.vertsplit(system.p) if system.p.numel() else []
     return np.array([k for k, symbol in enumerate(p) if symbol.element_hash() in found], dtype=np.intp)
 

@@ -219,7 +219,7 @@ class _Pieces:
             others = [each for each in node.factors if not isinstance(each[1], tree.Number)]
             if len(others) == 1 and others[0][0] > 0:
                 by = "".join(f"{'*' if way > 0 else '/'}{number.text}" for way, number in numbers)
-                return [f"{part[0]} ({part[1:]}){by}" for part in self._of(others[0][1], sign)]
+                return [f"+ ({part.removeprefix('+ ')}){by}" for part in self._of(others[0][1], sign)]
         return [f"{'+' if sign > 0 else '-'} ({self._text[node.start : node.end]})"]
 
     def _moves(self, node: tree.Node) -> bool:

@@ -1,5 +1,4 @@
-"""Values read off the rows of a table, the states, and the generalized forces that go with them; the columns of a run
-beside those that every table of its model has."""
+"""Values read off the rows of a table, the states, and the generalized forces that go with them."""
 
 from __future__ import annotations
 
@@ -10,11 +9,8 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.frozen import frozen
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
-from lagcli.output.tables import incident_table
-from lagcli.output.tables.incident_table import IncidentColumns
 
 Floats = npt.NDArray[np.float64]
 
@@ -161,19 +157,3 @@ class GeneralizedForces:
             return np.zeros((0, len(self.names)))
         found = self._numeric.applied(t[None], q.T, v.T, np.tile(self._p, (len(rows), 1)).T)
         return np.asarray(np.array(found)[self._rows].T)
-
-
-@frozen
-class RunColumns:
-    """incidents: the columns of the table of incidents; by_name: those that are given only where they are asked for by
-    name, `Q.theta`; forces: their values."""
-
-    incidents: IncidentColumns
-    by_name: tuple[str, ...]
-    forces: GeneralizedForces
-
-
-def of_run(system: System, numeric: NumericSystem, p: Floats, names: Sequence[str]) -> RunColumns:
-    """The columns of a run with the parameters p whose table has the columns `names`, t first."""
-    forces = GeneralizedForces(system, numeric, p, names)
-    return RunColumns(incident_table.columns(system.model, system.columns), forces.names, forces)

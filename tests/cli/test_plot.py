@@ -494,7 +494,7 @@ def test_a_curve_in_the_terminal_is_where_its_values_are() -> None:
         ("0,-1e308,1\n1,1e308,2", ("--xy", "a,b")),
     ],
 )
-def test_any_doubles_are_drawn(rows: str, options: tuple[str, ...]) -> None:
+def test_any_doubles_are_drawn(here: Path, rows: str, options: tuple[str, ...]) -> None:
     Path("t.csv").write_text(f"t,a,b\n{rows}\n", encoding="utf-8")
     for target in (("--show",), ("-o", "t.svg")):
         _, err, code = in_process.run("plot", "t.csv", *options, *target)

@@ -495,7 +495,7 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
             rows[:, place] = change(rows[:, place])
             if np.array_equal(rows, run.rows):
                 continue
-            e.run = WholeRun(AuditedTable(run.columns, rows), None)
+            e.run = WholeRun(AuditedTable(run.columns, rows), None, e.tolerance)
             with np.errstate(all="ignore"):
                 (off,) = checks_outputs.columns(e)
             assert [place.name for place in off.failing] == [name]

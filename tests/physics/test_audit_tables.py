@@ -84,7 +84,7 @@ def test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits(
     assert code in (None, 0), out
     written = json.loads(out)["written"]
     count = int(style[1:-1])
-    if count == 15:
+    if count >= 12:  # it passes with all its digits
         assert written is None
     else:
         assert written == {"digits": count * style.endswith("g"), "decimals": count * style.endswith("f")}
@@ -148,3 +148,149 @@ def test_incidents_that_are_repeated_renamed_or_idle_fail(text: str) -> None:
     )
     for sabotaged in (twice, renamed, phantom):
         assert "recorded" in fails(lagcli.audit(model, run, events=sabotaged))
+
+
+BOX = """
+lagcli: 1
+particles: {a: {mass: 1, position: [0.3, 0.5, 0.4], velocity: [1.1, -0.7, 0.9]}}
+inequality:
+  left: {condition: a.x >= 0, restitution: 1}
+  right: {condition: a.x <= 1, restitution: 1}
+  front: {condition: a.y >= 0, restitution: 1}
+  back: {condition: a.y <= 1.2, restitution: 1}
+  bottom: {condition: a.z >= 0, restitution: 1}
+  top: {condition: a.z <= 0.8, restitution: 1}
+simulation: {duration: 10, samples: 201}
+"""
+FALL = """
+lagcli: 1
+particles: {{a: {{mass: {m}, position: [0, 0, 0], velocity: [2, 0, 10]}}}}
+forces: {{w: {{to: a, force: [0, 0, -10*m]}}}}
+holonomic: {{plane: "a.y = 0"}}
+simulation: {{duration: 1, samples: {n}}}
+"""
+WALL = """
+lagcli: 1
+particles: {{a: {{mass: 3, position: {position}, velocity: {velocity}}}}}
+forces: {{w: {{to: a, force: [0, 0, -9.81*m]}}}}
+inequality: {{wall: "{wall}"}}
+simulation: {{duration: 1.5, samples: {n}}}
+"""
+
+
+def changed(run: Trajectory, row: int | slice, column: str, value: float, factor: float = 1.0) -> Trajectory:
+    rows = run.rows.copy()
+    rows[row, run.columns.index(column)] *= factor
+    rows[row, run.columns.index(column)] += value
+    return Trajectory(run.columns, rows, run.stats)
+
+
+def test_rows_between_impacts_are_judged_however_few_they_are() -> None:
+    """No row of a stretch that differences are too wide for is wrong unseen; nor is an impact that was left out."""
+    model = lagcli.loads(BOX)
+    run = lagcli.simulate(model)
+    e = run.events
+    assert not fails(lagcli.audit(model, run, events=e))
+    t = run.rows[:, 0]
+    instants = np.concatenate([[-1.0], e.numbers[:, 0], [20.0]])
+    stretches = np.searchsorted(instants, t)
+    for k in range(2, len(t) - 2):
+        rows = int((stretches == stretches[k]).sum())
+        if len(set(stretches[k - 2 : k + 3])) == 1 and rows in (5, 6, 7, 9):
+            assert fails(lagcli.audit(model, changed(run, k, "a.vx", 1e-6), events=e)), (k, rows)
+            if rows == 7:
+                break
+
+
+@pytest.mark.parametrize("m", [2, 1e6])
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 6, 7, 101])
+def test_a_table_of_short_numbers_is_not_taken_for_rounded(m: float, n: int) -> None:
+    """Numbers of a simple motion have few digits: right ones pass as they are, and wrong ones fail."""
+    model = lagcli.loads(FALL.format(m=m, n=n))
+    run = lagcli.simulate(model)
+    right = lagcli.audit(model, run)
+    assert right.passed
+    assert right.written is None
+    last = n - 1
+    wrongs = (
+        (last, "a.vz", 0.1, 1),
+        (last, "a.z", 0, 1 + 1e-6),
+        (0, "a.vz", 0, -1),
+        (last, "R.a.z", 1e-3, 1),
+    )
+    for row, column, value, factor in wrongs[: None if n > 3 else 2]:  # so few rows hardly show a motion
+        wrong = lagcli.audit(model, changed(run, row, column, value, factor))
+        assert not wrong.passed, (column, wrong.written)
+
+
+def test_a_wrong_row_of_short_numbers_is_no_rounding() -> None:
+    model = lagcli.loads(FALL.format(m=2, n=101))
+    run = lagcli.simulate(model)
+    rows = np.round(run.rows, 6)  # as they are, but for the rounding of doubles
+    run = Trajectory(run.columns, rows, run.stats)
+    assert lagcli.audit(model, run).passed
+    assert not lagcli.audit(model, changed(run, 50, "a.z", 1e-4)).passed
+
+
+@pytest.mark.parametrize("style", [".6g", ".8g", ".9f"])
+@pytest.mark.parametrize("which", ["rows", "events"])
+def test_two_files_are_judged_each_by_its_own_digits(
+    command: Command, tmp_path: Path, which: str, style: str
+) -> None:
+    model, run, events = (tmp_path / name for name in ("m.yaml", "t.csv", "e.csv"))
+    model.write_text(ROPE, encoding="utf-8")
+    more = ["--events", str(events)]
+    assert command("simulate", str(model), "-o", str(run), *more, "-q")[2] in (None, 0)
+    path = run if which == "rows" else events
+    rounded(path, path, style)
+    audit = ("audit", str(model), "--run", str(run), *more, "--json")
+    out, _, code = command(*audit)
+    found = json.loads(out)
+    assert code in (None, 0), found["conclusion"]
+    of_table, of_events = found["written"], found["written_events"]
+    assert (of_table is None, of_events is None) == (which == "events", which == "rows")
+    if which == "events":  # a row is as exact as it was
+        table = list(csv.reader(run.read_text(encoding="utf-8").splitlines()))
+        k = table[0].index("a.vx")
+        table[300][k] = repr(float(table[300][k]) + 1e-8)
+        with run.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows(table)
+        assert command(*audit)[2] == 1
+
+
+@pytest.mark.parametrize(
+    ("wall", "position", "velocity"),
+    [
+        ("a.z >= 2*max(0, t - 0.505)", "[0, 0, 0]", "[1, 0, 0]"),
+        ("a.z >= 2*max(0, a.x - 0.505)", "[0, 0, 0]", "[1, 0, 0]"),
+        ("a.z >= 0.3*abs(t - 0.5015) - 0.3*0.5015", "[0, 0, 0]", "[1, 0, -0.3]"),
+        ("a.z >= -0.3*t + 0.6*max(0, t - 0.4) + 0.5*max(0, t - 0.9)", "[0, 0, 0]", "[1, 0, -0.3]"),
+        ("norm(a) <= 1 - 0.2*max(0, t - 0.4)", "[0, 0, -1]", "[1.5, 0, 0]"),
+        ("a.z >= -10*max(0, t - 1)**2", "[0, 0, 0]", "[1, 0, 0]"),
+    ],
+)
+@pytest.mark.parametrize("n", [2, 4, 11, 26, 101])
+def test_a_wall_whose_velocity_jumps_fails_no_right_table(
+    wall: str, position: str, velocity: str, n: int
+) -> None:
+    """With rows at incidents and without, with the table of events and without it."""
+    model = lagcli.loads(WALL.format(wall=wall, position=position, velocity=velocity, n=n))
+    for event_rows in (False, True):
+        run = lagcli.simulate(model, event_rows=event_rows)
+        for events in (None, run.events):
+            assert not fails(lagcli.audit(model, run, events=events)), (event_rows, events is None)
+
+
+def test_a_row_a_rounding_before_an_impact_with_the_state_after_it_stands_behind_its_rows() -> None:
+    model = lagcli.loads(
+        """
+lagcli: 1
+particles: {a: {mass: 1, position: [-0.5, 0, 0], velocity: [1.5, 0, 0]}, b: {mass: 1, position: [0, 0, 0]}}
+inequality: {hit: {condition: "b.x - a.x >= 0.05", restitution: 1}}
+simulation: {duration: 0.6, samples: 25}
+"""
+    )
+    run = lagcli.simulate(model, event_rows=True)
+    v = run["a.vx"]
+    assert (np.diff(v) != 0).sum() == 1
+    assert not fails(lagcli.audit(model, run, events=run.events))

@@ -16,7 +16,7 @@ import scipy.integrate
 
 import lagcli
 from lagcli.analysis.energy_warning import EnergyError
-from lagcli.equations import narrow_functions
+from lagcli.equations import narrow_functions, operation_rules
 from lagcli.input import document
 from tests.helpers import in_process
 
@@ -416,3 +416,24 @@ def test_the_digits_beside_a_pole_of_velocities_are_those_it_leaves(left: float)
 def test_ordinary_ends_of_runs_are_not_said_to_be_beside_dependent_rows(name: str) -> None:
     run = lagcli.simulate(lagcli.load(MODELS / f"{name}.yaml"))
     assert not any("dependent ones" in note for note in run.notes)
+
+
+def test_the_rounding_of_many_terms_of_an_energy_is_computed_only_where_it_decides(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It takes longer than the run of a long chain, whose energy is off by less than the rounding of its sum alone."""
+    computed: list[int] = []
+    roundings = operation_rules.roundings
+    monkeypatch.setattr(operation_rules, "roundings", lambda *a: (computed.append(1), roundings(*a))[1])
+    model = lagcli.loads(
+        """
+lagcli: 1
+parameters: {N: 1000, ux: 0.47704624084763686, uy: 0.09950371902099893, uz: -0.8732272865606805}
+particles: {"p[i]": {for: "i = 1..N", mass: 1, position: [i*ux, i*uy, i*uz]}}
+forces: {w: {to: p, force: [0, 0, -9.81*m]}}
+holonomic: {hook: "norm(p[1]) = 1", "link[i]": {for: "i = 2..N", equation: "distance(p[i], p[i-1]) = 1"}}
+simulation: {duration: 0.001, samples: 2}
+"""
+    )
+    assert not lagcli.simulate(model).stats.warnings
+    assert not computed

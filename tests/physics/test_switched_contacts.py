@@ -555,3 +555,29 @@ simulation: {duration: 3, samples: 9}
     wave = np.sign(np.sin(200 * found.t))[1:]
     force = 7.727 + 2.451 * np.sin(found.t[1:]) + 2.451 * wave - 1.001 + 1.3 * wave
     assert found["lambda.left"][1:] == pytest.approx(force, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wall",
+    [
+        "a.z >= 2*max(0, a.x - 0.5)",
+        "min(a.z, a.z - 2*(a.x - 0.5)) >= 0",
+        "a.z/2 >= max(0, a.x - 0.5)",
+        "a.z - 3*max(0, (2*a.x - 1)/3) >= 0",
+    ],
+)
+def test_a_number_before_a_minimum_of_sums_is_a_factor_of_each_of_their_terms(wall: str) -> None:
+    model = lagcli.loads(
+        f"""
+lagcli: 1
+particles: {{a: {{mass: 3, position: [0, 0, 0], velocity: [1, 0, 0]}}}}
+forces: {{w: {{to: a, force: [0, 0, -9.81*m]}}}}
+inequality: {{floor: "{wall}"}}
+simulation: {{duration: 0.7, samples: 15}}
+"""
+    )
+    run = lagcli.simulate(model)
+    # At x = 1/2 the slope of 2 strikes: of (1, 0, 0) what is along it stays, 1/(1 + 4) of (1, 0, 2). It slides back.
+    impacts = [e.t for e in run.events if e.kind == "impact"]
+    assert impacts == pytest.approx([0.5, 0.5 + 2 * 0.2 / (0.4 * 9.81)], abs=1e-9)
+    assert run["a.vx"][-1] == pytest.approx(-0.2, abs=1e-9)

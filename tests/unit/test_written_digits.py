@@ -48,9 +48,14 @@ def test_a_table_of_fourteen_digits_is_rounded_and_one_of_fifteen_is_not(digits:
     assert of(rounded(generic(), digits)).is_short == is_short
 
 
-@pytest.mark.parametrize(("count", "is_short"), [(3, False), (4, True)])
-def test_four_numbers_tell_the_digits(count: int, is_short: bool) -> None:
-    numbers = np.array([1.234567, 2.345671, 3.456719, 4.567123])[:count]
+@pytest.mark.parametrize(("count", "is_short"), [(1, False), (5, False), (9, True), (50, True)])
+def test_forty_digits_tell_that_numbers_are_rounded(count: int, is_short: bool) -> None:
+    assert of(rounded(np.sqrt(10 * np.arange(count) + 2), 7)).is_short == is_short
+
+
+@pytest.mark.parametrize(("others", "is_short"), [(8, True), (14, False)])
+def test_of_rounded_numbers_most_end_at_the_last_place(others: int, is_short: bool) -> None:
+    numbers = np.concatenate([rounded(np.sqrt(10 * np.arange(10) + 2), 7), 0.5 + np.arange(others)])
     assert of(numbers).is_short == is_short
 
 
@@ -87,8 +92,3 @@ def test_times_of_a_grid_are_exact_and_others_are_rounded() -> None:
     assert of(rounded(generic(), 6)).time == 0
     thirds = rounded(np.arange(4) / 3, 6)
     assert of(rounded(generic(), 6), thirds).time == pytest.approx(5e-6)
-
-
-def test_of_two_tables_the_fewer_digits_count() -> None:
-    assert WrittenDigits(digits=8).coarser(WrittenDigits(digits=6)) == WrittenDigits(digits=6)
-    assert WrittenDigits(digits=8).coarser(ALL) == WrittenDigits(digits=8)

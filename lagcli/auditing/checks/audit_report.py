@@ -80,7 +80,8 @@ class Audit:
     """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
     `unread`: columns of the table that no check looked at; `complete`: whether a run that was made for it reached its
     end; `of_rest`: the rows are points of rest, not of a motion; `digits`: what is known of the error of the rows,
-    where that was asked for; `written`: the digits that the numbers of a rounded table have."""
+    where that was asked for; `written`, `written_events`: the digits of the numbers of a rounded table, and of that of
+    its incidents."""
 
     title: str
     path: str
@@ -98,6 +99,7 @@ class Audit:
     of_rest: bool = False
     digits: dict[str, Any] | None = None
     written: WrittenDigits | None = None
+    written_events: WrittenDigits | None = None
 
     def __repr__(self) -> str:
         verdict = "passed" if self.passed else "failed"
@@ -177,6 +179,7 @@ class Audit:
             "figures": {name: _finite(number) for name, number in self.figures},
             "notes": list(self.notes),
             "written": None if self.written is None else self.written.as_json(),
+            "written_events": None if self.written_events is None else self.written_events.as_json(),
             **({} if self.digits is None else {"accuracy": self.digits}),
         }
 

@@ -114,10 +114,11 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
         total = e.particle_forces[at].reshape(len(at), -1) + r.R_q
         noise = e.particle_noise[at].reshape(len(at), -1) + e.recorded(r.R_q)
 
-        def second(q: Array, v: Array, force: Array) -> Array:
-            return laws.demanded(r.t, q, v, force / e.masses)[:, laws.s - own : laws.s]
+        def second(q: Array, v: Array, force: Array, later: float = 0.0) -> Array:
+            return laws.demanded(r.t + later, q, v, force / e.masses)[:, laws.s - own : laws.s]
 
-        found = second(r.q, r.v, total)
+        # A wall that bends at the time itself lets go of what rests on it.
+        found = np.maximum.reduce([second(r.q, r.v, total, side * e.clock) for side in (-1, 0, 1)])
         moved = second(e.moved[0][at], e.moved[1][at], total + noise)
         residual[at] = np.where(touches[at], np.minimum(found, 0.0), 0.0)
         judged[at] = _stay(e, s, touches, at, found)

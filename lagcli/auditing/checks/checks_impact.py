@@ -57,16 +57,17 @@ class ImpactEvidence:
 
     def __init__(self, e: Evidence, incidents: Incidents) -> None:
         """e: of the whole record, and of laws with all inequalities closed."""
-        self.laws, self.incidents, self.tolerance = e.laws, incidents, e.tolerance
-        self.before = Evidence(e.laws, incidents.before, e.tolerance, e.record)
-        self.after = Evidence(e.laws, incidents.after, e.tolerance, e.record)
+        self.laws, self.incidents = e.laws, incidents
+        self.tolerance = e.run.of_incidents if e.run else e.tolerance
+        self.before = Evidence(e.laws, incidents.before, self.tolerance, e.record)
+        self.after = Evidence(e.laws, incidents.after, self.tolerance, e.record)
         count = len(e.laws.contacts)
         self.contacts = slice(e.laws.s - count, e.laws.s)
         is_row = np.ones(e.laws.C, dtype=bool)
         is_row[self.contacts] = False
         self.rows = np.flatnonzero(is_row)
         largest = np.abs(incidents.impulses).max(initial=0.0)
-        self.impulse_limit = float(e.recorded(largest)) + e.tolerance.atol
+        self.impulse_limit = float(self.before.recorded(largest)) + self.tolerance.atol
 
     def jumps(self) -> Check:
         """The jump of the momenta of all coordinates."""
@@ -268,6 +269,12 @@ def _energy_of_motion(e: Evidence, r: Record, values: LawValues) -> Array:
     return np.asarray(T + own - values.L)
 
 
+def _energy(e: Evidence) -> tuple[Array, Array]:
+    """The energy of motion (E,), and by how much it may be off."""
+    T = _energy_of_motion(e, e.record, e.values)
+    return T, e.spread(T[:, None], _energy_of_motion(e, _moved(e), e.moved_values)[:, None])[:, 0]
+
+
 def _hamiltonian(e: Evidence) -> tuple[Array, Array]:
     """H - V (E,) at the states of a record, and by how much it may be off."""
 
@@ -340,14 +347,16 @@ def balance(e: Evidence) -> list[Check]:
     ):
         return []
     incidents, E = impact.incidents, e.once(checks_motion.energies).E
-    before, after = (_energy_of_motion(s, s.record, s.values) for s in (impact.before, impact.after))
+    (before, off), (after, off_after) = map(_energy, (impact.before, impact.after))
     before, after = before[incidents.is_first], after[incidents.is_last]
     t = incidents.t[incidents.is_first]
     count = np.searchsorted(t, e.record.t, "right")
     total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
     E_moved = _energy_of_motion(e, _moved(e), e.moved_values) + e.moved_values.V
     noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
-    limit = noise * (1 + (np.arange(len(E)) + count) / SAFETY) + e.tolerance.atol
+    of_impacts = max(off.max(initial=0.0), off_after.max(initial=0.0))
+    limit = noise * (1 + np.arange(len(E)) / SAFETY) + e.tolerance.atol
+    limit = limit + of_impacts * np.where(count > 0, 1 + count / SAFETY, 0.0)
     # Of rows at one time the last, which is after the impacts then: at the first time too.
     first = np.searchsorted(e.record.t, e.record.t[0], "right") - 1
     apart = (E - E[first] - (total - total[first]))[:, None]

@@ -10,6 +10,7 @@ from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import Estimate
 from lagcli.auditing.evidence.laws import LawValues
+from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 RATES = CheckedLaw("rates", "D.24", "dr_k/dt = v_k")
@@ -27,9 +28,9 @@ def rates(e: Evidence) -> list[Check]:
     limit = q.noise + SAFETY * e.off_v
     size = _grouped(np.abs(r.v).max(axis=0), e)
     truncation = q.truncation + e.grid.roughness(r.q, r.v)
-    judged = e.is_resolved[0] & (truncation <= np.maximum(RESOLVED * size, limit))
+    judged = e.once(RowSpacing).is_resolved[0] & (truncation <= np.maximum(RESOLVED * size, limit))
     limit = _sum(limit, truncation)
-    judged = e.unaliased(q.value - r.v, limit, judged)
+    judged = e.once(RowSpacing).unaliased(q.value - r.v, limit, judged)
     return [judge(RATES, e.names.v, r.t, q.value - r.v, limit, judged)]
 
 
@@ -78,10 +79,12 @@ def _integrated(
     limit = limit + total.noise
     residual = whole - whole[0] - total.value
     size = np.maximum(np.abs(whole - whole[0]).max(axis=0), np.abs(total.value).max(axis=0))
-    judged = (total.truncation <= np.maximum(RESOLVED * size, limit)) & e.is_slow & (rows > 2)
+    judged = (
+        (total.truncation <= np.maximum(RESOLVED * size, limit)) & e.once(RowSpacing).is_slow & (rows > 2)
+    )
     judged &= e.is_seen
     limit = _sum(limit, total.truncation)
-    judged = e.unaliased(residual, limit, judged)
+    judged = e.once(RowSpacing).unaliased(residual, limit, judged)
     return [judge(law, (*names[0], *names[1]), e.record.t, residual, limit, judged)]
 
 
@@ -136,7 +139,7 @@ def force_balance(e: Evidence) -> ForceBalance:
         size = np.maximum(size, e.pushed_limit(size_x))
     largest = _grouped(np.maximum(size, np.abs(r.R_q)).max(axis=0), e)
     limit = limit + e.tolerance.atol + e.recorded(r.R_q) + e.force_rounding.q
-    slow, slow_x = e.is_resolved
+    slow, slow_x = e.once(RowSpacing).is_resolved
     judged = slow & (truncation <= np.maximum(RESOLVED * largest, limit))
     judged[:, own:] &= np.all(slow_x, axis=1, keepdims=True)  # generalized ones carry particles
     top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
@@ -167,7 +170,7 @@ def newton(e: Evidence) -> list[Check]:
     residual = np.concatenate([b.inertia - r.R_q, b.inertia_x - r.R_x], axis=1)
     limit = np.concatenate([b.limit, b.limit_x], axis=1)
     names = (*e.names.R_q, *e.names.R_x)
-    judged = e.unaliased(residual, limit, np.concatenate([b.judged, b.judged_x], axis=1))
+    judged = e.once(RowSpacing).unaliased(residual, limit, np.concatenate([b.judged, b.judged_x], axis=1))
     return [judge(NEWTON, names, r.t, residual, limit, judged)]
 
 
@@ -179,7 +182,9 @@ def dalembert(e: Evidence) -> list[Check]:
     limit = limit + 1e-14 * d.condition[:, None] * np.linalg.norm(w, axis=1)[:, None]
     judged = (b.judged[rows].all(axis=1) & ~d.is_singular)[:, None]
     found = d.virtual(w)
-    judged = np.broadcast_to(judged, found.shape) & ~(e.is_fast[rows].any() & (np.abs(found) > limit))
+    judged = np.broadcast_to(judged, found.shape) & ~(
+        e.once(RowSpacing).is_fast[rows].any() & (np.abs(found) > limit)
+    )
     return [judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)]
 
 
@@ -229,7 +234,7 @@ def energies(e: Evidence) -> Energies:
     rounding = SAFETY * e.tolerance.rtol * work.value[:, 2] + e.tolerance.atol
     largest = max(float(np.ptp(E)), float(np.ptp(values.V)), float(work.value[-1, 2]))
     truncation = work.truncation[:, 0]
-    judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.is_slow & (rows > 2)
+    judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.once(RowSpacing).is_slow & (rows > 2)
     judged &= e.is_seen[:, 0] & (not _is_driven(values))
     limit = _sum(noise + rounding, truncation)
     return Energies(E, E_moved, work, limit, judged)
@@ -239,7 +244,7 @@ def _is_rough(e: Evidence) -> Array:
     """Rows (T,) around which the forces have a kink or a jump: stencils do not come closer together."""
     force = e.total_force
     small = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
-    return np.asarray(~e.grid.resolved(force, small).all(axis=1)) & bool(e.is_slow)
+    return np.asarray(~e.grid.resolved(force, small).all(axis=1)) & bool(e.once(RowSpacing).is_slow)
 
 
 def energy(e: Evidence) -> list[Check]:
@@ -247,5 +252,5 @@ def energy(e: Evidence) -> list[Check]:
     found = e.once(energies)
     apart = (found.E - found.E[0] - found.work.value[:, 0])[:, None]
     limit = found.limit[:, None]
-    judged = e.unaliased(apart, limit, found.judged[:, None])
+    judged = e.once(RowSpacing).unaliased(apart, limit, found.judged[:, None])
     return [judge(ENERGY, ("the whole system",), e.record.t, apart, limit, judged)]

@@ -17,7 +17,8 @@ from lagcli.auditing.checks import pulses_between
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence import differences
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.tolerances import COARSE, OFTEN, REACHED, SAFETY, Evidence
+from lagcli.auditing.evidence.row_spacing import COARSE, OFTEN, REACHED, RowSpacing
+from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 STEPS = CheckedLaw(
     "steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step"
@@ -135,7 +136,7 @@ def _cartesian(e: Evidence) -> _Particles:
     return _Particles(
         (e.names.q[k], e.names.v[k]), r.q[:, k], r.v[:, k], force[:, k], (off_q, off_v, noise[:, k]),
         e.masses[k], (e.masses * r.v + values.L_v)[:, k], e.masses[k] * off_v + e.noise("L_v")[:, k],
-        e.is_coarse[0][k], not np.any(values.L_v[:, k]),
+        e.once(RowSpacing).is_coarse[0][k], not np.any(values.L_v[:, k]),
     )  # fmt: skip
 
 
@@ -147,7 +148,8 @@ def _dependent(e: Evidence) -> _Particles:
     noise = noise + inner * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
     off_x, off_u = e.noise("x"), e.noise("u")
     return _Particles(
-        (e.names.x, e.names.u), r.x, r.u, force, (off_x, off_u, noise), m, m * r.u, m * off_u, e.is_coarse[1], True
+        (e.names.x, e.names.u), r.x, r.u, force, (off_x, off_u, noise), m, m * r.u, m * off_u,
+        e.once(RowSpacing).is_coarse[1], True,
     )  # fmt: skip
 
 
@@ -176,7 +178,7 @@ def _of_coordinates(e: Evidence) -> list[Quantity]:
     r, own = e.record, e.laws.index.first_generalized
     k = slice(own, None)
     q, v = r.q[:, k], r.v[:, k]
-    coarse = e.is_coarse[0][k] | bool(e.is_coarse[1].any())
+    coarse = e.once(RowSpacing).is_coarse[0][k] | bool(e.once(RowSpacing).is_coarse[1].any())
     off_q, off_v = (np.broadcast_to(SAFETY * off[k], q.shape) for off in (e.off_q, e.off_v))
     found, roots = [], np.ones(q.shape[1])
     if not r.x.size:
@@ -198,7 +200,7 @@ def _of_triples(y: Array) -> Array:
 def steps(e: Evidence) -> list[Check]:
     """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
     grid = TableSteps(e.record.t, e.clock)
-    rows = np.asarray(e.is_fast.any(axis=1))
+    rows = np.asarray(e.once(RowSpacing).is_fast.any(axis=1))
     fast = rows[1:] | rows[:-1]
     found = quantities(e)
     parts = [judged_steps(grid, one, fast) for one in found]

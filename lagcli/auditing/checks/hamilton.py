@@ -10,6 +10,7 @@ import numpy as np
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import DifferenceGrid
+from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
@@ -139,8 +140,8 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     noise += float(rounded.max(initial=0.0)) * float(np.ptp(r.t))
     noise += e.tolerance.atol + float(total.noise[-1, 0]) + abs(float(total.value[-1, 3]))
     found = float(total.value[-1, 0])
-    judged = truncation <= max(RESOLVED * scale, noise) and e.is_slow
-    judged = judged and not (e.is_fast[rows].any() and abs(found) > noise + truncation)
+    judged = truncation <= max(RESOLVED * scale, noise) and e.once(RowSpacing).is_slow
+    judged = judged and not (e.once(RowSpacing).is_fast[rows].any() and abs(found) > noise + truncation)
     return found, noise + truncation, judged
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import TINY
+from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
@@ -117,14 +118,14 @@ def check(e: Evidence) -> list[Check]:
         names.append(one.name)
         residuals.append(J - J[0] - total.value[:, 0])
         limits.append(limit)
-        judged.append((open_ <= np.maximum(RESOLVED * size, off)) & e.is_slow)
+        judged.append((open_ <= np.maximum(RESOLVED * size, off)) & e.once(RowSpacing).is_slow)
         words.append(_word(one.name, J, by_rows, by_forces, float(spread.sum(axis=1).max(initial=0.0))))
     if not names:
         note = "" if e.is_part else "no symmetry was found"
         return [Check(MOMENTA.name, MOMENTA.law, MOMENTA.equation, "nothing", None, note=note)]
     apart, limit = np.stack(residuals, 1), np.stack(limits, 1)
     decided = np.stack(judged, 1) & (rows > 2) & e.is_seen
-    if e.is_fast.any():
+    if e.once(RowSpacing).is_fast.any():
         decided &= ~(np.abs(apart) > limit)
     check = judge(MOMENTA, names, r.t, apart, limit, decided)
     notes = [] if e.is_part else words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.tolerances import Evidence
+from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
 POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
@@ -16,14 +16,15 @@ FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass i
 def hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
     """The excess of the forces between the rows of steps over those at their ends, (T - 1,).
 
-    steps (K,): those in question, the worst first; others are 0, and so is what is no larger than `shown` (T - 1,).
+    steps (K,): those in question, the worst first; others are 0, and so is what is no larger than `shown` (T - 1,), but
+    for impulses, which no row shows.
     A push is divided by the root of the mass: in that metric reactions to a force are not larger than the force.
     """
     found = np.zeros(len(e.record.t) - 1)
     for first in range(0, len(steps), AT_ONCE):
         some = steps[first : first + AT_ONCE]
         push = np.maximum(_pushes(e, some), _drives(e, some))
-        found[some] = np.where(push > shown[some], push, 0.0)
+        found[some] = np.maximum(np.where(push > shown[some], push, 0.0), _impulses(e, some))
         if not found[some].any():
             break
     return found
@@ -45,6 +46,36 @@ def _drives(e: Evidence, steps: Array) -> Array:
     return np.where(apart > BENDS * bends + rounding, FORWARD * apart / (last - first), 0.0)
 
 
+def _impulses(e: Evidence, steps: Array) -> Array:
+    """The pushes (K,) by which rows jump within steps (K,): a wall whose velocity jumps strikes what rests on it.
+
+    With t, positions and velocities on the straight line between those of the rows.
+    """
+    r, laws, many = e.record, e.laws, POINTS + 2
+    s = np.arange(many) / (POINTS + 1)
+    t, q, v = (_between(y, steps, s) for y in (r.t, r.q, r.v))
+    # Rows are states after what jumps at their times.
+    w = laws.values(t + 2 * e.clock, q, v, np.zeros((len(t), laws.C))).w.reshape(len(steps), many, -1)
+    changes = np.abs(np.diff(w, axis=1))
+    largest = changes.max(axis=1, initial=0.0)
+    is_sudden = largest > BENDS * np.median(changes, axis=1)
+    if not is_sudden.any():
+        return np.zeros(len(steps))
+    B = laws.matrix(r.t[steps], r.q[steps], r.v[steps])
+    jumps = np.where(is_sudden & (largest > SAFETY * np.abs(B) @ e.off_v), largest, 0.0)
+    roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0))
+    lengths = np.linalg.norm(B / roots, axis=2)
+    struck = np.where(lengths > 0, jumps / np.where(lengths > 0, lengths, 1.0), 0.0)
+    return np.asarray(FORWARD * struck.sum(axis=1) / (r.t[steps + 1] - r.t[steps]))
+
+
+def _between(y: Array, steps: Array, s: Array) -> Array:
+    """Values (K S, ...) at the parts s (S,) of the straight lines between rows of steps (K,)."""
+    first, last = y[steps][:, None], y[steps + 1][:, None]
+    wide = s.reshape((1, -1) + (1,) * (y.ndim - 1))
+    return np.asarray((first + wide * (last - first)).reshape((-1, *y.shape[1:])))
+
+
 def _momenta(e: Evidence, steps: Array, t: Array) -> Array:
     """Momenta over roots of masses that t brings about at times (K, S), with positions and velocities as they are at
     the first rows of steps, (K, S, k)."""
@@ -63,20 +94,14 @@ def _pushes(e: Evidence, steps: Array) -> Array:
     At states on the straight line between those of the rows.
     """
     r, laws = e.record, e.laws
-    s = np.arange(POINTS + 2)[None, :] / (POINTS + 1)
-    s = s * np.ones((len(steps), 1))
-
-    def between(y: Array) -> Array:
-        first, last = y[steps][:, None], y[steps + 1][:, None]
-        wide = s.reshape(s.shape + (1,) * (y.ndim - 1))
-        return np.asarray((first + wide * (last - first)).reshape((-1, *y.shape[1:])))
-
-    values = laws.values(between(r.t), between(r.q), between(r.v), np.zeros((s.size, laws.C)))
+    s = np.arange(POINTS + 2) / (POINTS + 1)
+    t, q, v = (_between(y, steps, s) for y in (r.t, r.q, r.v))
+    values = laws.values(t, q, v, np.zeros((len(t), laws.C)))
     force = laws.forces_on_coordinates(values)
-    force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(s.size, -1)
+    force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(len(t), -1)
     roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0)), np.sqrt(np.where(e.masses_x > 0, e.masses_x, 1.0))
     pushes = np.concatenate([force / roots[0], force_x / roots[1]], axis=1).reshape(
         len(steps), POINTS + 2, -1
     )
-    straight = pushes[:, :1] + s[:, :, None] * (pushes[:, -1:] - pushes[:, :1])
+    straight = pushes[:, :1] + s[None, :, None] * (pushes[:, -1:] - pushes[:, :1])
     return np.asarray(FORWARD * np.linalg.norm(pushes - straight, axis=2).max(axis=1))

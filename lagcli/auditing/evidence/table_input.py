@@ -37,7 +37,8 @@ class AuditedTable:
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Record:
     """t (T,); q and v (T, n); x and u (T, 3 Nd) of the dependent particles; lam (T, C); R_q (T, n) on the coordinates
-    and R_x (T, 3 Nd) on the dependent particles."""
+    and R_x (T, 3 Nd) on the dependent particles. side (T,): -1 of the row before an instant at which there are several,
+    1 of others there, 0 elsewhere."""
 
     t: Array
     q: Array
@@ -47,6 +48,7 @@ class Record:
     lam: Array
     R_q: Array
     R_x: Array
+    side: Array
 
     def part(self, rows: Array) -> Record:
         """The record at some of the rows."""
@@ -172,7 +174,9 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
     parts = {
         field.name: [known[name] for name in getattr(own, field.name)] for field in dataclasses.fields(own)
     }
-    return Record(t=t, **{part: rows[:, indices] for part, indices in parts.items()})
+    follows = np.concatenate([[False], np.diff(t) == 0])
+    side = follows * 1.0 - (np.append(follows[1:], False) & ~follows)
+    return Record(t=t, side=side, **{part: rows[:, indices] for part, indices in parts.items()})
 
 
 def _missing(model: nouns.Model, columns: Sequence[str], needed: Sequence[str], missing: list[str]) -> str:
@@ -209,9 +213,8 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
     def state(head: str) -> Record:
         q, x = taken(parts.q), taken(parts.x)
         v, u = (taken([head + name for name in part]) for part in (parts.v, parts.u))
-        return Record(
-            table.rows[:, at["t"]], q, v, x, u, taken(impulses), np.zeros(q.shape), np.zeros(x.shape)
-        )
+        t, zeros = table.rows[:, at["t"]], (np.zeros(q.shape), np.zeros(x.shape), np.zeros(len(q)))
+        return Record(t, q, v, x, u, taken(impulses), *zeros)
 
     if not np.isfinite(taken(needed)).all():
         raise TableError("the table of events has entries that are no finite numbers")
@@ -227,6 +230,9 @@ def at_rows(incidents: Incidents, r: Record) -> Incidents:
         return incidents
     row = np.clip(np.searchsorted(r.t, t), 1, max(1, len(r.t) - 1))
     for k in (row - 1, np.minimum(row, len(r.t) - 1)):
+        k = (
+            np.searchsorted(r.t, r.t[k], "right") - 1
+        )  # of rows at one time the last, which has the state after
         is_near = np.abs(r.t[k] - t) <= ROUNDINGS * np.spacing(np.abs(t))
         off = [np.abs(r.v[k] - state.v).max(axis=1) for state in (incidents.before, incidents.after)]
         t = np.where(is_near & (off[1] < off[0]), r.t[k], t)

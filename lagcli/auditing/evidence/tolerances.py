@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lagcli.auditing.evidence import balanced_forces, differences, table_input, turning, written_digits
+from lagcli.auditing.evidence import balanced_forces, differences, table_input, written_digits
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.balanced_forces import ForceRounding
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
@@ -27,12 +27,7 @@ Made = typing.TypeVar("Made")
 # A limit is so many times the noise that evaluations at states moved by delta show.
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
-COARSE = 1.0  # a row to the next may change a velocity by that part of itself
-LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
 FORCE_ROUNDOFF = balanced_forces.FORCE_ROUNDOFF
-OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
-FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
-NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
 WORSE = 1e6  # a limit grows by no more than that towards a singular configuration
 COST = 3e8  # of the singular values of B, in multiplications
 
@@ -56,10 +51,11 @@ class Tolerance:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class WholeRun:
-    """All of a run: its table, and its incidents where they are known."""
+    """All of a run: its table, and its incidents where they are known, with the tolerance of their own table."""
 
     table: AuditedTable
     incidents: Incidents | None
+    of_incidents: Tolerance
 
 
 class Evidence:
@@ -80,12 +76,12 @@ class Evidence:
         self._whole, self.run = whole or found, run
         self.laws, self.record, self.tolerance = laws, found, tolerance
         self.names: TableNames = table_input.names(laws)
-        self.clock = (
-            differences.CLOCK * np.abs(found.t).max(initial=0.0)
-            + written_digits.PARAMETERS.halves * tolerance.written.time
-        )
+        rounding = differences.CLOCK * np.abs(self._whole.t).max(initial=0.0)
+        self.clock = rounding + written_digits.PARAMETERS.halves * tolerance.written.time
         self.grid = DifferenceGrid(found.t, self.clock)
-        self.values: LawValues = laws.values(found.t, found.q, found.v, found.lam)
+        # A row before an instant is on that side of what jumps there.
+        self._t = found.t + 2 * rounding * found.side
+        self.values: LawValues = laws.values(self._t, found.q, found.v, found.lam)
         index = laws.index
         self.masses = np.zeros(index.n)
         self.masses[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
@@ -154,7 +150,8 @@ class Evidence:
         if written.is_short:
             lam = lam + self._random.choice((-1.0, 1.0), lam.shape) * self.recorded(lam) / SAFETY
         clock = self.clock if not written.time else written_digits.PARAMETERS.halves / SAFETY * written.time
-        return self.laws.values(self.record.t + clock, *self.moved, lam)
+        ahead = np.where(self.record.side < 0, -clock, clock)
+        return self.laws.values(self._t + ahead, *self.moved, lam)
 
     def recorded(self, y: Array) -> Array:
         """By how much recorded reactions, multipliers or results may be off."""
@@ -185,69 +182,7 @@ class Evidence:
     @functools.cached_property
     def acceleration_x(self) -> Estimate:
         """d/dt of the recorded velocities of dependent particles, (T, 3 Nd)."""
-        return self.grid.derivative(self.record.u, SAFETY * self._off_x + self.noise("u"))
-
-    @functools.cached_property
-    def is_resolved(self) -> tuple[Array, Array]:
-        """True where the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd).
-
-        The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
-        """
-        r, index = self.record, self.laws.index
-        rows, own = len(r.t), index.first_generalized
-        force = self.total_force
-        force_x = r.R_x + self.particle_forces[:, index.dependent].reshape(rows, -1)
-        slow = self.grid.resolved(r.v, SAFETY * self.off_v) | self.grid.resolved(
-            force, SAFETY * self.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
-        )
-        slow_x = self.grid.resolved(r.u, SAFETY * self._off_x) | self.grid.resolved(
-            force_x, SAFETY * self.tolerance.rtol * np.abs(force_x).max(axis=0, initial=0.0)
-        )
-        if r.x.size:
-            slow[:, own:] &= (
-                np.all(slow_x, axis=1, keepdims=True) | self.grid.resolved(r.v, SAFETY * self.off_v)[:, own:]
-            )
-        if self.is_coarse[1].any():
-            slow[:, own:] = False
-        return slow & ~self.is_coarse[0], slow_x & ~self.is_coarse[1]
-
-    @functools.cached_property
-    def is_fast(self) -> Array:
-        """True where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same
-        lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
-        looks slow."""
-        found = np.zeros(self.record.q.shape, dtype=bool)
-        own = self.laws.index.first_generalized
-        if own and len(found) > 1:
-            found[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
-        return found
-
-    @functools.cached_property
-    def _swing(self) -> Array:
-        """(step)^2 dF/dr / m of Cartesian particles, (T, K)."""
-        r, one, other = self.record, self.values, self.moved_values
-        own, rows = self.laws.index.first_generalized, len(r.t)
-        change = np.abs(one.pull - other.pull - one.V_q + other.V_q)[:, :own]
-        change = change + np.abs(one.F - other.F)[:, self.laws.index.cartesian].reshape(rows, -1)
-        stiffness = np.nan_to_num(change) / self.off_q[:own] / self.masses[:own]
-        step = float(np.median(np.diff(r.t)))
-        return np.asarray(step * step * stiffness.reshape(rows, -1, 3).max(axis=2))
-
-    @property
-    def is_slow(self) -> bool:
-        """True if no particle can move much faster than the rows show."""
-        return not (self.is_coarse[0].any() or self.is_coarse[1].any())
-
-    def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:
-        """The entries that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
-
-        An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
-        """
-        beyond = judged & (np.abs(residual) > limit) & np.any(self.is_fast, axis=1, keepdims=True)
-        nearly = beyond & (np.abs(residual) <= NEARLY * limit)
-        rows = ((beyond & ~nearly) | ~judged).sum(axis=0)
-        often = (rows > max(2 * REACHED, OFTEN * len(residual))) | (len(residual) < FEW)
-        return np.asarray(judged & ~np.where(often, beyond, nearly))
+        return self.grid.derivative(self.record.u, SAFETY * self.off_x + self.noise("u"))
 
     @functools.cached_property
     def momentum_rate(self) -> tuple[Estimate, Estimate]:
@@ -258,43 +193,10 @@ class Evidence:
         )
 
     @property
-    def _off_x(self) -> Array:
+    def off_x(self) -> Array:
         """By how much velocities of dependent particles may be off."""
         size = np.abs(self._whole.u).max(initial=0.0)
         return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
-
-    @functools.cached_property
-    def is_coarse(self) -> tuple[Array, Array]:
-        """True where a step of the table changes a velocity by more than itself, (n,) and (3 Nd,): no row speaks for
-        its neighbourhood there, whatever the differences say."""
-        index, r = self.laws.index, self.record
-        if len(r.t) < 2:
-            return np.ones(index.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
-        step = float(np.median(np.diff(r.t)))
-        forces = self.particle_forces
-        own = index.first_generalized
-        a = (forces[:, index.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self.masses[:own]
-        a_x = (forces[:, index.dependent].reshape(len(r.t), -1) + r.R_x) / self.masses_x
-        found = np.zeros(index.n, dtype=bool)
-        size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
-        coarse = _coarse(r.v[:, :own], a, step, size)
-        if own and not np.any(self.values.b):
-            # Nothing swings that fast, and what is at rest under a force is no motion.
-            coarse &= self._swing.max(axis=0) > LAZY
-        found[:own] = np.repeat(coarse, 3)
-        found[own:] = self._turns
-        return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
-
-    @functools.cached_property
-    def _turns(self) -> bool:
-        """True if rows, forces or momenta turn too far with generalized coordinates from a row to the next, all along:
-        an error of a row lets few steps look so."""
-        if self.laws.index.first_generalized == self.laws.index.n:
-            return False
-        part = SAFETY * self.tolerance.rtol + FORCE_ROUNDOFF
-        fast = turning.steps(self.laws, self.record, part, self.tolerance.atol).sum(axis=0)
-        rows = len(self.record.t)
-        return bool((fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any())
 
     @functools.cached_property
     def particle_forces(self) -> Array:
@@ -384,12 +286,3 @@ def _usual(flat: Array) -> Array:
     known = np.where(np.isfinite(flat), flat, 0.0)
     index = min(len(known) - 1, int(0.9 * len(known)))
     return np.asarray(np.partition(known, index, axis=0)[index])
-
-
-def _coarse(v: Array, a: Array, step: float, size: float) -> Array:
-    """True for particles (K,) whose rows are far apart, by the mean squares of velocities and accelerations (T, 3 K).
-
-    What moves by less than rounding beside the `size` of the system is at rest.
-    """
-    speed, push = (np.sqrt((y.reshape(len(y), -1, 3) ** 2).sum(axis=2).mean(axis=0)) for y in (v, a))
-    return np.asarray((step * push > COARSE * speed) & (step * step * push > 1e-9 * size))

@@ -1,7 +1,8 @@
 """The digits that the numbers of a table have: one that was rounded is known to its last digit, and no better.
 
 A run writes numbers with all their digits, so that nearly all have 16 or 17. A spreadsheet keeps fewer, of each number
-or behind its point, and then all numbers show it.
+or behind its point, and then all numbers show it. Numbers of a simple motion may be short by themselves: they have many
+lengths, where those of a rounded table nearly all end at one place.
 """
 
 from __future__ import annotations
@@ -25,9 +26,20 @@ class DigitsParameters:
     most: int = 14
     """Digits of a rounded table: doubles with 15 cannot be told from those with all.
     `test_a_table_of_fourteen_digits_is_rounded_and_one_of_fifteen_is_not` fails at 1 and 140."""
-    numbers: int = 4
-    """Different numbers that end at the last place: a few may be short by chance, or as they were declared.
-    `test_four_numbers_tell_the_digits` fails at 1 and 40."""
+    together: int = 40
+    """Digits of the different numbers that end at the last place, together: a few may be short by chance, or as they
+    were declared. `test_forty_digits_tell_that_numbers_are_rounded` fails at 4 and 400."""
+    ending: float = 0.5
+    """Part of the different numbers that end at the last place: of rounded ones nine in ten do.
+    `test_of_rounded_numbers_most_end_at_the_last_place` fails at 0.05 and 5."""
+    certain: int = 8
+    """Digits that are rounded ones for certain: no simple numbers have so many. With fewer, most of the rows must be
+    off by the rounding. `test_a_wrong_row_of_short_numbers_is_no_rounding` of `tests/physics/test_audit_tables.py`
+    fails at 0.8, `test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits` at 80."""
+    everywhere: float = 0.5
+    """Part of the rows that a table of fewer digits is wrong at: an error spoils its neighbours alone.
+    `test_a_wrong_row_of_short_numbers_is_no_rounding` of `tests/physics/test_audit_tables.py` fails at 0.05,
+    `test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits` at 5."""
     halves: float = 4.0
     """Halves of a unit in the last place that a limit has for each number: several are rounded in a sum.
     `test_a_digit_is_compared_with_two_units_in_the_last_place` fails at 0.4 and 40."""
@@ -73,21 +85,15 @@ class WrittenDigits:
         half = self.part * float(np.abs(t).max(initial=0.0)) + self.unit
         return dataclasses.replace(self, time=max(self.time, half))
 
-    def coarser(self, other: WrittenDigits) -> WrittenDigits:
-        """The fewer digits of two tables."""
-        digits = min((k for k in (self.digits, other.digits) if k), default=0)
-        decimals = min((k for k in (self.decimals, other.decimals) if k), default=0)
-        return WrittenDigits(digits, decimals, max(self.time, other.time))
-
     @property
-    def sentence(self) -> str:
-        """The sentence of a report."""
-        counts = [
-            f"{count} {word}"
-            for count, word in ((self.digits, "digits"), (self.decimals, "decimals"))
-            if count
-        ]
-        return f"The table has {' and '.join(counts)}: judged by them."
+    def is_certain(self) -> bool:
+        """True for so many digits that they are short by rounding alone."""
+        return max(self.digits, self.decimals) >= PARAMETERS.certain
+
+    def sentence(self, table: str = "table") -> str:
+        """The sentence of a report on a table."""
+        count = f"{self.digits} digits" if self.digits else f"{self.decimals} decimals"
+        return f"The {table} has {count}: judged by them."
 
     def as_json(self) -> dict[str, int]:
         """The object of `lagcli audit --json`."""
@@ -111,22 +117,30 @@ def of(rows: Array, t: Array) -> WrittenDigits:
 def _of_numbers(numbers: Array) -> WrittenDigits:
     """The digits of different numbers, or their decimals where more of them end at the last one."""
     is_short = _is_whole(numbers, PARAMETERS.most, significant=True)
-    digits, ending = _ending(numbers, True) if is_short.all() else (0, 0)
-    decimals, others = _ending(numbers, False, is_short) if is_short.any() else (0, 0)
-    if max(ending, others) < PARAMETERS.numbers:
-        return ALL
-    return WrittenDigits(digits=digits) if ending >= others else WrittenDigits(decimals=decimals)
+    digits, ending = _ending(numbers, True) if is_short.all() else (0, ~is_short)
+    decimals, others = _ending(numbers, False) if is_short.any() else (0, ~is_short)
+    others &= is_short
+    if np.sum(ending) >= np.sum(others):
+        return WrittenDigits(digits=digits) if _is_rounding(ending, digits) else ALL
+    counts = decimals + np.maximum(1.0 + np.floor(np.log10(numbers)), 0)
+    return WrittenDigits(decimals=decimals) if _is_rounding(others[is_short], counts[is_short]) else ALL
 
 
-def _ending(numbers: Array, significant: bool, counted: Array | bool = True) -> tuple[int, int]:
-    """The least count of digits, or of decimals, that all numbers have, and how many of those counted end there."""
+def _is_rounding(ending: Array, counts: Array | int) -> bool:
+    """True for enough numbers that end at the last place, with so many digits each."""
+    together = float(np.sum(ending * counts))
+    return together >= PARAMETERS.together and bool(np.mean(ending) >= PARAMETERS.ending)
+
+
+def _ending(numbers: Array, significant: bool) -> tuple[int, Array]:
+    """The least count of digits, or of decimals, that all numbers have, and which end there."""
     fewer = np.zeros(len(numbers), dtype=bool)
     for count in range(1, PARAMETERS.most + 1):
         enough = _is_whole(numbers, count, significant)
         if enough.all():
-            return count, int((~fewer & counted).sum())
+            return count, ~fewer
         fewer = enough
-    return 0, 0
+    return 0, np.zeros(len(numbers), dtype=bool)
 
 
 def _is_whole(numbers: Array, count: int, significant: bool) -> Array:

@@ -20,7 +20,7 @@ from lagcli.frozen import frozen
 from lagcli.model.invariant import FirstIntegral
 from lagcli.output import run_account, table_columns
 from lagcli.output.run_account import Outcome, Stats, Stopped
-from lagcli.output.table_columns import RunColumns
+from lagcli.output.table_columns import GeneralizedForces
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
@@ -127,13 +127,13 @@ class SimulationRun:
             self.outcome.rows += 2 * self.resumed.run_state.reported.instants
 
     @functools.cached_property
-    def _others(self) -> RunColumns:
-        return table_columns.of_run(self._system, self._numeric, self._start.p, self.columns)
+    def _forces(self) -> GeneralizedForces:
+        return GeneralizedForces(self._system, self._numeric, self._start.p, self.columns)
 
-    @property
+    @functools.cached_property
     def incident_columns(self) -> IncidentColumns:
         """The columns of the table of incidents."""
-        return self._others.incidents
+        return incident_table.columns(self.model, self._system.columns)
 
     @property
     def end(self) -> float:
@@ -188,14 +188,14 @@ class SimulationRun:
     @property
     def by_name(self) -> tuple[str, ...]:
         """Columns that are given only where they are asked for by name: `Q.theta`."""
-        return self._others.by_name
+        return self._forces.names
 
     def taken(self, block: Floats, picked: list[int]) -> Floats:
         """Some columns of a block, by their numbers in `columns` and, after them, `by_name`."""
         if picked == list(range(len(self.columns))):
             return block
         if max(picked, default=0) >= len(self.columns):
-            block = np.hstack([block, self._others.forces(block)])
+            block = np.hstack([block, self._forces(block)])
         return block[:, picked]
 
     def of_table(self, rows: Floats) -> Accuracy | None:

@@ -37,7 +37,10 @@ def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -
     everything = (*columns, *by_name)
     for pattern in (part.strip() for part in patterns.split(",")):
         # fnmatch reads "[...]" as a character set; "[[]" is its way to write a literal bracket.
-        matches = re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match
+        is_open = re.search(r"[*?]", pattern)
+        matches = (
+            re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match if is_open else pattern.__eq__
+        )
         found = [
             index
             for index, name in enumerate(everything)

@@ -275,18 +275,26 @@ def with_event_rows(rows: Floats, incidents: Sequence[Incident]) -> Floats:
     """Rows (k, columns) with two more for each instant, before and after, ahead of a row of the grid at that time.
 
     incidents: in the order of time, those of one instant next to each other. Columns beyond their lines
-    are nan.
+    are nan. A row within the rounding of an instant that has the state after it stands behind, at one time with it.
     """
     if not incidents:
         return rows
+    from lagcli.simulation.events.declared_events import AT_END
+
     pairs: list[Floats] = []
-    times: list[float] = []
+    indices: list[int] = []
     for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
         found = list(group)
-        for line in (found[0].before, found[-1].after):
+        ends = [np.asarray(line) for line in (found[0].before, found[-1].after)]
+        k = int(np.searchsorted(rows[:, 0], t))
+        if k and t - rows[k - 1, 0] <= AT_END * np.spacing(abs(t)):
+            off = [np.nansum(np.abs(rows[k - 1, 1 : 1 + line.size] - line)) for line in ends]
+            if off[1] < off[0]:
+                k, t = k - 1, float(rows[k - 1, 0])
+        for line in ends:
             row = np.full(rows.shape[1], np.nan)
             row[0], row[1 : 1 + line.size] = t, line
             pairs.append(row)
-            times.append(t)
+            indices.append(k)
     more = np.array(pairs) + 0.0  # no table shows -0.0
-    return np.insert(rows, np.searchsorted(rows[:, 0], times), more, axis=0)
+    return np.insert(rows, indices, more, axis=0)

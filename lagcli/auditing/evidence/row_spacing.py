@@ -1,0 +1,133 @@
+"""The motion that the spacing of rows shows: what is too fast for it is not judged by differences.
+
+Positions and velocities of a row and the next do not tell what swings, turns or is pushed between them.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from lagcli.auditing.evidence import turning
+from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import widest
+from lagcli.auditing.evidence.tolerances import FORCE_ROUNDOFF, SAFETY, Evidence
+
+COARSE = 1.0  # a row to the next may change a velocity by that part of itself
+LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
+OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
+FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
+NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
+
+
+class RowSpacing:
+    """The quantities of a record that its rows show, by the forces and the rates at them."""
+
+    def __init__(self, e: Evidence) -> None:
+        self._e = e
+
+    @functools.cached_property
+    def is_resolved(self) -> tuple[Array, Array]:
+        """True where the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd).
+
+        The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
+        """
+        r, index = self._e.record, self._e.laws.index
+        rows, own = len(r.t), index.first_generalized
+        force = self._e.total_force
+        force_x = r.R_x + self._e.particle_forces[:, index.dependent].reshape(rows, -1)
+        slow = self._e.grid.resolved(r.v, SAFETY * self._e.off_v) | self._e.grid.resolved(
+            force, SAFETY * self._e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
+        )
+        slow_x = self._e.grid.resolved(r.u, SAFETY * self._e.off_x) | self._e.grid.resolved(
+            force_x, SAFETY * self._e.tolerance.rtol * np.abs(force_x).max(axis=0, initial=0.0)
+        )
+        if r.x.size:
+            slow[:, own:] &= (
+                np.all(slow_x, axis=1, keepdims=True)
+                | self._e.grid.resolved(r.v, SAFETY * self._e.off_v)[:, own:]
+            )
+        if self.is_coarse[1].any():
+            slow[:, own:] = False
+        return slow & ~self.is_coarse[0], slow_x & ~self.is_coarse[1]
+
+    @functools.cached_property
+    def is_fast(self) -> Array:
+        """True where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same
+        lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
+        looks slow."""
+        found = np.zeros(self._e.record.q.shape, dtype=bool)
+        own = self._e.laws.index.first_generalized
+        if own and len(found) > 1:
+            found[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
+        return found
+
+    @functools.cached_property
+    def _swing(self) -> Array:
+        """(step)^2 dF/dr / m of Cartesian particles, (T, K)."""
+        r, one, other = self._e.record, self._e.values, self._e.moved_values
+        own, rows = self._e.laws.index.first_generalized, len(r.t)
+        change = np.abs(one.pull - other.pull - one.V_q + other.V_q)[:, :own]
+        change = change + np.abs(one.F - other.F)[:, self._e.laws.index.cartesian].reshape(rows, -1)
+        stiffness = np.nan_to_num(change) / self._e.off_q[:own] / self._e.masses[:own]
+        step = float(np.median(np.diff(r.t)))
+        return np.asarray(step * step * stiffness.reshape(rows, -1, 3).max(axis=2))
+
+    @property
+    def is_slow(self) -> bool:
+        """True if no particle can move much faster than the rows show."""
+        return not (self.is_coarse[0].any() or self.is_coarse[1].any())
+
+    def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:
+        """The entries that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
+
+        An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
+        """
+        beyond = judged & (np.abs(residual) > limit) & np.any(self.is_fast, axis=1, keepdims=True)
+        nearly = beyond & (np.abs(residual) <= NEARLY * limit)
+        rows = ((beyond & ~nearly) | ~judged).sum(axis=0)
+        often = (rows > max(2 * REACHED, OFTEN * len(residual))) | (len(residual) < FEW)
+        return np.asarray(judged & ~np.where(often, beyond, nearly))
+
+    @functools.cached_property
+    def is_coarse(self) -> tuple[Array, Array]:
+        """True where a step of the table changes a velocity by more than itself, (n,) and (3 Nd,): no row speaks for
+        its neighbourhood there, whatever the differences say."""
+        index, r = self._e.laws.index, self._e.record
+        if len(r.t) < 2:
+            return np.ones(index.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
+        step = float(np.median(np.diff(r.t)))
+        forces = self._e.particle_forces
+        own = index.first_generalized
+        a = (forces[:, index.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self._e.masses[:own]
+        a_x = (forces[:, index.dependent].reshape(len(r.t), -1) + r.R_x) / self._e.masses_x
+        found = np.zeros(index.n, dtype=bool)
+        size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
+        coarse = _coarse(r.v[:, :own], a, step, size)
+        if own and not np.any(self._e.values.b):
+            # Nothing swings that fast, and what is at rest under a force is no motion.
+            coarse &= self._swing.max(axis=0) > LAZY
+        found[:own] = np.repeat(coarse, 3)
+        found[own:] = self._turns
+        return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
+
+    @functools.cached_property
+    def _turns(self) -> bool:
+        """True if rows, forces or momenta turn too far with generalized coordinates from a row to the next, all along:
+        an error of a row lets few steps look so."""
+        if self._e.laws.index.first_generalized == self._e.laws.index.n:
+            return False
+        part = SAFETY * self._e.tolerance.rtol + FORCE_ROUNDOFF
+        fast = turning.steps(self._e.laws, self._e.record, part, self._e.tolerance.atol).sum(axis=0)
+        rows = len(self._e.record.t)
+        return bool((fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any())
+
+
+def _coarse(v: Array, a: Array, step: float, size: float) -> Array:
+    """True for particles (K,) whose rows are far apart, by the mean squares of velocities and accelerations (T, 3 K).
+
+    What moves by less than rounding beside the `size` of the system is at rest.
+    """
+    speed, push = (np.sqrt((y.reshape(len(y), -1, 3) ** 2).sum(axis=2).mean(axis=0)) for y in (v, a))
+    return np.asarray((step * push > COARSE * speed) & (step * step * push > 1e-9 * size))
