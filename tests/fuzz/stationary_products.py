@@ -128,7 +128,7 @@ def forms(problem: statics_models.Polynomial, point: StaticPoint, weights: tuple
     q = [point.at[name] for name in names]
     gaps = [float(sympy.sympify(wall).subs(dict(zip(names, q, strict=True)))) for wall in problem.walls]
     pushes = [point.multipliers[f"w{k}"] for k in range(len(gaps))]
-    roots = [0.0 if push or gap < 1e-9 else math.sqrt(gap) for push, gap in zip(pushes, gaps, strict=True)]
+    roots = [0.0 if push or gap < 1e-14 else math.sqrt(gap) for push, gap in zip(pushes, gaps, strict=True)]
     others = [*pushes, *(point.multipliers[f"r{k}"] for k in range(len(problem.rows))), *q]
     signs = itertools.product(*((1, -1) if root else (1,) for root in roots))
     return [
