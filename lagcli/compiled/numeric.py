@@ -333,13 +333,19 @@ class NumericSystem:
 
     @cached_property
     def force_roundings(self) -> ca.Function:
-        """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
-        parts = self._parts
+        """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
         from lagcli.equations import operation_rules
 
-        units = operation_rules.roundings(ca.densify(parts.h), self._inputs)
-        packed = shared.sizes(parts, parts.v, units, parts.M).packed
-        return SizedFunction("roundings", self._inputs, [ca.densify(packed)])
+        units = [
+            operation_rules.roundings(ca.densify(x), self._inputs) for x in (self._parts.h, self._parts.gamma)
+        ]
+        return SizedFunction("force_roundings", self._inputs, units)
+
+    @cached_property
+    def state_roundings(self) -> ca.Function:
+        """state_roundings(t, q, v, p) -> (3,): how far the rounding of rows that move by themselves puts positions and
+        velocities, and it and that of h accelerations, as `parts.Sizes`, in units of it."""
+        return SizedFunction("state_roundings", self._inputs, [shared.roundings(self._parts, self._inputs)])
 
     @cached_property
     def energy_terms(self) -> ca.Function:

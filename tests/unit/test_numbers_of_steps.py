@@ -62,7 +62,7 @@ def test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_ro
 
 # The scale of the error of a step
 
-HELD = ca.DM([0.0] * 6)
+HELD = ca.DM([0.0] * step_tolerance.COUNT)
 
 
 def scale(q=0.0, v=0.0, a=0.0, h=1.0, tolerance=HELD):

@@ -92,7 +92,8 @@ class ContactChanges:
 
     def _instant(self, t: float, y: Floats) -> ContactInstant:
         run = self._run
-        chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size)
+        since = max(0.0, t - run.grid.start)
+        chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size, since=since)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noise(self, watch: StepWatch) -> Floats:
@@ -105,18 +106,20 @@ class ContactChanges:
         return noise
 
     def noises(self) -> tuple[Floats, Floats]:
-        """The noise of gaps and of multipliers (K,) at the state: what is zero there."""
-        here = self.here()
+        """The noise of gaps and of multipliers (K,) in the step that was found: what is zero there."""
+        run, here, forces = self._run, self.here(), np.zeros(self._count)
         gaps, self._lowest = here.noise.copy(), here.lowest
-        touching = list(self._run.contacts.touching)
+        touching = list(run.contacts.touching)
         gaps[touching] = here.touching_gap[touching]
-        if self._run.contacts.again == 0:
+        if run.contacts.again == 0:
             self._require_apart(here, 2.0)
-        forces = np.zeros(self._count)
-        if self.closed:
-            closed = np.array([*self.closed, *self.idle], dtype=np.intp)
-            n = here.state.q.size
-            forces[closed] = here.least_forces(closed, self._run.bound.k[n : 2 * n])
+        closed, n = np.array([*self.closed, *self.idle], dtype=np.intp), here.state.q.size
+        # The terms that cancel may grow in the step.
+        there = self._instant(run.found.reached, run.bound.new)
+        gaps = np.fmax(gaps, there.noise)
+        for instant, k in ((here, run.bound.k), (there, run.bound.k_new)):
+            if closed.size:
+                forces[closed] = np.fmax(forces[closed], instant.least_forces(closed, k[n : 2 * n]))
         return gaps, forces
 
     def _require_apart(self, here: ContactInstant, room: float) -> None:
@@ -366,7 +369,8 @@ class ContactChanges:
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
         run = self._run
         lines = reported.lines(self._rows, self._count)
-        is_told = not (is_start or run.t == run.grid.start)
+        # What the start decides is no incident.
+        is_told = not is_start and run.statistics.steps > 0
         for kind, contacts in reported.kinds({j for j, _ in run.contacts.ending}, is_told):
             for j in contacts:
                 self.log.report(kind, self._names[j], lines)
