@@ -29,8 +29,6 @@ RESOLVED = 512.0
 UNSEEN = 4.0
 # Contacts that are this part of the tolerance of the run away from closed belong to the same instant.
 TOGETHER = 1.0
-# Forces that are this part of their terms are stairs of rounding.
-STAIRS = 1e-2
 # A speed of a gap is none where it is this part of those that it is the difference of.
 SLOW = 1e-11
 
@@ -101,7 +99,7 @@ def function(parts: Parts) -> ca.Function:
     local = largest(q) + ca.fabs(g) + g_off + span * terms
     forces_off = shared.sizes(parts, v, operation_rules.roundings(ca.densify(parts.h), inputs), parts.M).a
     # All that forces have made so far, where they are the rounding of terms that cancel.
-    made = ca.if_else(own.a <= STAIRS * forces_off, in_units * forces_off * (since + span) ** 2, 0)
+    made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
     noise = EPS * (ca.fmax(ROUNDINGS * local, FEW * (extent + made)) + 4 * ca.fabs(t) * terms)
     touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)

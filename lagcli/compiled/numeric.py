@@ -324,38 +324,28 @@ class NumericSystem:
     @cached_property
     def term_sizes(self) -> ca.Function:
         """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
-        parts = self._parts
-        from lagcli.equations import operation_rules
-
-        terms = operation_rules.term_sizes(ca.densify(parts.h), self._inputs)
-        packed = shared.sizes(parts, parts.v, terms, parts.M).packed
-        return SizedFunction("terms", self._inputs, [packed])
+        return SizedFunction("terms", self._inputs, [shared.term_sizes(self._parts, self._inputs)])
 
     @cached_property
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
-        from lagcli.equations import operation_rules
-
-        units = [
-            operation_rules.roundings(ca.densify(x), self._inputs) for x in (self._parts.h, self._parts.gamma)
-        ]
-        return SizedFunction("force_roundings", self._inputs, units)
+        return self._roundings("force_roundings", self._parts.h, self._parts.gamma)
 
     @cached_property
     def state_roundings(self) -> ca.Function:
-        """state_roundings(t, q, v, p) -> (3,): how far the rounding of rows that move by themselves puts positions and
-        velocities, and it and that of h accelerations, as `parts.Sizes`, in units of it."""
+        """state_roundings(t, q, v, p) -> `parts.roundings`, (3,)."""
         return SizedFunction("state_roundings", self._inputs, [shared.roundings(self._parts, self._inputs)])
 
     @cached_property
     def energy_terms(self) -> ca.Function:
         """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
+        return self._roundings("energy_terms", self._system.dynamics.jacobi)
+
+    def _roundings(self, name: str, *values: ca.SX) -> ca.Function:
         from lagcli.equations import operation_rules
 
-        symbols = self._system.symbols
-        inputs = [symbols.t, symbols.q, symbols.v, self._system.p]
-        units = operation_rules.roundings(ca.densify(self._system.dynamics.jacobi), inputs)
-        return SizedFunction("energy_terms", inputs, [ca.densify(units)])
+        units = [operation_rules.roundings(ca.densify(value), self._inputs) for value in values]
+        return SizedFunction(name, self._inputs, units)
 
     @property
     def force(self) -> ca.Function:

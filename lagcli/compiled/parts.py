@@ -358,6 +358,14 @@ def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     return Sizes(units, *largest)
 
 
+def term_sizes(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
+    """`Sizes.packed` with the terms of h in its place, which may cancel; inputs: t, q, v, p."""
+    from lagcli.equations import operation_rules
+
+    terms = operation_rules.term_sizes(ca.densify(parts.h), inputs)
+    return sizes(parts, parts.v, terms, parts.M).packed
+
+
 def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
     """(3,): what the rounding of the rows in which t occurs makes of positions and velocities, and it and that of h of
     accelerations, in units of rounding, as `Sizes`; inputs: t, q, v, p."""

@@ -21,8 +21,8 @@ from lagcli.equations.system import System
 
 # A value and the size of its terms.
 Sized = tuple[ca.SX, ca.SX]
-# A divisor of zero leaves no size; the unit of rounding.
-TINY, UNIT = 1e-300, 2**-53
+# A divisor of zero leaves no size.
+TINY = 1e-300
 # Operations that make finite numbers of finite ones, but for overflow; those that make no negative ones.
 TOTAL = frozenset(
     {
@@ -85,7 +85,7 @@ def _sum(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
 
 def _product(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
     # Of factors that are nothing but rounding it is the product of that.
-    return ca.fmax(ca.fmax(ca.fabs(a[0]) * b[1], a[1] * ca.fabs(b[0])), UNIT * a[1] * b[1])
+    return ca.fmax(ca.fmax(ca.fabs(a[0]) * b[1], a[1] * ca.fabs(b[0])), 2**-53 * a[1] * b[1])
 
 
 def _quotient(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
@@ -95,7 +95,7 @@ def _quotient(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
 def _power(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
     of_base = ca.fabs(made * b[0]) * a[1] / (ca.fabs(a[0]) + TINY)
     # Of a base that is nothing but rounding it is the power of that.
-    return ca.fmax(of_base, ca.if_else(b[0] >= 1, (UNIT * a[1]) ** b[0] / UNIT, 0))
+    return ca.fmax(of_base, ca.if_else(b[0] >= 1, (2**-53 * a[1]) ** b[0] * 2**53, 0))
 
 
 def _chosen(is_first: ca.SX, a: Sized, b: Sized) -> ca.SX:

@@ -92,35 +92,28 @@ class ContactChanges:
 
     def _instant(self, t: float, y: Floats) -> ContactInstant:
         run = self._run
-        since = max(0.0, t - run.grid.start)
-        chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size, since=since)
+        given = float(run.tolerance[0]), run.found.taken, run.contacts.size
+        chosen = ContactParameters(*given, since=t - run.grid.start)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noise(self, watch: StepWatch) -> Floats:
-        """The noise of gaps and multipliers that are watched, and room for that of events (W,)."""
-        noise = np.zeros(watch.functions.kinds.numbers.size)
-        if self._count:
-            gaps, forces = self.noises()
-            contacts = watch.functions.contacts
-            noise[: contacts.size] = np.where(watch.is_open, gaps[contacts], forces[contacts])
-        return noise
-
-    def noises(self) -> tuple[Floats, Floats]:
-        """The noise of gaps and of multipliers (K,) in the step that was found: what is zero there."""
-        run, here, forces = self._run, self.here(), np.zeros(self._count)
-        gaps, self._lowest = here.noise.copy(), here.lowest
+        """The noise of gaps and multipliers in the step that was found, in which terms that cancel may grow, and room
+        for that of events (W,)."""
+        noise, run = np.zeros(watch.functions.kinds.numbers.size), self._run
+        if not self._count:
+            return noise
+        here, there = self.here(), self._instant(run.found.reached, run.bound.new)
+        found, self._lowest = np.fmax(here.noise, there.noise), here.lowest
         touching = list(run.contacts.touching)
-        gaps[touching] = here.touching_gap[touching]
+        found[touching] = here.touching_gap[touching]
         if run.contacts.again == 0:
             self._require_apart(here, 2.0)
-        closed, n = np.array([*self.closed, *self.idle], dtype=np.intp), here.state.q.size
-        # The terms that cancel may grow in the step.
-        there = self._instant(run.found.reached, run.bound.new)
-        gaps = np.fmax(gaps, there.noise)
-        for instant, k in ((here, run.bound.k), (there, run.bound.k_new)):
-            if closed.size:
-                forces[closed] = np.fmax(forces[closed], instant.least_forces(closed, k[n : 2 * n]))
-        return gaps, forces
+        if self.closed:
+            closed, own = np.array([*self.closed, *self.idle], dtype=np.intp), slice(here.state.q.size, -1)
+            sides = (here, run.bound.k), (there, run.bound.k_new)
+            found[closed] = np.fmax(*(at.least_forces(closed, k[own]) for at, k in sides))
+        noise[: watch.functions.contacts.size] = found[watch.functions.contacts]
+        return noise
 
     def _require_apart(self, here: ContactInstant, room: float) -> None:
         deep = np.flatnonzero(here.g < -room * here.touching_gap).tolist()
@@ -369,7 +362,6 @@ class ContactChanges:
     def _report(self, reported: _ContactReport, is_start: bool) -> None:
         run = self._run
         lines = reported.lines(self._rows, self._count)
-        # What the start decides is no incident.
         is_told = not is_start and run.statistics.steps > 0
         for kind, contacts in reported.kinds({j for j, _ in run.contacts.ending}, is_told):
             for j in contacts:

@@ -23,9 +23,6 @@ from lagcli.simulation.stepping.stepper import Stepper
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-# A motion that is led from rest on a switch has left it by so many roundings. It is looked for from the first of these
-# parts of the time between rows up to the second.
-APART, SOON, LATE = 16.0, 2.0**-60, 2.0**-4
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10
 
@@ -81,11 +78,11 @@ class EdgeEvent(Event):
         if moving.any():
             return self._crosses(2 * math.ulp(run.t), moving)
         # The first time at which positions are told apart from those on the switch, by accelerations soon after it.
-        dt = max(SOON * run.grid.step, math.ulp(run.t))
-        while dt < LATE * run.grid.step:
+        dt = math.ulp(run.t + run.grid.step)
+        while dt < run.grid.step / 2:
             y = self._led(dt)
             beside, _, sizes = self._at(run.t + dt, y, run.bound.k)
-            led = is_on & (np.abs(beside) > APART * EPS * sizes)
+            led = is_on & (np.abs(beside) > 16 * EPS * sizes)
             if led.any():
                 self._require_no_return(dt, y, led)
                 # Positions are moved by a few roundings, and no time is lost in which forces are not those of the side.

@@ -41,12 +41,14 @@ class BoundStep:
         self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
         self.t, self.h, self.scratch_t, self.status = map(cells, (t, h, scratch, status))
 
-    def choose_rounding(self, row_step: float) -> None:
-        """Look at rounding from here on where it counts; row_step: the time between rows."""
+    def begin(self, t: float, k: Floats, row_step: float) -> None:
+        """Stand at a time with a rate (2n + 1,), and look at rounding from there on where it counts; row_step: the time
+        between rows."""
         numeric, n = self.numeric, self.y.size // 2
+        self.t[0], self.k[:] = t, k
         q, v, p = self.y[:n], self.y[n : 2 * n], self.p[: self.numeric.sizes.numel_in(3)]
         self._blurred[:] = 0.0
-        if step_tolerance.is_blurred(numeric, State(self.t[0], q, v, p), row_step):
+        if step_tolerance.is_blurred(numeric, State(t, q, v, p), row_step):
             self._roundings = BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, p])
 
     def look_at_rounding(self) -> None:
@@ -62,7 +64,7 @@ class BoundStep:
     def _rounded(roundings: BoundFunction, t: float) -> Floats:
         roundings.arguments[0][0] = t
         roundings.trigger()
-        found = step_tolerance.STAGES * step_tolerance.UNIT * roundings.results[0]
+        found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0]
         return np.where(np.isfinite(found), found, 0.0)
 
     def projected_at(self, t: float, y: Floats) -> list[Floats]:

@@ -26,8 +26,6 @@ Floats = npt.NDArray[np.float64]
 BESIDE, BALANCED = 1e-3, 1e-9
 # Forces that are less than this part of the terms that they are the sum of are stairs of rounding.
 STAIRS = 1e-2
-# So soon, as a part of the time between rows, terms that begin at zero are told from it.
-SOON = 1e-6
 
 
 class ToleranceParameters:
@@ -60,14 +58,18 @@ class ToleranceParameters:
     """A part of the size of positions that their own rounding makes invisible: in a step it moves velocities
     by as much, divided by its length. It is below the spacing of doubles, for forces do not change by
     themselves in a step. `test_the_rounding_of_positions_shows_in_velocities` fails at 1e-18 and 1e-16."""
+    stages: float = 16.0
+    """An estimate of the error of a step adds up the roundings of so many stages, about.
+    `test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages` fails at 1.6 and 160."""
+    soon: float = 1e-6
+    """So soon, as a part of the time between rows, terms that begin at zero are told from it.
+    `test_terms_that_begin_at_zero_are_seen_a_millionth_of_a_row_later` fails at 1e-7 and 1e-5."""
 
 
 PARAMETERS = ToleranceParameters()
 # In a step the estimate of the error of W may be so many tolerances of a step: it is far above the error, and W swings
 # twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
 COARSE_WORK = 300.0
-# An estimate of the error of a step adds up the roundings of so many stages, about.
-STAGES = 16.0
 # For what is divided by, so that zero over zero is zero.
 TINY = 1e-300
 # Numbers of a tolerance, those of them that are `blurred`; the unit of rounding.
@@ -138,7 +140,7 @@ def is_blurred(numeric: NumericSystem, state: State, row_step: float) -> bool:
     make them, at a state or soon after it: their rounding is what they are known to."""
     if not (numeric.has_time and state.q.size):
         return False
-    for t in (state.t, state.t + SOON * row_step):
+    for t in (state.t, state.t + PARAMETERS.soon * row_step):
         given = t, state.q, state.v, state.p
         sizes, terms = (np.array(f(*given)).ravel()[-3:] for f in (numeric.sizes, numeric.state_roundings))
         if ((sizes <= STAIRS * terms) & (terms > 0.0) & np.isfinite(terms)).any():

@@ -120,8 +120,7 @@ class Stepper:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
-        self.bound.t[0], self.bound.k[:] = self.t, k
-        self.bound.choose_rounding(self.grid.step)
+        self.bound.begin(self.t, k, self.grid.step)
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
         has_time, model = self.bound.numeric.has_time, enforced.system.model
