@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
-from lagcli.equations import operation_graph
+from lagcli.equations import operation_graph, operation_rules
 from lagcli.equations.sized_function import SizedFunction
 
 EPS = float(np.finfo(float).eps)
@@ -41,9 +41,11 @@ RISING = {ca.OP_EXP, ca.OP_TANH, ca.OP_ATAN, ca.OP_SINH, ca.OP_ASINH, ca.OP_ERF}
 MOST_POWER = 16
 
 # The columns of `function`, in their order.
-COLUMNS = ("g", "g_t", "gamma", "has_gradient", "speeds", "noise", "touching_gap", "slow", "lowest", "pull")
-# Numbers of a run: rtol, span, size and speed.
-CHOSEN = 4
+COLUMNS = (
+    "g", "g_t", "gamma", "has_gradient", "speeds", "noise", "touching_gap", "slow", "lowest", "pull", "blurred"
+)  # fmt: skip
+# Numbers of a run: rtol, span, size, speed and since.
+CHOSEN = 5
 
 
 def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
@@ -51,26 +53,27 @@ def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
     so that of thousands the numbers between are not all kept at once."""
     K, count = pattern.size1(), len(COLUMNS)
     rows = np.asarray(pattern.row(), dtype=np.intp)
-    contact = np.concatenate([np.tile(np.arange(K), count), rows, [K, K]])
+    contact = np.concatenate([np.tile(np.arange(K), count), rows, [K, K, K]])
     return np.argsort(contact, kind="stable")
 
 
 def function(parts: Parts) -> ca.Function:
-    """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, size and speed,
-    all of them in the `order` of contacts.
+    """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, the accelerations
+    that are rounding of the forces, size and speed, all of them in the `order` of contacts.
 
-    chosen (4,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
-    are none the smaller here. A contact without a gradient at the point has rates of 0.
+    chosen (5,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
+    are none the smaller here; the time since the start. A contact without a gradient at the point has rates of 0.
 
     g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g: of its terms and the way of a
     step, of the size of the motion, and of the time. touching_gap: gaps of contacts that are closed as far as a run can
     tell, within its tolerance. slow: speeds that are none: rounding, or what rises no higher than rounding under the
-    forces. lowest: heights of rebounds that are not followed. pull: the largest accelerations in this motion.
+    forces. lowest: heights of rebounds that are not followed. pull: the largest accelerations in this motion. blurred:
+    the rounding of gamma, whose terms may cancel as those of forces do.
     """
     contacts, n = parts.contacts, parts.v.numel()
     q, v, t = parts.y[:n], parts.v, parts.t
     chosen = ca.SX.sym("chosen", CHOSEN)
-    rtol, span, least_size, least_speed = ca.vertsplit(chosen)
+    rtol, span, least_size, least_speed, since = ca.vertsplit(chosen)
     G = contacts.G
     rows = np.asarray(G.sparsity().row(), dtype=np.int64).tolist()
     g, g_t, gamma = (ca.densify(x) for x in (contacts.g, contacts.g_t, contacts.gamma))
@@ -78,6 +81,10 @@ def function(parts: Parts) -> ca.Function:
     has = ca.fabs(total) <= LARGEST
     entries = ca.if_else(ca.vec(has[rows]), ca.vec(G.nz[:]), 0) if rows else ca.SX(0, 1)
     G = ca.SX(G.sparsity(), entries)
+    inputs = [t, q, v, parts.p]
+    g_off, g_t_off, gamma_off = (
+        ca.if_else(has, operation_rules.roundings(x, inputs), 0) for x in (g, g_t, gamma)
+    )
     g_t, gamma = (ca.if_else(has, x, 0) for x in (g_t, gamma))
     own = shared.sizes(parts, v, parts.h, parts.M)
     speed = ca.fmax(own.v, least_speed)
@@ -89,13 +96,20 @@ def function(parts: Parts) -> ca.Function:
     in_units = largest(own.units)
     extent, terms = in_units * size, largest(v) + ca.fabs(g_t)
     speeds = ca.densify(G @ v) + g_t
-    local = largest(q) + ca.fabs(g) + span * terms
-    noise = EPS * (ca.fmax(ROUNDINGS * local, FEW * extent) + 4 * ca.fabs(t) * terms)
+    local = largest(q) + ca.fabs(g) + g_off + span * terms
+    forces_off = shared.sizes(parts, v, operation_rules.roundings(ca.densify(parts.h), inputs), parts.M).a
+    # All that forces have made so far, where they are the rounding of terms that cancel.
+    made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
+    noise = EPS * (ca.fmax(ROUNDINGS * local, FEW * (extent + made)) + 4 * ca.fabs(t) * terms)
     touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
-    columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull]
-    packed = ca.densify(ca.vertcat(*columns, entries, size, speed))[order(G.sparsity()).tolist()]
+    slow = ca.fmax(slow, ROUNDINGS * EPS * g_t_off)
+    blurred = ROUNDINGS * EPS * gamma_off
+    columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull, blurred]
+    packed = ca.densify(ca.vertcat(*columns, entries, ROUNDINGS * EPS * forces_off, size, speed))[
+        order(G.sparsity()).tolist()
+    ]
     return SizedFunction("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
 
 

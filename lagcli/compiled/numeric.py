@@ -316,28 +316,28 @@ class NumericSystem:
     @cached_property
     def term_sizes(self) -> ca.Function:
         """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
-        return self._sizes("terms", self._rules.term_sizes(ca.densify(self._parts.h), self._inputs))
+        return SizedFunction("terms", self._inputs, [shared.term_sizes(self._parts, self._inputs)])
 
     @cached_property
     def force_roundings(self) -> ca.Function:
-        """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
-        return self._sizes("roundings", self._rules.roundings(ca.densify(self._parts.h), self._inputs))
+        """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
+        return self._roundings("force_roundings", self._parts.h, self._parts.gamma)
+
+    @cached_property
+    def state_roundings(self) -> ca.Function:
+        """state_roundings(t, q, v, p) -> `parts.roundings`, (3,)."""
+        return SizedFunction("state_roundings", self._inputs, [shared.roundings(self._parts, self._inputs)])
 
     @cached_property
     def energy_terms(self) -> ca.Function:
         """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
-        units = self._rules.roundings(ca.densify(self._system.dynamics.jacobi), self._inputs)
-        return SizedFunction("energy_terms", self._inputs, [ca.densify(units)])
+        return self._roundings("energy_terms", self._system.dynamics.jacobi)
 
-    def _sizes(self, name: str, h: ca.SX) -> ca.Function:
-        packed = shared.sizes(self._parts, self._parts.v, h, self._parts.M).packed
-        return SizedFunction(name, self._inputs, [ca.densify(packed)])
-
-    @property
-    def _rules(self) -> ModuleType:
+    def _roundings(self, name: str, *values: ca.SX) -> ca.Function:
         from lagcli.equations import operation_rules
 
-        return operation_rules
+        units = [operation_rules.roundings(ca.densify(value), self._inputs) for value in values]
+        return SizedFunction(name, self._inputs, units)
 
     @property
     def force(self) -> ca.Function:

@@ -359,6 +359,36 @@ def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     return Sizes(units, *largest)
 
 
+def term_sizes(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
+    """`Sizes.packed` with the terms of h in its place, which may cancel; inputs: t, q, v, p."""
+    from lagcli.equations import operation_rules
+
+    terms = operation_rules.term_sizes(ca.densify(parts.h), inputs)
+    return sizes(parts, parts.v, terms, parts.M).packed
+
+
+def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
+    """(3,): what the rounding of the rows in which t occurs makes of positions and velocities, and it and that of h of
+    accelerations, in units of rounding, as `Sizes`; inputs: t, q, v, p."""
+    from lagcli.equations import operation_rules
+
+    h = operation_rules.roundings(ca.densify(parts.h), inputs)
+    own, every = sizes(parts, parts.v, h, parts.M), [*range(parts.B.shape[0]), *parts.closed]
+    found = [ca.SX(0), ca.SX(0), own.a]
+    if every:
+        contacts = parts.acting
+        lengths = _row_norms(parts.of(every, parts.B, contacts.G), own.units)
+        f = ca.vertcat(parts.f, ca.SX(parts.B.shape[0] - parts.f.numel(), 1))
+        columns = ((f, contacts.g), (parts.b, contacts.g_t), (parts.gamma, contacts.gamma))
+        for i, (of_rows, of_contacts) in enumerate(columns):
+            value = ca.densify(parts.of(every, of_rows, of_contacts))
+            moved = np.flatnonzero(ca.which_depends(value, parts.t, 1, True)).tolist()
+            if moved:
+                off = operation_rules.roundings(value[moved], inputs) / lengths[moved]
+                found[i] = ca.fmax(found[i], ca.mmax(off))
+    return ca.densify(ca.vertcat(*found))
+
+
 def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
     """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
     how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""

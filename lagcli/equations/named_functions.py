@@ -45,6 +45,13 @@ def have_switching_forces(model: nouns.Model) -> bool:
     return _any(_SWITCHES, forces, energies, _shared(model))
 
 
+def switching_forces(model: nouns.Model) -> tuple[str, ...]:
+    """The names of the forces with a function that switches, of all of them where what they share has one."""
+    texts = {force.members.base: [each.text for each in _expressions(force)] for force in model.forces}
+    shared = _any(_SWITCHES, _shared(model))
+    return tuple(name for name, found in texts.items() if shared or _any(_SWITCHES, found))
+
+
 def may_jump(model: nouns.Model) -> bool:
     """True if a potential, the Lagrangian or a position of a dependent particle has a function that may jump."""
     energies = [force.expression.text for force in model.forces if isinstance(force, nouns.Potential)]
@@ -68,12 +75,17 @@ def velocity_switches(model: nouns.Model) -> tuple[nouns.Force, ...]:
     """The forces in which something may jump with a velocity."""
 
     def may_jump(force: nouns.ParticleForce | nouns.GeneralizedForce) -> bool:
-        expressions = force.force.parts if isinstance(force, nouns.ParticleForce) else (force.force,)
-        found = [expression.text for expression in expressions] + shared
+        found = [expression.text for expression in _expressions(force)] + shared
         return _any(_VELOCITIES, found) and (_any(_JUMPS, found) or _any(_QUOTIENTS, found))
 
     shared = _shared(model)
     return tuple(f for f in model.forces if not isinstance(f, nouns.Potential) and may_jump(f))
+
+
+def _expressions(force: nouns.Force) -> tuple[nouns.Expression, ...]:
+    if isinstance(force, nouns.Potential):
+        return (force.expression,)
+    return tuple(force.force.parts) if isinstance(force, nouns.ParticleForce) else (force.force,)
 
 
 def texts(model: nouns.Model) -> Iterator[str]:

@@ -82,11 +82,22 @@ def _sum(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
 
 
 def _product(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
-    return ca.fmax(ca.fabs(a[0]) * b[1], a[1] * ca.fabs(b[0]))
+    # Of factors that are nothing but rounding it is the product of that.
+    return ca.fmax(ca.fmax(ca.fabs(a[0]) * b[1], a[1] * ca.fabs(b[0])), 2**-53 * a[1] * b[1])
 
 
 def _quotient(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
     return (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + TINY)
+
+
+def _power(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
+    of_base = ca.fabs(made * b[0]) * a[1] / (ca.fabs(a[0]) + TINY)
+    # Of a base that is nothing but rounding it is the power of that.
+    return ca.fmax(of_base, ca.if_else(b[0] >= 1, (2**-53 * a[1]) ** b[0] * 2**53, 0))
+
+
+def _chosen(is_first: ca.SX, a: Sized, b: Sized) -> ca.SX:
+    return ca.if_else(is_first, a[1], b[1])
 
 
 def _wave(_: ca.SX, a: Sized) -> ca.SX:
@@ -102,12 +113,21 @@ _RULES: dict[int, Callable[..., ca.SX]] = {
     ca.OP_NEG: lambda _, a: a[1],
     ca.OP_FABS: lambda _, a: a[1],
     ca.OP_TWICE: lambda _, a: 2 * a[1],
-    ca.OP_SQ: lambda _, a: ca.fabs(a[0]) * a[1],
+    ca.OP_SQ: lambda made, a: _product(made, a, a),
     ca.OP_INV: lambda made, a: made * made * a[1],
     ca.OP_SQRT: lambda made, a: ca.fmin(a[1] / (made + TINY), ca.sqrt(a[1])),
     ca.OP_SIN: _wave,
     ca.OP_COS: lambda _, a: ca.fmin(a[1], 1) * ca.fmin(a[1], 1),
     ca.OP_TAN: lambda made, a: (1 + made * made) * ca.fmin(a[1], 1),
+    ca.OP_EXP: lambda made, a: made * a[1],
+    ca.OP_LOG: lambda _, a: a[1] / (ca.fabs(a[0]) + TINY),
+    ca.OP_TANH: _wave,
+    ca.OP_ATAN: lambda _, a: a[1] / (1 + a[0] * a[0]),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_FMIN: lambda _, a, b: _chosen(a[0] <= b[0], a, b),
+    ca.OP_FMAX: lambda _, a, b: _chosen(a[0] >= b[0], a, b),
+    ca.OP_IF_ELSE_ZERO: lambda _, condition, a: ca.if_else(condition[0], a[1], 0),
 }
 
 

@@ -338,6 +338,15 @@ def test_a_conservative_run_that_loses_its_energy_warns_and_claims_nothing() -> 
     assert lagcli.simulate(lagcli.loads(LOST), max_step=0.1).stats.warnings == ()
 
 
+def test_the_warning_stands_in_a_report(tmp_path: Path) -> None:
+    model, page = tmp_path / "model.yaml", tmp_path / "page.md"
+    model.write_text(LOST)
+    _, err, code = in_process.run("report", model, "-o", page)
+    assert not code, err
+    assert "Warning: the energy should stay" in page.read_text()
+    assert "energy-not-kept" in page.read_text()
+
+
 @pytest.mark.parametrize("option", ["--quiet", "--json"])
 def test_the_warning_is_printed_and_in_the_account(option: str, tmp_path: Path) -> None:
     model, table, stats = (tmp_path / name for name in ("model.yaml", "run.csv", "stats.json"))

@@ -103,6 +103,35 @@ CASES = {
     "logarithm": Case("-log(1 + t)**2", nothing, lambda t: np.log(1 + t) ** 2),
     "exponential": Case("-(exp(t) - 1)**2", nothing, lambda t: (np.exp(t) - 1) ** 2),
     "root": Case("-(sqrt(1 + t) - 1)**2", nothing, lambda t: (np.sqrt(1 + t) - 1) ** 2),
+    # Terms that cancel: the first power of t that is left decides, however small its sum is beside them.
+    "cube of an exponential": Case(
+        "-exp(t) + 1 + t + t**2/2", nothing, lambda t: np.exp(t) - 1 - t - t**2 / 2
+    ),
+    "cube of a sine": Case("1e6*(sin(t) - t)", nothing, lambda t: 1e6 * (t - np.sin(t))),
+    "fourth power of a cosine": Case("1 - cos(t) - t**2/2", nothing, lambda t: np.cos(t) - 1 + t**2 / 2),
+    "square of a sum that cancels": Case("-(tanh(t) - t)**2", nothing, lambda t: (np.tanh(t) - t) ** 2),
+    "lifted by a cube of an exponential": Case(
+        "exp(t) - 1 - t - t**2/2",
+        lambda t: np.exp(t) - 1 - t - t**2 / 2 - t**3 / 6 - t**4 / 24,
+        nothing,
+    ),
+    "lifted by a cube of a sine": Case("t - sin(t)", lambda t: t**3 / 6 - t + np.sin(t), nothing),
+    "wall of terms that cancel comes": Case(
+        "0", lambda t: np.exp(t) - 1 - t - t**2 / 2, lambda t: np.exp(t) - 1, wall="exp(t) - 1 - t - t**2/2"
+    ),
+    "wall of terms that cancel comes as a fifth power": Case(
+        "0",
+        lambda t: np.sin(t) - t + t**3 / 6,
+        lambda t: t - np.sin(t),
+        wall="sin(t) - t + t**3/6",
+    ),
+    "wall of terms that cancel goes": Case("0", nothing, nothing, wall="1 + t + t**2/2 - exp(t)"),
+    "wall and load of terms that cancel": Case(
+        "sin(t) - t",
+        lambda t: np.exp(t) - 1 - t - t**2 / 2,
+        lambda t: np.exp(t) - 1 + t - np.sin(t),
+        wall="exp(t) - 1 - t - t**2/2",
+    ),
     "lifted by a square at once": Case("t**2", lambda t: t**4 / 12, nothing),
     "wall that comes": Case("0", lambda t: t**3, lambda t: 6 * t, wall="t**3"),
     # The wall bends.
@@ -171,8 +200,9 @@ def words(expression: str) -> list[str]:
 
 def check(found: lagcli.Trajectory, case: Case, column: str, start: float, m: float) -> None:
     t = found.t - start
+    size = m * max(1.0, float(np.abs(case.lam(t)).max()))
     assert found[column] == pytest.approx(case.z(t), abs=2e-9)
-    assert found["lambda.f"] == pytest.approx(m * case.lam(t), abs=2e-9 * m)
+    assert found["lambda.f"] == pytest.approx(m * case.lam(t), abs=2e-9 * size)
     assert found["lambda.f"].min() >= 0.0
     kinds = list(found.events["kind"])
     assert kinds == [kind for _, kind in case.incidents]
@@ -249,6 +279,52 @@ def test_a_switch_of_the_state(
     assert incidents(found) == expected
     assert found["a.z"] == pytest.approx(z(found.t), abs=1e-9)
     assert found["lambda.f"] == pytest.approx(lam(found.t), abs=1e-9)
+
+
+# A start on the switch: the force along x, that on the contact and the velocity; x, z and lambda over t.
+AT_REST = {
+    "led to the side that lifts": (
+        ("1", "sign(a.x - 0.1)", 0.0),
+        (lambda t: t**2 / 2, lambda t: t**2 / 2, 0),
+    ),
+    "led to the side that presses": (("1", "-sign(a.x - 0.1)", 0.0), (lambda t: t**2 / 2, nothing, 1)),
+    "led back": (("-1", "-2 + sign(a.x - 0.1)", 0.0), (lambda t: -(t**2) / 2, nothing, 3)),
+    "by a ramp": (("s", "sign(a.x - 0.1)", 0.0), (lambda t: t**3 / 6, lambda t: t**2 / 2, 0)),
+    "back by a square": (("-s**2", "sign(a.x - 0.1)", 0.0), (lambda t: -(t**4) / 12, nothing, 1)),
+    "moving": (("0", "sign(a.x - 0.1)", -0.2), (lambda t: -0.2 * t, nothing, 1)),
+    "moving away": (("0", "sign(a.x - 0.1)", 0.2), (lambda t: 0.2 * t, lambda t: t**2 / 2, 0)),
+    "velocity": (("1.5 - sign(a.vx)", "-2 + sign(a.vx)", 0.0), (lambda t: t**2 / 4, nothing, 1)),
+}
+
+
+@pytest.mark.parametrize("start", [0.0, 2.5])
+@pytest.mark.parametrize(("given", "motion"), AT_REST.values(), ids=AT_REST)
+def test_a_start_on_a_switch_of_the_state_goes_to_the_side_to_which_it_is_led(
+    given: tuple[str, str, float], motion: tuple[Function, Function, float], start: float
+) -> None:
+    (along, load, speed), (x, z, push) = given, motion
+    along = "".join({"s": f"(t - {start})"}.get(word, word) for word in words(along))
+    found = moving(
+        f"[{along}, 0, {load}]",
+        "a.z >= 0",
+        position=[0.1, 0, 0],
+        velocity=[speed, 0, 0],
+        duration=1.0,
+        rest=f"simulation: {{start: {start}}}",
+    )
+    t = found.t - start
+    assert not len(found.events["t"])
+    assert found["a.x"] - 0.1 == pytest.approx(x(t), abs=1e-9)
+    assert found["a.z"] == pytest.approx(z(t), abs=1e-9)
+    assert found["lambda.f"] == pytest.approx(push + 0 * t, abs=1e-9)
+
+
+@pytest.mark.parametrize("load", ["sign(a.x - 0.1)", "-2 + sign(a.x - 0.1)"])
+def test_a_start_at_rest_on_a_switch_onto_which_both_sides_push_stops(load: str) -> None:
+    with pytest.raises(lagcli.SimulationStopped) as stopped:
+        moving(f"[0.5 - sign(a.x - 0.1), 0, {load}]", "a.z >= 0", position=[0.1, 0, 0])
+    assert stopped.value.code == "motion-sticks"
+    assert "the force `load` switches at a.x = 0.1" in str(stopped.value)
 
 
 def test_a_coordinate_with_a_velocity_is_pressed_by_what_its_inertia_makes() -> None:
@@ -581,3 +657,39 @@ simulation: {{duration: 0.7, samples: 15}}
     impacts = [e.t for e in run.events if e.kind == "impact"]
     assert impacts == pytest.approx([0.5, 0.5 + 2 * 0.2 / (0.4 * 9.81)], abs=1e-9)
     assert run["a.vx"][-1] == pytest.approx(-0.2, abs=1e-9)
+
+
+@pytest.mark.parametrize("velocity", [[0, 0, 0], [0.3, 0, 0]])
+@pytest.mark.parametrize(
+    ("z", "wall"),
+    [
+        (lambda t: np.exp(t) - 1 - t - t**2 / 2, "exp(t) - 1 - t - t**2/2"),
+        (lambda t: np.sin(t) - t, "sin(t) - t"),
+        (lambda t: np.cos(t) - 1 + t**2 / 2, "cos(t) - 1 + t**2/2"),
+    ],
+)
+def test_a_row_that_is_driven_by_terms_that_cancel_has_steps(
+    z: Function, wall: str, velocity: list[float]
+) -> None:
+    model = f"""lagcli: 1
+particles: {{a: {{mass: 1, position: [0, 0, 0], velocity: {velocity}}}}}
+holonomic: {{f: "a.z = {wall}"}}
+simulation: {{duration: 2, samples: 9}}
+"""
+    found = lagcli.simulate(lagcli.loads(model))
+    assert found["a.z"] == pytest.approx(z(found.t), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("force", "value"),
+    [
+        ("exp(t) - 1 - t - t**2/2", lambda t: np.exp(t) - 1 - t - t**2 / 2),
+        ("sin(t) - t", lambda t: np.sin(t) - t),
+        ("-(tanh(t) - t)**2", lambda t: -((np.tanh(t) - t) ** 2)),
+    ],
+)
+def test_a_free_body_under_forces_that_cancel_has_steps(force: str, value: Function) -> None:
+    found = moving(f"[0, 0, {force}]", "a.z >= -9", duration=1.0)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    s = (nodes + 1) / 2
+    assert found["a.z"][-1] == pytest.approx(float(weights @ ((1 - s) * value(s))) / 2, abs=1e-12)

@@ -14,7 +14,7 @@ from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.global_error import error_estimate, reference_run
 from lagcli.simulation.run import run_start
 from lagcli.simulation.run.run_start import RunStart
-from lagcli.simulation.scheme import step_end, step_tolerance
+from lagcli.simulation.scheme import bound_scheme, step_end, step_tolerance
 from lagcli.simulation.scheme.step_end import StepInputs
 from lagcli.simulation.singularity import singularity_monitor, singularity_step
 from lagcli.simulation.singularity.singularity_monitor import Prediction, SingularityMonitor
@@ -60,9 +60,36 @@ def test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_ro
     assert of_steps(1e-15)[2] == relatively(1e-16)  # and not a hundredth of 1e-15
 
 
+def test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages():
+    class Roundings:
+        arguments, results = [np.zeros(1)], [np.array([1.0, 2.0, np.inf])]
+
+        def trigger(self):
+            pass
+
+    assert bound_scheme.BoundStep._rounded(Roundings(), 0.0) == pytest.approx([2**-49, 2**-48, 0.0], abs=0.0)
+
+
+def test_terms_that_begin_at_zero_are_seen_a_millionth_of_a_row_later():
+    looked = []
+
+    class Numeric:
+        has_time = True
+
+        def sizes(self, t, *state):
+            looked.append(t)
+            return np.ones(3)
+
+        def state_roundings(self, *state):
+            return np.zeros(3)
+
+    assert not step_tolerance.is_blurred(Numeric(), State(2.0, np.zeros(1), np.zeros(1), np.zeros(0)), 0.5)
+    assert looked == [2.0, pytest.approx(2.0 + 5e-7, rel=1e-9)]
+
+
 # The scale of the error of a step
 
-HELD = ca.DM([0.0] * 6)
+HELD = ca.DM([0.0] * step_tolerance.COUNT)
 
 
 def scale(q=0.0, v=0.0, a=0.0, h=1.0, tolerance=HELD):

@@ -162,6 +162,8 @@ def _motion(parts: ReportParts) -> Iterator[Block]:
     yield PageTable(("account of the run", ""), tuple(_account(run.stats)))
     if len(run.events):
         yield _incidents(run.events, parts.model.units)
+    if run.stats.warnings:
+        yield PageSentences(tuple(f"Warning: {one.reason} [{one.code}]." for one in run.stats.warnings))
     if run.notes:
         yield PageSentences(tuple(f"Note: {note}." for note in run.notes))
 

@@ -55,12 +55,13 @@ PARAMETERS = InstantParameters()
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactParameters:
     """Numbers of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
-    far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact."""
+    far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact; since: the time from the start on."""
 
     rtol: float
     span: float = 0.0
     size: float = 0.0
     speed: float = 0.0
+    since: float = 0.0
 
 
 class ContactRowValues:
@@ -87,7 +88,7 @@ class ContactRowValues:
         """The numbers of `compiled.contact_values`, in memory of their own."""
         t, q, v, p, numbers = self._arguments
         t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
-        numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed
+        numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed, chosen.since
         self._bound.trigger()
         return np.asarray(self._bound.results[0][self._order])
 
@@ -137,10 +138,10 @@ class ContactInstant:
         K, count = values.count, len(contact_values.COLUMNS)
         columns = packed[: count * K].reshape(count, K)
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
-        self.noise, self.touching_gap, self.slow, self.lowest, self.pull = columns[5:]
+        self.noise, self.touching_gap, self.slow, self.lowest, self.pull, self._blurred = columns[5:]
         self.has_gradient: Flags = has_gradient > 0
-        self._entries = packed[count * K : -2]
-        self.size, self._speed = packed[-2:].tolist()
+        self._entries = packed[count * K : -3]
+        self._forces_blurred, self.size, self._speed = packed[-3:].tolist()
         # Of contacts that were asked for together; None of those that are not few, or not apart.
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
 
@@ -345,7 +346,26 @@ class ContactInstant:
         creep = (PARAMETERS.creeping * self._speed) ** 2 / (self.size or 1.0)
         in_units = self.gap_changes(1.0)[contacts]
         pull = np.maximum(PARAMETERS.weightless * (self.pull[contacts] + in_units * rate), in_units * creep)
-        return np.asarray(pull / squares)
+        least = np.asarray(pull / squares)
+        # Where forces or curvatures are sums of terms that cancel, they are known to the rounding of these.
+        blurred = self._blurred[contacts] + in_units * self._forces_blurred > pull
+        if blurred.any():
+            least = np.maximum(least, self._roundings_of_forces(contacts))
+        return least
+
+    def _roundings_of_forces(self, contacts: Numbers) -> Floats:
+        """Multipliers (k,) of some contacts that are rounding of the forces and curvatures."""
+        s, ratio = self.state, contact_values.ROUNDINGS * contact_values.EPS
+        h, gamma = (np.array(x).ravel() for x in self._values.numeric.force_roundings(s.t, s.q, s.v, s.p))
+        responses = [self.response(j) for j in contacts.tolist()]
+        own = np.array([np.abs(r.x) @ h + np.abs(r.of_equalities) @ gamma for r in responses])
+        accelerations = ratio * own + self._blurred[contacts]
+        few = self.few(contacts)
+        if few is not None:
+            return np.asarray(np.abs(np.linalg.inv(few.D)) @ accelerations)
+        # What rows cannot move takes any force.
+        squares = np.array([r.square for r in responses])
+        return np.asarray(np.where(squares > 0.0, accelerations / np.where(squares > 0.0, squares, 1.0), 0.0))
 
     @cached_property
     def metric(self) -> Metric:

@@ -91,32 +91,28 @@ class ContactChanges:
 
     def _instant(self, t: float, y: Floats) -> ContactInstant:
         run = self._run
-        chosen = ContactParameters(float(run.tolerance[0]), run.found.taken, run.contacts.size)
+        given = float(run.tolerance[0]), run.found.taken, run.contacts.size
+        chosen = ContactParameters(*given, since=t - run.grid.start)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noise(self, watch: StepWatch) -> Floats:
-        """The noise of gaps and multipliers that are watched, and room for that of events (W,)."""
-        noise = np.zeros(watch.functions.kinds.numbers.size)
-        if self._count:
-            gaps, forces = self.noises()
-            contacts = watch.functions.contacts
-            noise[: contacts.size] = np.where(watch.is_open, gaps[contacts], forces[contacts])
-        return noise
-
-    def noises(self) -> tuple[Floats, Floats]:
-        """The noise of gaps and of multipliers (K,) at the state: what is zero there."""
-        here = self.here()
-        gaps, self._lowest = here.noise.copy(), here.lowest
-        touching = list(self._run.contacts.touching)
-        gaps[touching] = here.touching_gap[touching]
-        if self._run.contacts.again == 0:
+        """The noise of gaps and multipliers in the step that was found, in which terms that cancel may grow, and room
+        for that of events (W,)."""
+        noise, run = np.zeros(watch.functions.kinds.numbers.size), self._run
+        if not self._count:
+            return noise
+        here, there = self.here(), self._instant(run.found.reached, run.bound.new)
+        found, self._lowest = np.fmax(here.noise, there.noise), here.lowest
+        touching = list(run.contacts.touching)
+        found[touching] = here.touching_gap[touching]
+        if run.contacts.again == 0:
             self._require_apart(here, 2.0)
-        forces = np.zeros(self._count)
         if self.closed:
-            closed = np.array([*self.closed, *self.idle], dtype=np.intp)
-            n = here.state.q.size
-            forces[closed] = here.least_forces(closed, self._run.bound.k[n : 2 * n])
-        return gaps, forces
+            closed, own = np.array([*self.closed, *self.idle], dtype=np.intp), slice(here.state.q.size, -1)
+            sides = (here, run.bound.k), (there, run.bound.k_new)
+            found[closed] = np.fmax(*(at.least_forces(closed, k[own]) for at, k in sides))
+        noise[: watch.functions.contacts.size] = found[watch.functions.contacts]
+        return noise
 
     def _require_apart(self, here: ContactInstant, room: float) -> None:
         deep = np.flatnonzero(here.g < -room * here.touching_gap).tolist()
@@ -333,7 +329,7 @@ class ContactChanges:
     def _report(self, reported: ContactReport, is_start: bool) -> None:
         run = self._run
         lines = reported.lines(self._rows, self._count)
-        is_told = not (is_start or run.t == run.grid.start)
+        is_told = not is_start and run.statistics.steps > 0
         for kind, contacts in reported.kinds({j for j, _ in run.contacts.ending}, is_told):
             for j in contacts:
                 self.log.report(kind, self._names[j], lines)

@@ -15,6 +15,7 @@ from lagcli.equations import named_functions
 from lagcli.simulation.events import step_watch, switch_event
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import FEW
+from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.simulation.stepping import sticking, timetable
 from lagcli.simulation.stepping.stepper import Stepper
@@ -63,6 +64,53 @@ class EdgeEvent(Event):
             run.control.step = time * (1.0 - BEFORE)
             return False
         return self._crosses(2 * max(float(times[is_near].max()), math.ulp(run.t)), is_near)
+
+    def leaves(self) -> bool:
+        """See `Event`: a start on a switch of a force, at rest there or not, goes to the side to which it is led."""
+        run, watched = self._run, self._watched()
+        if not watched[-1]:
+            return False
+        u, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
+        is_on = self._of_forces & (np.abs(u) <= EPS * sizes)
+        if not is_on.any():
+            return False
+        moving = is_on & (rates != 0.0)
+        if moving.any():
+            return self._crosses(2 * math.ulp(run.t), moving)
+        # The first time at which positions are told apart from those on the switch, by accelerations soon after it.
+        dt = math.ulp(run.t + run.grid.step)
+        while dt < run.grid.step / 2:
+            y = self._led(dt)
+            beside, _, sizes = self._at(run.t + dt, y, run.bound.k)
+            led = is_on & (np.abs(beside) > 16 * EPS * sizes)
+            if led.any():
+                self._require_no_return(dt, y, led)
+                # Positions are moved by a few roundings, and no time is lost in which forces are not those of the side.
+                return self._steps_to(2 * math.ulp(run.t), led, y)
+            dt *= 2
+        return False
+
+    def _led(self, dt: float) -> Floats:
+        """The state with positions to which accelerations a time later lead, (2n + 1,)."""
+        run, y, n = self._run, self._run.bound.y.copy(), self._run.bound.y.size // 2
+        k = self._rate(run.t + dt, y + dt * run.bound.k)
+        y[:n] += dt * y[n : 2 * n] + dt * dt / 2 * k[n : 2 * n]
+        return y
+
+    def _rate(self, t: float, y: Floats) -> Floats:
+        self._run.statistics.evaluations += 1
+        return np.array(self._run.bound.numeric.rhs(t, y, self._run.bound.p)).ravel()
+
+    def _require_no_return(self, dt: float, ahead: Floats, led: Flags) -> None:
+        """Raise `StepFailure` where both sides of a switch (U,) push a motion that is at rest on it back: it sticks."""
+        run, returns = self._run, led.copy()
+        for y in (ahead, 2 * run.bound.y - ahead):
+            k = self._rate(run.t + dt, y)
+            u, before, _ = self._at(run.t + dt, y, k)
+            after = self._at(run.t + 2 * dt, y + dt * k, k)[1]
+            returns &= u * (after - before) < 0.0
+        if returns.any():
+            raise StepFailure(sticking.at_rest(self._system, run.bound.y), STICKS)
 
     def cut(self) -> None:
         """See `Event`: a step in which a force switches unforeseen ends before it."""
@@ -142,17 +190,22 @@ class EdgeEvent(Event):
 
     def _crosses(self, dt: float, which: Flags) -> bool:
         """Find the step across some of the switches (U,); False where the motion turns round at one of a force."""
-        run, bound, found = self._run, self._run.bound, self._run.found
+        run = self._run
         if (which & self._of_forces).any():
             self._require_no_stick(dt)
             dt = self._beyond(dt, which)
             if dt >= run.control.step:
                 return False
+        return self._steps_to(dt, which, self._ahead(dt))
+
+    def _steps_to(self, dt: float, which: Flags, y: Floats) -> bool:
+        """Find the step of a time to a state (2n + 1,) beyond some of the switches (U,), or beside them."""
+        run, bound, found = self._run, self._run.bound, self._run.found
         found.reached = run.t + dt
         if self._of_forces[which].all():
-            bound.new[:], bound.k_new[:], *_ = bound.projected_at(found.reached, self._ahead(dt))
+            bound.new[:], bound.k_new[:], *_ = bound.projected_at(found.reached, y)
         else:
-            bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, self._ahead(dt))
+            bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, y)
         found.is_open = found.is_still = True
         found.taken, found.proposed = found.reached - run.t, max(self._wished, run.control.step)
         self._wished = 0.0

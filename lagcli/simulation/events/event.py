@@ -23,6 +23,10 @@ class Event:
     def begin(self) -> None:
         """Act on the start of a run."""
 
+    def leaves(self) -> bool:
+        """Find the step that leads from a start on a switch of the state to a side of it, where it stands on one."""
+        return False
+
     def end(self) -> None:
         """Tell of what the last step holds, where the run ends with it."""
 

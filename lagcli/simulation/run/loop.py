@@ -154,6 +154,11 @@ class Run:
         if self._begin():
             for event in self._events:
                 event.begin()
+            if any(event.leaves() for event in self._events):
+                self._cut()
+                self.stepper.accept()
+                for event in self._events:
+                    event.act()
             self._writer.put_begin()
         self._begin = None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +11,9 @@ from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.scheme.method import Method
+from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
-
-BLURRED = 5  # index in `step_tolerance.of_steps`
 
 
 class BoundStep:
@@ -34,7 +32,8 @@ class BoundStep:
         self.rhs = BoundFunction(self.numeric.rhs, [t, y, self.p])
         self.project = BoundFunction(self.numeric.project, [t, y, self.p])
         self.scratch = BoundFunction(self.numeric.project, [scratch, np.zeros(y.size), self.p])
-        self._tolerance, self._blur = cells(tolerance), self._roundings() if tolerance[BLURRED] else None
+        self._blurred = tolerance[step_tolerance.BLURRED]
+        self._roundings: BoundFunction | None = None
         arguments = [t, h, y, self.k, tolerance, self.p]
         self.step = BoundFunction(scheme.step, arguments, wanted=3)
         self.new, self.k_new, status = self.step.results
@@ -42,25 +41,31 @@ class BoundStep:
         self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
         self.t, self.h, self.scratch_t, self.status = map(cells, (t, h, scratch, status))
 
-    def _roundings(self) -> BoundFunction:
-        n, function = self.y.size // 2, self.numeric.force_roundings
-        return BoundFunction(
-            function, [np.zeros(1), self.y[:n], self.y[n : 2 * n], self.p[: function.numel_in(3)]]
-        )
+    def begin(self, t: float, k: Floats, row_step: float) -> None:
+        """Stand at a time with a rate (2n + 1,), and look at rounding from there on where it counts; row_step: the time
+        between rows."""
+        numeric, n = self.numeric, self.y.size // 2
+        self.t[0], self.k[:] = t, k
+        q, v, p = self.y[:n], self.y[n : 2 * n], self.p[: self.numeric.sizes.numel_in(3)]
+        self._blurred[:] = 0.0
+        if step_tolerance.is_blurred(numeric, State(t, q, v, p), row_step):
+            self._roundings = BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, p])
 
     def look_at_rounding(self) -> None:
-        """Note what the rounding of the forces makes at either end of the step to be tried, the less of both, if it
-        counts."""
-        if self._blur is None:
-            return
-        self._tolerance[BLURRED] = min(self._blurred(self.t[0]), self._blurred(self.t[0] + self.h[0]))
+        """Note what the rounding of rows and forces makes at either end of the step to be tried, the less of both, if
+        it counts."""
+        if self._roundings is not None:
+            self._blurred[:] = np.fmax(
+                np.fmin(*(self._rounded(self._roundings, t) for t in (self.t[0], self.t[0] + self.h[0]))),
+                step_tolerance.TINY,
+            )
 
-    def _blurred(self, t: float) -> float:
-        assert self._blur is not None
-        self._blur.arguments[0][0] = t
-        self._blur.trigger()
-        found = step_tolerance.UNIT * float(self._blur.results[0][-1])
-        return max(found, step_tolerance.TINY) if math.isfinite(found) else step_tolerance.TINY
+    @staticmethod
+    def _rounded(roundings: BoundFunction, t: float) -> Floats:
+        roundings.arguments[0][0] = t
+        roundings.trigger()
+        found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0]
+        return np.where(np.isfinite(found), found, 0.0)
 
     def projected_at(self, t: float, y: Floats) -> list[Floats]:
         """The results of `NumericSystem.project`, in memory that the next call overwrites."""

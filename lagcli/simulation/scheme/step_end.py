@@ -73,7 +73,7 @@ Compiled = ca.Function
 
 
 class StepInputs(NamedTuple):
-    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (6,), p."""
+    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (8,), p."""
 
     t: ca.MX
     h: ca.MX
@@ -172,7 +172,10 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     h, sizes = sort.sym("h"), sort.sym("sizes", n + 3)
     tolerance = sort.sym("tolerance", tolerances.COUNT)
     scale = scales((y, new), h, sizes, tolerance)
-    moved = _moved(projected - new, scale + blur[: 2 * n], sizes)
+    # The projection puts a state where rows are, to their rounding.
+    units, off = sizes[:n], tolerance[tolerances.BLURRED]
+    room = blur[: 2 * n] + ca.vertcat(units * (off[0] + h * off[1]), units * off[1])
+    moved = _moved(projected - new, scale + room, sizes)
     # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
     rounded = PARAMETERS.time_rounding * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
@@ -191,7 +194,7 @@ def scales(
     """The sizes that errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a
     step of length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
     n = (states[0].numel() - 1) // 2
-    rtol, atol, part, rounding, resting, blurred = (tolerance[i] for i in range(tolerances.COUNT))
+    rtol, atol, part, rounding, resting, _, _, blurred = (tolerance[i] for i in range(tolerances.COUNT))
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
     speed = ca.fmax(v, h * a)
     largest = ca.fmax(*(ca.fabs(y[: 2 * n]) for y in states))

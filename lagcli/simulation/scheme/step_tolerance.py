@@ -19,6 +19,7 @@ from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction
 from lagcli.model.model import Simulation
 from lagcli.start import initial
+from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 # Positions are moved by this part of their size, and h is balanced where it is this part of what it is beside.
@@ -57,6 +58,12 @@ class ToleranceParameters:
     """A part of the size of positions that their own rounding makes invisible: in a step it moves velocities
     by as much, divided by its length. It is below the spacing of doubles, for forces do not change by
     themselves in a step. `test_the_rounding_of_positions_shows_in_velocities` fails at 1e-18 and 1e-16."""
+    stages: float = 16.0
+    """An estimate of the error of a step adds up the roundings of so many stages, about.
+    `test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages` fails at 1.6 and 160."""
+    soon: float = 1e-6
+    """So soon, as a part of the time between rows, terms that begin at zero are told from it.
+    `test_terms_that_begin_at_zero_are_seen_a_millionth_of_a_row_later` fails at 1e-7 and 1e-5."""
 
 
 PARAMETERS = ToleranceParameters()
@@ -65,23 +72,24 @@ PARAMETERS = ToleranceParameters()
 COARSE_WORK = 300.0
 # For what is divided by, so that zero over zero is zero.
 TINY = 1e-300
-# Numbers of a tolerance; the unit of rounding.
-COUNT, UNIT = 6, 2**-53
+# Numbers of a tolerance, those of them that are `blurred`; the unit of rounding.
+COUNT, BLURRED, UNIT = 8, slice(5, 8), 2**-53
 
 
-def of_steps(settings: Simulation, balanced: float = 0.0, blurred: float = 0.0) -> Floats:
-    """(rtol, atol, part, rounding, balanced, blurred): the error of a step is compared with rtol |y| + atol, plus these
-    parts of sizes. Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below that of
-    positions: no step can be held closer. balanced: the acceleration of `RestingForces`, the rounding of which is
-    allowed; blurred: that of the rounding of the forces, at the start of the run; 0 where it does not count.
+def of_steps(settings: Simulation, balanced: float = 0.0) -> Floats:
+    """(rtol, atol, part, rounding, balanced, blurred (3,)): the error of a step is compared with rtol |y| + atol, plus
+    these parts of sizes. Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below
+    that of positions: no step can be held closer. balanced: the acceleration of `RestingForces`, the rounding of which
+    is allowed; blurred: positions, velocities and accelerations that are rounding of rows and forces, noted for each
+    step where they count.
     """
     rtol = max(settings.rtol / PARAMETERS.tightening, min(settings.rtol, PARAMETERS.finest))
     tightened = rtol / settings.rtol
     if settings.atol is not None:
         known = settings.atol * tightened, 0.0, PARAMETERS.rounding
-        return np.array([rtol, *known, balanced, blurred])
+        return np.array([rtol, *known, balanced, 0.0, 0.0, 0.0])
     part = max(PARAMETERS.least, min(PARAMETERS.default * tightened, PARAMETERS.below * rtol))
-    return np.array([rtol, 0.0, part, PARAMETERS.rounding, balanced, blurred])
+    return np.array([rtol, 0.0, part, PARAMETERS.rounding, balanced, 0.0, 0.0, 0.0])
 
 
 def absolute(settings: Simulation, size: float) -> float:
@@ -99,12 +107,10 @@ def sentence(settings: Simulation) -> str:
 @frozen_value
 class RestingForces:
     """acceleration: that the largest term of h would make, in the units of `parts.Sizes`, 0 where the forces do not
-    balance within h; energy: of the forces over the size of q; blurred: acceleration by the rounding of forces that
-    depend on the time and cancel at first, else 0. All are 0 where the start moves."""
+    balance within h; energy: of the forces over the size of q. Both are 0 where the start moves."""
 
     acceleration: float
     energy: float
-    blurred: float = 0.0
 
 
 def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
@@ -122,10 +128,21 @@ def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
     moved[:] = elsewhere
     sizes.trigger()
     beside = float(sizes.results[0][-1])
-    units = float(numeric.force_roundings(t, q, v, p)[-1]) if numeric.has_time else 0.0
-    blurred = UNIT * units if here <= STAIRS * units < np.inf else 0.0
     if not here <= BALANCED * beside:
-        return RestingForces(0.0, here * length if np.isfinite(here) else 0.0, blurred)
+        return RestingForces(0.0, here * length if np.isfinite(here) else 0.0)
     found = float(numeric.term_sizes(t, q, v, p)[-1])
     found = found if np.isfinite(found) else 0.0
-    return RestingForces(found, found * length, blurred)
+    return RestingForces(found, found * length)
+
+
+def is_blurred(numeric: NumericSystem, state: State, row_step: float) -> bool:
+    """True where positions, velocities or accelerations are small beside the terms, in t, of the rows and forces that
+    make them, at a state or soon after it: their rounding is what they are known to."""
+    if not (numeric.has_time and state.q.size):
+        return False
+    for t in (state.t, state.t + PARAMETERS.soon * row_step):
+        given = t, state.q, state.v, state.p
+        sizes, terms = (np.array(f(*given)).ravel()[-3:] for f in (numeric.sizes, numeric.state_roundings))
+        if ((sizes <= STAIRS * terms) & (terms > 0.0) & np.isfinite(terms)).any():
+            return True
+    return False

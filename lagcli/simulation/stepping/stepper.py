@@ -93,7 +93,7 @@ class Stepper:
     ) -> None:
         self.origin, self.grid = state.origin, grid
         resting = step_tolerance.resting_forces(enforced.system, enforced.functions.numeric)
-        self.tolerance = step_tolerance.of_steps(settings, resting.acceleration, resting.blurred)
+        self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
@@ -120,7 +120,7 @@ class Stepper:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
-        self.bound.t[0], self.bound.k[:] = self.t, k
+        self.bound.begin(self.t, k, self.grid.step)
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
         has_time, model = self.bound.numeric.has_time, enforced.system.model

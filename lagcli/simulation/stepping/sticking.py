@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.force_switches import ForceSwitches
+from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.bound_scheme import BoundStep
@@ -111,12 +112,24 @@ def _sentence(system: System, switches: ForceSwitches, switch: int, forces: list
     listed = switches.coordinates[switch][: initial.PARAMETERS.most_listed]
     rates = _rate_names(system)
     where = ", ".join(f"{names[i]} = {middle[i]:.6g}, {rates[i]} = {middle[n + i]:.6g}" for i in listed)
+    return _stuck(forces, where, "v")
+
+
+def at_rest(system: System, y: Floats) -> str:
+    """The reason to stop at a state (2n + 1,), at rest on a switch of a force in the position, to which both of its
+    sides lead."""
+    names = system.model.coordinate_names[: initial.PARAMETERS.most_listed]
+    where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, y.tolist(), strict=False))
+    return _stuck(list(named_functions.switching_forces(system.model)), where, "x")
+
+
+def _stuck(forces: list[str], where: str, variable: str) -> str:
     named = " and ".join(f"`{name}`" for name in forces[: initial.PARAMETERS.most_listed])
     verb = "switch" if len(forces) > 1 else "switches"
     return (
         f"{'the forces' if len(forces) > 1 else 'the force'} {named} {verb} at {where}, and both sides push the motion"
         " onto the switch: it sticks there, as with dry friction, which a run does not follow (write a smooth law, as"
-        " `tanh(v/1e-3)` in place of `sign(v)`)"
+        f" `tanh({variable}/1e-3)` in place of `sign({variable})`)"
     )
 
 
