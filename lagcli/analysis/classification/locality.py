@@ -11,7 +11,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from lagcli.analysis.classification.case import Case
+from lagcli.analysis.classification import exact_start
+from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.pfaffian import joint, special_points, translate
@@ -21,7 +22,6 @@ from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
-from lagcli.start.initial import State
 
 # Operations for the equations of a set and for the integrals on it.
 BUDGET = 60_000
@@ -37,35 +37,50 @@ def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
 
 
 class Locality:
-    """The start of a case in the symbols of a translation; `deadline`: a value of `time.monotonic`."""
+    """The start of a group of rows in the symbols of a translation; `deadline`: a value of `time.monotonic`.
 
-    def __init__(self, case: Case, translation: translate.Translation, deadline: float) -> None:
+    block: the group as it is declared.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        group: CoupledGroup,
+        block: PfaffianBlock,
+        translation: translate.Translation,
+        deadline: float,
+    ) -> None:
         self._case, self._translation, self._deadline = case, translation, deadline
+        self._start = exact_start.ExactStart(case, group, block, translation)
 
     def is_regular(self, flagged: joint.Flagged) -> bool:
         """True if the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
-        here = self._point(self._case.begin)
-        return not any(e is None or special_points.vanishes(e, [here]) for e in flagged.flag.divisors)
+        return not any(e is None or self.is_at_start(e) for e in flagged.flag.divisors)
+
+    def is_at_start(self, expression: Expression) -> bool:
+        """True if an expression is zero at the start to all digits, or has no value there."""
+        return special_points.vanishes(expression, [self._start.point])
 
     def has_sheets(self, block: PfaffianBlock, numbers: NumericFlag) -> bool:
         """True if a holonomic row has other factors than those that vanish along the motions from the start."""
-        points = [self._point(state) for state in numbers.states]
+        points = self._points(numbers)
         try:
             return bool(time_limit.run(self._deadline, lambda: special_points.sheets(block, points), BUDGET))
         except time_limit.NO_ANSWER:
             return False
 
     def own_factor(self, factors: Sequence[Expression]) -> Expression:
-        """The factor that vanishes at the start, if one alone does, else the product."""
-        here = self._point(self._case.begin)
+        """The factor that vanishes at the start, if one alone does, or is all but zero there; else the product."""
+        here = self._start.point
         own = [e for e in factors if special_points.vanishes(e, [here])]
+        own = own or [e for e in factors if special_points.beside(e, here)]
         return own[0] if len(own) == 1 else special_points.product(factors)
 
     def without_vanishing(
         self, together: JointVerdict, block: PfaffianBlock, numbers: NumericFlag
     ) -> JointVerdict:
         """The verdict of numbers, in which rows that vanish along the motions from the start have no integrals."""
-        points = [self._point(state) for state in numbers.states]
+        points = self._points(numbers)
         vanishing = (
             _vanishing(block, points) if len(points) > 1 else frozenset()
         )  # the start alone may be special
@@ -81,7 +96,7 @@ class Locality:
         single: Sequence[frobenius.FormVerdict | None],
     ) -> JointVerdict:
         """The verdict of numbers with the set that motions from the start keep to, and integrals on it."""
-        points = [self._point(state) for state in numbers.states]
+        points = self._points(numbers)
         vanishing = _vanishing(block, points)
         of_rows = [None if name in vanishing else one for name, one in zip(block.names, single, strict=True)]
         candidates = self._candidates(block, flagged, points)
@@ -140,9 +155,9 @@ class Locality:
                 equations, found = fewer, there
         return equations, found
 
-    def _point(self, state: State) -> special_points.Point:
-        names = self._case.system.model.coordinate_names
-        return special_points.point(names, state.q, state.t, self._translation.numbers)
+    def _points(self, numbers: NumericFlag) -> list[special_points.Point]:
+        """The start, and the other points of its motions that numbers have met."""
+        return [self._start.point, *map(self._start.doubles, numbers.states[1:])]
 
     def _candidates(
         self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_points.Point]
@@ -160,7 +175,7 @@ class Locality:
             own = time_limit.run(self._deadline, work, BUDGET)
         except time_limit.NO_ANSWER:
             own = []
-        return [own, [*own, *special_points.still(block, points)]]
+        return [own, [*own, *special_points.still(block, points, self._start.written(block.variables))]]
 
     def _on(
         self, block: PfaffianBlock, equations: Sequence[Expression], numbers: NumericFlag
