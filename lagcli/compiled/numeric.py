@@ -332,6 +332,15 @@ class NumericSystem:
         return SizedFunction("terms", self._inputs, [packed])
 
     @cached_property
+    def row_terms(self) -> ca.Function:
+        """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
+        from lagcli.equations import operation_rules
+
+        parts = self._parts
+        found = [operation_rules.term_sizes(ca.densify(value), self._inputs) for value in (parts.f, parts.b)]
+        return SizedFunction("row_terms", self._inputs, found)
+
+    @cached_property
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
         parts = self._parts
