@@ -242,7 +242,10 @@ class Classifier:
     ) -> JointVerdict:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
         if not numbers.is_certain:
-            return JointVerdict(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
+            may_demand = numbers.has_time and (numbers.dimension is None or numbers.contradiction)
+            return JointVerdict(
+                names, (), (), frozenset(), (), (), "none", reason=numbers.reason, may_demand=may_demand
+            )
         inside = _picked(names, numbers.inside)
         integrals = solved or tuple(
             translate.first_integral(one.integral, (name,), self._translation.values)
