@@ -9,6 +9,7 @@ changed by its own size; one far below that is what cancellation leaves.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -66,10 +67,14 @@ _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Coordinates, time and parameters as doubles, by their symbols; `digits`: the same to 50 digits, of a start."""
+    """Coordinates, time and parameters as doubles, by their symbols; `digits`: the same to 50 digits, of a start.
+
+    sizes: of coordinates that were computed, the size of what they were computed from; others have their own.
+    """
 
     doubles: Doubles
     digits: Mapping[sympy.Symbol, Fraction] | None = None
+    sizes: Doubles = dataclasses.field(default_factory=dict)
 
 
 def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Doubles) -> Point:
@@ -96,7 +101,7 @@ def is_nothing(expression: sympy.Expr, points: Sequence[Point]) -> bool:
 def _is_small(expression: sympy.Expr, point: Point, otherwise: bool) -> bool:
     """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
     try:
-        value, size = _visit(expression, point.doubles)
+        value, size = _visit(expression, point)
         if not math.isfinite(value) or math.isnan(size):
             return otherwise
         if point.digits is None or abs(value) > PARAMETERS.near * size:
@@ -143,7 +148,7 @@ def still(
             1.0, *map(abs, values)
         ):
             found.append(x - written.get(x, _intended_number(values[0])))
-    return [e for e in found if vanishes(e, points)]
+    return [e for e in found if vanishes(e, points[:1])]
 
 
 def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
@@ -176,12 +181,13 @@ def _intended_number(value: float) -> sympy.Expr:
     return sympy.Rational(repr(value))
 
 
-def _visit(e: sympy.Basic, point: Doubles) -> tuple[float, float]:
+def _visit(e: sympy.Basic, point: Point) -> tuple[float, float]:
     """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
     if isinstance(e, sympy.Symbol):
-        if e not in point:
+        if e not in point.doubles:
             raise ValueError(f"{e} has no value")
-        return point[e], abs(point[e])
+        value = point.doubles[e]
+        return value, max(abs(value), point.sizes.get(e, 0.0))
     if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
         number = float(e)
         return number, abs(number)

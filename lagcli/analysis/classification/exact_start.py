@@ -40,11 +40,13 @@ class ExactStart:
         self._case, self._group, self._block, self._translation = case, group, block, translation
         self._names = case.system.model.coordinate_names
         self._numbers = {name: k for k, name in enumerate(self._names)}
+        self._sizes: dict[sympy.Symbol, float] = {}
 
     @cached_property
     def point(self) -> special_points.Point:
         """The start; without digits where its rows have none, as at a singular point of theirs."""
-        return dataclasses.replace(self.doubles(self._case.begin), digits=self._digits)
+        found, digits = self.doubles(self._case.begin), self._digits
+        return dataclasses.replace(found, digits=digits, sizes=self._sizes if digits is not None else {})
 
     def doubles(self, state: State) -> special_points.Point:
         """A state in symbols, in doubles alone."""
@@ -85,8 +87,15 @@ class ExactStart:
             k = self._numbers[x.name]
             if abs(begin.q[k] - self._declared.q[k]) > initial.PARAMETERS.consistent * size:
                 here[x] = Fraction(repr(float(begin.q[k])))
-        on = self._on_surface(here, origin, constants) if self._block.surface else {}
-        return None if on is None else {**known, **here, **on}
+        doubles = self.doubles(begin)
+        there = dataclasses.replace(doubles, digits={**known, **here})
+        if all(special_points.is_nothing(f, [there]) for f in self._block.surface):
+            return {**known, **here}
+        on = self._on_surface(here, origin, constants)
+        if on is None:
+            return None
+        self._sizes = {x: size for x, value in on.items() if value != origin[x]}
+        return {**known, **here, **on}
 
     def _on_surface(self, here: Digits, origin: Digits, constants: Mapping[sympy.Symbol, sympy.Expr]) -> Digits | None:
         """The coordinates of the surface at its point nearest to the declared start."""
@@ -96,6 +105,8 @@ class ExactStart:
         surface = [
             f.xreplace(constants) for f, is_redundant in zip(self._block.surface, follow, strict=True) if not is_redundant
         ]
+        if not surface:
+            return None
         held = set().union(*(f.free_symbols for f in surface))
         moving = [x for x in here if x in held]
         inertia = self._inertia([self._numbers[x.name] for x in moving])

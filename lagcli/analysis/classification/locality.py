@@ -19,6 +19,7 @@ from lagcli.pfaffian import joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
@@ -101,6 +102,9 @@ class Locality:
         of_rows = [None if name in vanishing else one for name, one in zip(block.names, single, strict=True)]
         candidates = self._candidates(block, flagged, points)
         where, passing = self._set(block, candidates, numbers, of_rows)
+        doubt = "" if where else self._doubt(flagged, numbers, together, single)
+        if doubt:
+            return JointVerdict(block.names, (), (), frozenset(), (), (), "none", reason=doubt)
         lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
         known = {one.text for one in lasting}
         written_integrals = [
@@ -117,6 +121,29 @@ class Locality:
             notes=(f"{note}; on another sheet, set or side of a kink they are different", *together.notes),
             vanishing=together.vanishing | vanishing,
         )
+
+    def _doubt(
+        self,
+        flagged: joint.Flagged | None,
+        numbers: NumericFlag,
+        together: JointVerdict,
+        single: Sequence[frobenius.FormVerdict | None],
+    ) -> str:
+        """Say why numbers that took values for zero prove nothing, where no set was found that motions keep to."""
+        divisors = () if flagged is None else flagged.flag.divisors
+        near = [e for e in divisors if e is not None and special_points.beside(e, self._start.point)]
+        if near:
+            return (
+                f"the start lies so near {notation.written(near[0])} = 0, and not on it, that numbers cannot tell what"
+                " the rows say there"
+            )
+        alone = len(single) == 1 and single[0] is not None and single[0].kind == "nonholonomic"
+        if together.inside and numbers.error > special_points.PARAMETERS.zero and (alone or flagged is not None):
+            return (
+                f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and no set was found that the"
+                " motions from the start keep to"
+            )
+        return ""
 
     def _set(
         self,
@@ -195,9 +222,10 @@ class Locality:
         except time_limit.NO_ANSWER:
             return None
         holonomic_rank = len(found.values) + found.flag.holonomic_rank
-        is_same = (
-            found.flag.dims and holonomic_rank + found.flag.dims[-1] == numbers.surface + numbers.extra[-1]
-        )
+        dims, extra = found.flag.dims, numbers.extra
+        # The same rank with the equations and without: their differentials lie in the system, and motions keep to them.
+        is_kept = dims and holonomic_rank + dims[0] == numbers.surface + extra[0]
+        is_same = is_kept and holonomic_rank + dims[-1] == numbers.surface + extra[-1]
         return found if is_same else None
 
     def _integrals(

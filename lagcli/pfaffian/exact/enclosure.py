@@ -301,9 +301,9 @@ def _projected(
             moved = max(abs(d) for d in step)
             if not mpmath.isfinite(moved) or moved > 1e6:
                 return None
-            point = {x: old - _fraction(d) for (x, old), d in zip(point.items(), step, strict=True)}
             if moved < _CLOSE * float(max(1, *map(abs, point.values()))):
                 return point
+            point = {x: old - _fraction(d) for (x, old), d in zip(point.items(), step, strict=True)}
     return None
 
 
