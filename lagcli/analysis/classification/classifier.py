@@ -66,7 +66,11 @@ class Classifier:
         if (
             block is not None
             and flagged is not None
-            and (numbers is None or locality.agree(flagged, numbers))
+            and (
+                numbers is None
+                or locality.agree(flagged, numbers)
+                or self._locality.is_left(flagged, numbers)
+            )
         ):
             together = self._exact(block, flagged, single)
         else:

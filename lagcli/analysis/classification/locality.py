@@ -58,6 +58,17 @@ class Locality:
         """True if the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
         return not any(e is None or self.is_at_start(e) for e in flagged.flag.divisors)
 
+    def is_left(self, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
+        """True if motions from the start come to where nothing that algebra divided by vanishes.
+
+        What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
+        """
+        points = self._points(numbers)[1:]
+        return not any(
+            e is None or (self.is_at_start(e) and special_points.vanishes(e, points))
+            for e in flagged.flag.divisors
+        )
+
     def is_at_start(self, expression: Expression) -> bool:
         """True if an expression is zero at the start to all digits, or has no value there."""
         return special_points.vanishes(expression, [self._start.point])
