@@ -208,7 +208,9 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
         # What a row demands of velocities may be the rounding of terms that cancel, 100 (cos(x) - y/2) at x = pi/3; the
         # nearest velocity leaves a part of it to every row beside it.
         terms = np.array(numeric.row_terms(state.t, state.q, state.v, state.p)[1]).ravel()[: norms.size]
-        allowed_velocity += PARAMETERS.roundings * np.finfo(float).eps * float((terms / norms).max(initial=0.0))
+        allowed_velocity += (
+            PARAMETERS.roundings * np.finfo(float).eps * float((terms / norms).max(initial=0.0))
+        )
     return Residuals(position, velocity, allowed, allowed_velocity, rows.norms == 0, norms)
 
 

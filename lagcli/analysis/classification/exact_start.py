@@ -52,6 +52,12 @@ class ExactStart:
         """A state in symbols, in doubles alone."""
         return special_points.point(self._names, state.q, state.t, self._translation.numbers)
 
+    def reached(self, state: State) -> special_points.Point:
+        """A state that motions were followed to: its coordinates are off by a part of the size of the start."""
+        size = initial.size(self._case.begin.q)
+        moving = (x for x in self._block.variables if x != notation.TIME)
+        return dataclasses.replace(self.doubles(state), sizes=dict.fromkeys(moving, size))
+
     def written(self, variables: Iterable[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Expr]:
         """The declared values of coordinates as they are written, of those that are where they were declared."""
         begin, found = self._case.begin, {}
@@ -97,20 +103,26 @@ class ExactStart:
         self._sizes = {x: size for x, value in on.items() if value != origin[x]}
         return {**known, **here, **on}
 
-    def _on_surface(self, here: Digits, origin: Digits, constants: Mapping[sympy.Symbol, sympy.Expr]) -> Digits | None:
+    def _on_surface(
+        self, here: Digits, origin: Digits, constants: Mapping[sympy.Symbol, sympy.Expr]
+    ) -> Digits | None:
         """The coordinates of the surface at its point nearest to the declared start."""
         numeric, begin = self._case.numeric, self._case.begin
         B = numeric.holonomic(begin.t, begin.q, begin.p)[1][list(self._group.holonomic), :]
         follow = independent_rows.redundant(MetricRows(B, Metric.unit(begin.q.size)))
         surface = [
-            f.xreplace(constants) for f, is_redundant in zip(self._block.surface, follow, strict=True) if not is_redundant
+            f.xreplace(constants)
+            for f, is_redundant in zip(self._block.surface, follow, strict=True)
+            if not is_redundant
         ]
         if not surface:
             return None
         held = set().union(*(f.free_symbols for f in surface))
         moving = [x for x in here if x in held]
         inertia = self._inertia([self._numbers[x.name] for x in moving])
-        return enclosure.nearest({x: here[x] for x in moving}, {x: origin[x] for x in moving}, surface, inertia)
+        return enclosure.nearest(
+            {x: here[x] for x in moving}, {x: origin[x] for x in moving}, surface, inertia
+        )
 
     def _inertia(self, numbers: list[int]) -> list[list[Fraction]]:
         """The inertia of some coordinates at the declared start, and of those that it couples to them, which follow; of

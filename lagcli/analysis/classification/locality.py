@@ -18,8 +18,8 @@ from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.pfaffian import joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
-from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms import notation
+from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
@@ -149,10 +149,14 @@ class Locality:
                 " the rows say there"
             )
         alone = len(single) == 1 and single[0] is not None and single[0].kind == "nonholonomic"
-        if together.inside and numbers.error > special_points.PARAMETERS.zero and (alone or flagged is not None):
+        if (
+            together.inside
+            and numbers.error > special_points.PARAMETERS.zero
+            and (alone or flagged is not None)
+        ):
             return (
-                f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and no set was found that the"
-                " motions from the start keep to"
+                f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and no set was found that"
+                " the motions from the start keep to"
             )
         return ""
 
@@ -195,7 +199,7 @@ class Locality:
 
     def _points(self, numbers: NumericFlag) -> list[special_points.Point]:
         """The start, and the other points of its motions that numbers have met."""
-        return [self._start.point, *map(self._start.doubles, numbers.states[1:])]
+        return [self._start.point, *map(self._start.reached, numbers.states[1:])]
 
     def _candidates(
         self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_points.Point]

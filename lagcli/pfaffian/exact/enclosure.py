@@ -293,7 +293,9 @@ def _projected(
             try:
                 f = mpmath.matrix([_middle(there.value(row)) for row in surface])
                 B = mpmath.matrix([[_middle(there.value(entry)) for entry in row] for row in gradients])
-                back = mpmath.matrix([_mpf(origin[x] - q) if origin else mpmath.mpf(0) for x, q in point.items()])
+                back = mpmath.matrix(
+                    [_mpf(origin[x] - q) if origin else mpmath.mpf(0) for x, q in point.items()]
+                )
                 weighted = B.T if W is None else W * B.T
                 step = weighted * mpmath.lu_solve(B * weighted, f + B * back) - back
             except (NoValueError, ArithmeticError, ValueError):
@@ -301,7 +303,7 @@ def _projected(
             moved = max(abs(d) for d in step)
             if not mpmath.isfinite(moved) or moved > 1e6:
                 return None
-            if moved < _CLOSE * float(max(1, *map(abs, point.values()))):
+            if moved < _CLOSE * max(1.0, *(abs(float(value)) for value in point.values())):
                 return point
             point = {x: old - _fraction(d) for (x, old), d in zip(point.items(), step, strict=True)}
     return None
