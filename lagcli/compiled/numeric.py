@@ -14,7 +14,7 @@ S and M are factored as L D L^T with their sparsity: S by expanded graphs while 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -332,15 +332,6 @@ class NumericSystem:
         return SizedFunction("terms", self._inputs, [packed])
 
     @cached_property
-    def row_terms(self) -> ca.Function:
-        """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
-        from lagcli.equations import operation_rules
-
-        parts = self._parts
-        found = [operation_rules.term_sizes(ca.densify(value), self._inputs) for value in (parts.f, parts.b)]
-        return SizedFunction("row_terms", self._inputs, found)
-
-    @cached_property
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> what `sizes` gives with the rounding of h in its place, in units of it."""
         parts = self._parts
@@ -381,6 +372,16 @@ class NumericSystem:
         for _ in range(NEWTON_STEPS):
             y = self._way.position(t, y, p)
         return y
+
+
+@lru_cache(maxsize=4)
+def row_terms(numeric: NumericSystem) -> ca.Function:
+    """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
+    from lagcli.equations import operation_rules
+
+    parts, inputs = numeric._parts, numeric._inputs
+    found = [operation_rules.term_sizes(ca.densify(value), inputs) for value in (parts.f, parts.b)]
+    return SizedFunction("row_terms", inputs, found)
 
 
 def _inputs(function: ca.Function) -> list[ca.MX]:
