@@ -49,6 +49,7 @@ PARAMETERS = SpecialPointParameters()
 PARTS_OF_PI = 12
 Doubles = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
+Symbol: TypeAlias = sympy.Symbol
 _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float], float]]] = {
     sympy.sin: (math.sin, math.cos),
     sympy.cos: (math.cos, math.sin),
@@ -66,7 +67,7 @@ _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class SpecialPoint:
     """Coordinates, time and parameters as doubles, by their symbols; `digits`: the same to 50 digits, of a start.
 
     sizes: of coordinates that were computed, the size of what they were computed from; others have their own.
@@ -77,28 +78,30 @@ class Point:
     sizes: Doubles = dataclasses.field(default_factory=dict)
 
 
-def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Doubles) -> Point:
+def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Doubles) -> SpecialPoint:
     """Coordinates, time and parameters as doubles, by their symbols."""
     found = {sympy.Symbol(name, real=True): float(x) for name, x in zip(names, values, strict=True)}
-    return Point({**found, sympy.Symbol(elimination.TIME, real=True): time, **parameters})
+    return SpecialPoint({**found, sympy.Symbol(elimination.TIME, real=True): time, **parameters})
 
 
-def beside(expression: sympy.Expr, point: Point) -> bool:
+def beside(expression: sympy.Expr, point: SpecialPoint) -> bool:
     """True if an expression that is not zero at a start is so near to zero that doubles cannot tell."""
-    return _is_small(expression, Point(point.doubles), otherwise=False) and not vanishes(expression, [point])
+    return _is_small(expression, SpecialPoint(point.doubles), otherwise=False) and not vanishes(
+        expression, [point]
+    )
 
 
-def vanishes(expression: sympy.Expr, points: Sequence[Point]) -> bool:
+def vanishes(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:
     """True if an expression is zero on all points, but for rounding, or has no value."""
     return all(_is_small(expression, one, otherwise=True) for one in points)
 
 
-def is_nothing(expression: sympy.Expr, points: Sequence[Point]) -> bool:
+def is_nothing(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:
     """True if an expression has values on all points, all of them zero but for rounding."""
     return all(_is_small(expression, one, otherwise=False) for one in points)
 
 
-def _is_small(expression: sympy.Expr, point: Point, otherwise: bool) -> bool:
+def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> bool:
     """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
     try:
         value, size = _visit(expression, point)
@@ -116,7 +119,7 @@ def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
     return sympy.Mul(*factors)
 
 
-def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
+def sheets(block: PfaffianBlock, points: Sequence[SpecialPoint]) -> list[sympy.Expr]:
     """The factors that vanish on all points, of each holonomic row that has several."""
     found = []
     for f in block.surface:
@@ -128,7 +131,7 @@ def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
     return found
 
 
-def of(divisors: Iterable[sympy.Expr | None], points: Sequence[Point]) -> list[sympy.Expr]:
+def of(divisors: Iterable[sympy.Expr | None], points: Sequence[SpecialPoint]) -> list[sympy.Expr]:
     """The factors of expressions (None: unknown) that vanish on all points."""
     found = []
     for divisor in divisors:
@@ -138,7 +141,7 @@ def of(divisors: Iterable[sympy.Expr | None], points: Sequence[Point]) -> list[s
 
 
 def still(
-    block: PfaffianBlock, points: Sequence[Point], written: Mapping[sympy.Symbol, sympy.Expr]
+    block: PfaffianBlock, points: Sequence[SpecialPoint], written: Mapping[sympy.Symbol, sympy.Expr]
 ) -> list[sympy.Expr]:
     """Equations of coordinates that have one value on all points, that which is `written` where it is known."""
     found = []
@@ -160,7 +163,7 @@ def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
     return list(found)
 
 
-def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> list[str]:
+def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: SpecialPoint) -> list[str]:
     """Equations as texts, and on which side of the kinks of |u| a point lies."""
     kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
     found = [f"{notation.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
@@ -181,7 +184,7 @@ def _intended_number(value: float) -> sympy.Expr:
     return sympy.Rational(repr(value))
 
 
-def _visit(e: sympy.Basic, point: Point) -> tuple[float, float]:
+def _visit(e: sympy.Basic, point: SpecialPoint) -> tuple[float, float]:
     """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
     if isinstance(e, sympy.Symbol):
         if e not in point.doubles:

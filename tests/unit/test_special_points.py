@@ -11,14 +11,14 @@ import sympy
 from lagcli.pfaffian import special_points
 from lagcli.pfaffian.exact import real_bounds
 from lagcli.pfaffian.forms.form import PfaffianBlock
-from lagcli.pfaffian.special_points import Point
+from lagcli.pfaffian.special_points import SpecialPoint
 
 x, y = sympy.symbols("x y", real=True)
 BLOCK = PfaffianBlock(("row",), (x, y), ((y, x),))
 
 
-def points(*places: dict[sympy.Symbol, float]) -> list[Point]:
-    return [Point(place) for place in places]
+def points(*places: dict[sympy.Symbol, float]) -> list[SpecialPoint]:
+    return [SpecialPoint(place) for place in places]
 
 
 @pytest.mark.parametrize(("difference", "stands"), [(3e-10, True), (3e-9, False)])
@@ -35,8 +35,8 @@ def test_values_near_parts_of_pi_are_spelled_so(off: float, is_part: bool) -> No
 
 
 def test_a_coordinate_stands_still_at_what_is_written() -> None:
-    start = Point({x: 1 / 3, y: 0.0}, {x: Fraction(1, 3), y: Fraction(0)})
-    there = Point({x: 1 / 3, y: 1.0})
+    start = SpecialPoint({x: 1 / 3, y: 0.0}, {x: Fraction(1, 3), y: Fraction(0)})
+    there = SpecialPoint({x: 1 / 3, y: 1.0})
     assert special_points.still(BLOCK, [start, there], {x: sympy.Rational(1, 3)}) == [
         x - sympy.Rational(1, 3)
     ]
@@ -52,15 +52,15 @@ def test_an_expression_vanishes_below_the_round_off_of_its_point(rest: float, is
 
 @pytest.mark.parametrize(("rest", "is_zero"), [("3e-41", True), ("3e-40", False)])
 def test_at_a_start_an_expression_vanishes_to_forty_digits(rest: str, is_zero: bool) -> None:
-    start = Point({x: 1.0, y: 1.0}, {x: Fraction(1), y: 1 - 2 * Fraction(rest)})
+    start = SpecialPoint({x: 1.0, y: 1.0}, {x: Fraction(1), y: 1 - 2 * Fraction(rest)})
     assert special_points.vanishes(x - y, [start]) == is_zero
     assert special_points.beside(x - y, start) != is_zero
 
 
 def test_a_coordinate_that_was_computed_is_zero_to_the_size_of_what_it_came_from() -> None:
     digits = {x: Fraction("1e-45"), y: Fraction(0)}
-    assert not special_points.vanishes(x, [Point({x: 1e-45, y: 0.0}, digits)])
-    assert special_points.vanishes(x, [Point({x: 1e-45, y: 0.0}, digits, {x: 1.0})])
+    assert not special_points.vanishes(x, [SpecialPoint({x: 1e-45, y: 0.0}, digits)])
+    assert special_points.vanishes(x, [SpecialPoint({x: 1e-45, y: 0.0}, digits, {x: 1.0})])
 
 
 def test_an_expression_without_a_value_vanishes_and_is_not_nothing() -> None:

@@ -12,7 +12,6 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
-import sympy
 
 from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.linear import independent_rows
@@ -22,10 +21,11 @@ from lagcli.pfaffian import special_points, translate
 from lagcli.pfaffian.exact import enclosure
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.special_points import Expression, Symbol
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-Digits = dict[sympy.Symbol, Fraction]
+Digits = dict[Symbol, Fraction]
 
 # What is written, evaluated in doubles, differs from it by some roundings.
 ROUNDING = 4 * float(np.finfo(float).eps)
@@ -40,25 +40,25 @@ class ExactStart:
         self._case, self._group, self._block, self._translation = case, group, block, translation
         self._names = case.system.model.coordinate_names
         self._numbers = {name: k for k, name in enumerate(self._names)}
-        self._sizes: dict[sympy.Symbol, float] = {}
+        self._sizes: dict[Symbol, float] = {}
 
     @cached_property
-    def point(self) -> special_points.Point:
+    def point(self) -> special_points.SpecialPoint:
         """The start; without digits where its rows have none, as at a singular point of theirs."""
         found, digits = self.doubles(self._case.begin), self._digits
         return dataclasses.replace(found, digits=digits, sizes=self._sizes if digits is not None else {})
 
-    def doubles(self, state: State) -> special_points.Point:
+    def doubles(self, state: State) -> special_points.SpecialPoint:
         """A state in symbols, in doubles alone."""
         return special_points.point(self._names, state.q, state.t, self._translation.numbers)
 
-    def reached(self, state: State) -> special_points.Point:
+    def reached(self, state: State) -> special_points.SpecialPoint:
         """A state that motions were followed to: its coordinates are off by a part of the size of the start."""
         size = initial.size(self._case.begin.q)
         moving = (x for x in self._block.variables if x != notation.TIME)
         return dataclasses.replace(self.doubles(state), sizes=dict.fromkeys(moving, size))
 
-    def written(self, variables: Iterable[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Expr]:
+    def written(self, variables: Iterable[Symbol]) -> dict[Symbol, Expression]:
         """The declared values of coordinates as they are written, of those that are where they were declared."""
         begin, found = self._case.begin, {}
         for x in variables:
@@ -71,7 +71,7 @@ class ExactStart:
     def _declared(self) -> State:
         return initial.declared(self._case.system)
 
-    def _as_written(self, x: sympy.Symbol) -> sympy.Expr:
+    def _as_written(self, x: Symbol) -> Expression:
         """The declared value of a coordinate: what was written, or where that was changed the decimal of its double."""
         value, double = self._translation.written(x), float(self._declared.q[self._numbers[x.name]])
         if value is not None and value.is_comparable:
@@ -104,7 +104,7 @@ class ExactStart:
         return {**known, **here, **on}
 
     def _on_surface(
-        self, here: Digits, origin: Digits, constants: Mapping[sympy.Symbol, sympy.Expr]
+        self, here: Digits, origin: Digits, constants: Mapping[Symbol, Expression]
     ) -> Digits | None:
         """The coordinates of the surface at its point nearest to the declared start."""
         numeric, begin = self._case.numeric, self._case.begin
@@ -117,8 +117,8 @@ class ExactStart:
         ]
         if not surface:
             return None
-        held = set().union(*(f.free_symbols for f in surface))
-        moving = [x for x in here if x in held]
+        touched = set().union(*(f.free_symbols for f in surface))
+        moving = [x for x in here if x in touched]
         inertia = self._inertia([self._numbers[x.name] for x in moving])
         return enclosure.nearest(
             {x: here[x] for x in moving}, {x: origin[x] for x in moving}, surface, inertia

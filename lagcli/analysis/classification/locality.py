@@ -197,12 +197,15 @@ class Locality:
                 equations, found = fewer, there
         return equations, found
 
-    def _points(self, numbers: NumericFlag) -> list[special_points.Point]:
+    def _points(self, numbers: NumericFlag) -> list[special_points.SpecialPoint]:
         """The start, and the other points of its motions that numbers have met."""
         return [self._start.point, *map(self._start.reached, numbers.states[1:])]
 
     def _candidates(
-        self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_points.Point]
+        self,
+        block: PfaffianBlock,
+        flagged: joint.Flagged | None,
+        points: Sequence[special_points.SpecialPoint],
     ) -> list[list[Expression]]:
         """Equations that hold on all points: those of sheets and special points, and with those of what stands
         still."""
@@ -256,7 +259,7 @@ class Locality:
             return ()
 
 
-def _vanishing(block: PfaffianBlock, points: Sequence[special_points.Point]) -> frozenset[str]:
+def _vanishing(block: PfaffianBlock, points: Sequence[special_points.SpecialPoint]) -> frozenset[str]:
     """The rows that vanish at all points."""
     return frozenset(
         name
