@@ -94,7 +94,7 @@ def joint(count: DofCount, found: Classification) -> JointReport:
     """The joint part: the flag of all rows, df of the holonomic ones included (their rank stays to the end)."""
     unsolved = tuple(form for group in found.groups for form in group.unsolved)
     dimension = count.coordinates + found.depends_on_time
-    if count.holonomic is None:
+    if count.holonomic is None or not found.flag:
         return JointReport(
             (), found.everything, unsolved, (), dimension, "none", found.remarks, found.depends_on_time
         )

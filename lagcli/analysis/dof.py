@@ -129,27 +129,35 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     # Of a row that vanishes identically numbers see its rounding.
     effective = [i for i, name in enumerate(names) if name not in found.vanishing]
     holonomic_rows = list(range(system.holonomic_count))
-    points = [begin]
+    points, vanishing = [begin], ""
     on = _ranks(numeric, points, holonomic_rows, effective)
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
     if on.highest[1] < len(effective):  # rows that are independent at the start are so nearby
         from lagcli.start import conflict  # here, as the rows of most models are independent
 
-        has_others = len(holonomic_rows) < len(names) and surface.kind != "deficient"
+        has_others = surface.kind != "deficient" and _is_lost(found, on)
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
-            points = _generic(system, numeric, begin, holonomic_rows, later)
+            points = _generic(system, numeric, begin, holonomic_rows, 0.0)
+            if surface.kind != "singular":
+                vanishing = _undecided_drop(_ranks(numeric, points, holonomic_rows, effective))
+            if later:
+                points = _generic(system, numeric, begin, holonomic_rows, later)
         on = _ranks(numeric, points, holonomic_rows, effective)
         conflict.require_lasting(system, numeric, begin)
     open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
-    open_reason = open_reason or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
+    open_reason = open_reason or vanishing or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
     rank_beyond = on.highest[1] - on.highest[0]
     reason = open_reason or _undecided_rows(found, rank_beyond)
-    n, decided = system.symbols.q.numel(), reason == ""
-    s = (surface.codimension or 0) + (found.flag[-1] if decided else 0)
-    total = (surface.codimension or 0) + rank_beyond
+    n, total = system.symbols.q.numel(), (surface.codimension or 0) + rank_beyond
+    # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither does the
+    # number of rows.
+    bounds = (0, n - on.of_holonomic[0].low) if open_reason else _bounds(n, surface, total, found)
+    if not open_reason and bounds[0] == bounds[1]:
+        reason = ""  # whichever of the rows are integrable
+    decided, s = reason == "", n - bounds[1]
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
     redundant = _redundant(numeric, points[generic], effective, surface)
     counted = DofCount(
@@ -161,9 +169,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         configuration_dof=n - s if decided else None,
         velocity_dof=n - total if decided else None,
         proof=_proof(found, surface) if decided else "none",
-        # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither
-        # does the number of rows.
-        bounds=(0, n - on.of_holonomic[0].low) if open_reason else _bounds(n, surface, total, found),
+        bounds=bounds,
         reason=reason,
         redundant_rows=tuple(names[i] for i in redundant if decided),
         start_rank=on.everything[0].value,
@@ -223,10 +229,13 @@ def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
 
 
 def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> tuple[int, int]:
-    """The bounds without the groups that are undecided: their rows may be integrable or not."""
+    """The bounds without the groups that are undecided: their rows may be integrable or not, and demand more."""
     decided = [group.flag for group in found.groups if group.is_decided]
     integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
     ends = n - total + other, n - (surface.codimension or 0) - integrable
+    if any(group.may_demand for group in found.undecided):
+        # A condition g = 0 is a row that no rank has seen, and its differential may demand others.
+        return 0, max(ends)
     return min(ends), max(ends)  # ranks by numbers and by algebra may differ, and the range is between them
 
 
@@ -287,6 +296,29 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
         ):
             return "the gradient of a constraint jumps at the start, so the rank there does not prove the dimension"
     return ""
+
+
+def _is_lost(found: Classification, on: _Ranks) -> bool:
+    """True if differential rows may have another rank along the motions from the start than at it."""
+    here, holonomic = on.everything[0].value, on.of_holonomic[0].value
+    if found.undecided or here is None or holonomic is None:
+        return bool(found.groups)
+    return found.flag[0] != here - holonomic
+
+
+def _undecided_drop(on: _Ranks) -> str:
+    """Say that rows lose rank at the start and not beside it at the same time, or nothing.
+
+    What such rows say of motions that stay where they are lost, and of those that come away, differs: from the origin
+    x d(y) = y d(x) leads along every ray. Where they are lost at one time alone, everywhere, all motions leave that.
+    """
+    here, nearby = on.everything[0].high, max(r.low for r in on.everything)
+    if here >= nearby:
+        return ""
+    return (
+        f"the start is a special configuration: the rows have rank {here} there and {nearby} nearby, and motions that"
+        " stay on such configurations need not be those that leave them"
+    )
 
 
 def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str:

@@ -14,8 +14,7 @@ S and M are factored as L D L^T with their sparsity: S by expanded graphs while 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, wraps
-from types import ModuleType
+from functools import cached_property, lru_cache, wraps
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -311,7 +310,9 @@ class NumericSystem:
     @cached_property
     def sizes(self) -> ca.Function:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
-        return self._sizes("sizes", self._parts.h)
+        parts = self._parts
+        packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
+        return SizedFunction("sizes", self._inputs, [ca.densify(packed)])
 
     @cached_property
     def term_sizes(self) -> ca.Function:
@@ -360,6 +361,16 @@ class NumericSystem:
         for _ in range(NEWTON_STEPS):
             y = self._way.position(t, y, p)
         return y
+
+
+@lru_cache(maxsize=4)
+def row_terms(numeric: NumericSystem) -> ca.Function:
+    """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
+    from lagcli.equations import operation_rules
+
+    parts, inputs = numeric._parts, numeric._inputs
+    found = [operation_rules.term_sizes(ca.densify(value), inputs) for value in (parts.f, parts.b)]
+    return SizedFunction("row_terms", inputs, found)
 
 
 def _inputs(function: ca.Function) -> list[ca.MX]:

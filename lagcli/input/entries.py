@@ -97,13 +97,15 @@ def coordinate(
         found = fields(formulas, node, keys.FORMAT.key("coordinates"))
     if found is None:
         return None
-    start = dict.fromkeys(("value", "rate"), formulas.values(0.0))
+    start, written = dict.fromkeys(("value", "rate"), formulas.values(0.0)), dict[str, model.Expression]()
     for key, part in found.items():
-        values = formulas.constants(part, f"the initial {key} of a coordinate")
-        if values is None:
+        given = formulas.written_constants(part, f"the initial {key} of a coordinate")
+        if given is None:
             return None
-        start[key] = values
-    return model.Coordinate(formulas.members, start["value"], start["rate"], name.location)
+        written[key], start[key] = given
+    return model.Coordinate(
+        formulas.members, start["value"], start["rate"], name.location, written.get("value")
+    )
 
 
 class ParticleReader:

@@ -204,11 +204,16 @@ class Formulas:
 
     def constants(self, node: yaml_tree.AnyNode, subject: str) -> Floats | None:
         """The values of an expression of parameters and indices, one for each member, (K,)."""
+        found = self.written_constants(node, subject)
+        return None if found is None else found[1]
+
+    def written_constants(self, node: yaml_tree.AnyNode, subject: str) -> tuple[Expression, Floats] | None:
+        """An expression of parameters and indices, and its values, one for each member, (K,)."""
         expression = self.parse(node, parser.parse)
         if expression is None:
             return None
         found = self.facts(expression, facts.NOTHING, subject)
-        return None if found is None else self.values(facts.constant(found))
+        return None if found is None else (expression, self.values(facts.constant(found)))
 
     def values(self, value: float | Floats) -> Floats:
         """A constant as one value for each member, (K,)."""

@@ -80,12 +80,14 @@ class Parameter:
 
 @frozen
 class Coordinate:
-    """Generalized coordinates q with their initial values and initial rates, (K,) each."""
+    """Generalized coordinates q with their initial values and initial rates, (K,) each; `written` is what the values
+    were computed from, as they were declared."""
 
     members: Family
     value: Floats
     rate: Floats
     location: diagnostics.Location
+    written: Expression | None = dataclasses.field(default=None, compare=False)
 
 
 @frozen

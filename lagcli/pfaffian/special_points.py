@@ -1,19 +1,24 @@
-"""Points in the symbols of a block: points of doubles, what vanishes on all of them, and equations that say so.
+"""Points in the symbols of a block: what vanishes on all of them, and equations that say so.
 
-An expression vanishes at a point where its value is no more than the rounding of coordinates leaves. Each value goes
-with the sum of what it would change by if every coordinate and every intermediate result changed by its own size; one
-far below that is what cancellation leaves.
+A start is known to as many digits as are asked for: it is decimals and expressions, and where it was moved onto the
+surface that was done to 50 digits. An expression vanishes there where these leave nothing of it. Other points are those
+that motions were followed to, in doubles; what vanishes there but for their rounding may be zero, and where it is has
+to be proved. Each value goes with the sum of what it would change by if every coordinate and every intermediate result
+changed by its own size; one far below that is what cancellation leaves.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from typing import TypeAlias
 
 import sympy
 
-from lagcli.pfaffian.exact import guarded, normal_form
+from lagcli.pfaffian.exact import enclosure, guarded, normal_form
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -28,19 +33,23 @@ class SpecialPointParameters:
     still: float = 1e-9
     """A coordinate stands still where it differs by less than this part of its size, at least 1: a start is declared in
     decimals. `test_a_coordinate_that_differs_in_the_ninth_place_stands_still` fails at 1e-10 and at 1e-8."""
-    near: float = 1e-12
+    part_of_pi: float = 1e-12
     """A value is a multiple of pi/12 where it differs by less than this part of its size: the doubles of pi/3 do by
     1e-16. `test_values_near_parts_of_pi_are_spelled_so` fails at 1e-13 and at 1e-11."""
-    zero: float = 1e-9
-    """An expression is zero below this part of what its value would change by with its coordinates:
-    `test_an_expression_vanishes_below_the_round_off_of_its_point` fails at 1e-10 and at 1e-8."""
+    near: float = 1e-9
+    """At a point of doubles an expression may be zero below this part of what its value would change by with its
+    coordinates: `test_an_expression_vanishes_below_the_round_off_of_its_point` fails at 1e-10 and at 1e-8."""
+    zero: float = 1e-40
+    """At a start it is zero below this part, which 50 digits leave where terms cancel:
+    `test_at_a_start_an_expression_vanishes_to_forty_digits` fails at 1e-41 and at 1e-39."""
 
 
 PARAMETERS = SpecialPointParameters()
 # Angles are declared in such parts of pi: 15 degrees.
 PARTS_OF_PI = 12
-Point = Mapping[sympy.Symbol, float]
+Doubles = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
+Symbol: TypeAlias = sympy.Symbol
 _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float], float]]] = {
     sympy.sin: (math.sin, math.cos),
     sympy.cos: (math.cos, math.sin),
@@ -57,31 +66,52 @@ _SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float
 }
 
 
-def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Point) -> Point:
+@dataclass(frozen=True, slots=True)
+class SpecialPoint:
+    """Coordinates, time and parameters as doubles, by their symbols; `digits`: the same to 50 digits, of a start.
+
+    sizes: of coordinates that were computed, the size of what they were computed from; others have their own.
+    """
+
+    doubles: Doubles
+    digits: Mapping[sympy.Symbol, Fraction] | None = None
+    sizes: Doubles = dataclasses.field(default_factory=dict)
+
+
+def point(names: Iterable[str], values: Iterable[float], time: float, parameters: Doubles) -> SpecialPoint:
     """Coordinates, time and parameters as doubles, by their symbols."""
     found = {sympy.Symbol(name, real=True): float(x) for name, x in zip(names, values, strict=True)}
-    return {**found, sympy.Symbol(elimination.TIME, real=True): time, **parameters}
+    return SpecialPoint({**found, sympy.Symbol(elimination.TIME, real=True): time, **parameters})
 
 
-def vanishes(expression: sympy.Expr, points: Sequence[Point]) -> bool:
+def beside(expression: sympy.Expr, point: SpecialPoint) -> bool:
+    """True if an expression that is not zero at a start is so near to zero that doubles cannot tell."""
+    return _is_small(expression, SpecialPoint(point.doubles), otherwise=False) and not vanishes(
+        expression, [point]
+    )
+
+
+def vanishes(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:
     """True if an expression is zero on all points, but for rounding, or has no value."""
     return all(_is_small(expression, one, otherwise=True) for one in points)
 
 
-def is_nothing(expression: sympy.Expr, points: Sequence[Point]) -> bool:
+def is_nothing(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:
     """True if an expression has values on all points, all of them zero but for rounding."""
     return all(_is_small(expression, one, otherwise=False) for one in points)
 
 
-def _is_small(expression: sympy.Expr, point: Point, otherwise: bool) -> bool:
+def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> bool:
     """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
     try:
         value, size = _visit(expression, point)
-    except (ArithmeticError, ValueError):
+        if not math.isfinite(value) or math.isnan(size):
+            return otherwise
+        if point.digits is None or abs(value) > PARAMETERS.near * size:
+            return abs(value) <= PARAMETERS.near * size
+        return bool(abs(enclosure.middle(expression, point.digits)) <= PARAMETERS.zero * size)
+    except (ArithmeticError, ValueError, enclosure.NoValueError):
         return otherwise
-    if not math.isfinite(value) or math.isnan(size):
-        return otherwise
-    return abs(value) <= PARAMETERS.zero * size
 
 
 def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
@@ -89,7 +119,7 @@ def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
     return sympy.Mul(*factors)
 
 
-def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
+def sheets(block: PfaffianBlock, points: Sequence[SpecialPoint]) -> list[sympy.Expr]:
     """The factors that vanish on all points, of each holonomic row that has several."""
     found = []
     for f in block.surface:
@@ -101,7 +131,7 @@ def sheets(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
     return found
 
 
-def of(divisors: Iterable[sympy.Expr | None], points: Sequence[Point]) -> list[sympy.Expr]:
+def of(divisors: Iterable[sympy.Expr | None], points: Sequence[SpecialPoint]) -> list[sympy.Expr]:
     """The factors of expressions (None: unknown) that vanish on all points."""
     found = []
     for divisor in divisors:
@@ -110,16 +140,18 @@ def of(divisors: Iterable[sympy.Expr | None], points: Sequence[Point]) -> list[s
     return found
 
 
-def still(block: PfaffianBlock, points: Sequence[Point]) -> list[sympy.Expr]:
-    """Equations of coordinates that have one value on all points."""
+def still(
+    block: PfaffianBlock, points: Sequence[SpecialPoint], written: Mapping[sympy.Symbol, sympy.Expr]
+) -> list[sympy.Expr]:
+    """Equations of coordinates that have one value on all points, that which is `written` where it is known."""
     found = []
     for x in block.variables:
-        values = [one[x] for one in points]
+        values = [one.doubles[x] for one in points]
         if x.name != elimination.TIME and max(values) - min(values) <= PARAMETERS.still * max(
             1.0, *map(abs, values)
         ):
-            found.append(x - _intended_number(values[0]))
-    return found
+            found.append(x - written.get(x, _intended_number(values[0])))
+    return [e for e in found if vanishes(e, points[:1])]
 
 
 def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
@@ -131,13 +163,13 @@ def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
     return list(found)
 
 
-def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Point) -> list[str]:
+def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: SpecialPoint) -> list[str]:
     """Equations as texts, and on which side of the kinks of |u| a point lies."""
     kinks = sorted({e for row in block.rows for a in row for e in forms.plain(a).atoms(sympy.Abs)}, key=str)
     found = [f"{notation.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
     for kink in kinks:
         u = kink.args[0]
-        value = float(u.xreplace({x: sympy.Float(v) for x, v in here.items()}))
+        value = float(u.xreplace({x: sympy.Float(v) for x, v in here.doubles.items()}))
         found.append(f"{notation.written(u)} {'>' if value > 0 else '<'} 0")
     return found
 
@@ -147,17 +179,18 @@ def _intended_number(value: float) -> sympy.Expr:
     twelfths = round(value / math.pi * PARTS_OF_PI)
     if abs(value) <= PARAMETERS.still:
         return sympy.Integer(0)
-    if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= PARAMETERS.near * abs(value):
+    if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= PARAMETERS.part_of_pi * abs(value):
         return sympy.Rational(twelfths, PARTS_OF_PI) * sympy.pi
     return sympy.Rational(repr(value))
 
 
-def _visit(e: sympy.Basic, point: Point) -> tuple[float, float]:
+def _visit(e: sympy.Basic, point: SpecialPoint) -> tuple[float, float]:
     """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
     if isinstance(e, sympy.Symbol):
-        if e not in point:
+        if e not in point.doubles:
             raise ValueError(f"{e} has no value")
-        return point[e], abs(point[e])
+        value = point.doubles[e]
+        return value, max(abs(value), point.sizes.get(e, 0.0))
     if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
         number = float(e)
         return number, abs(number)

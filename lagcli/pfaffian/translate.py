@@ -102,6 +102,36 @@ class Translation:
                 found[symbols] = exact(value) if written is None else written.xreplace(found)
         return found
 
+    def written(self, x: sympy.Symbol) -> sympy.Expr | None:
+        """The declared value of a coordinate as it is written; None where it is not, or too large."""
+        found = self._declarations.get(x.name)
+        if found is None:
+            return None
+        members, member, formulas, axis = found
+        try:
+            for formula in formulas:
+                notation.require_short(formula.tree)
+            values = [evaluate.value(one.tree, self._names.at(members, member)) for one in formulas]
+            value = values[axis] if len(values) > 1 else values[0]
+            value = value[axis] if isinstance(value, tuple) else value
+            return _require_small(value.xreplace(self.values))
+        except TooLarge:
+            return None
+
+    @functools.cached_property
+    def _declarations(self) -> dict[str, tuple[Family, int, tuple[nouns.Expression, ...], int]]:
+        """For each coordinate its family, its number there, and what was written: of three components, which."""
+        found: list[tuple[Family, int, tuple[nouns.Expression, ...], int]] = []
+        for particle in self._model.particles:
+            if not particle.is_dependent:
+                for member in range(particle.members.count):
+                    found += [(particle.members, member, particle.position.parts, axis) for axis in range(3)]
+        for one in self._model.coordinates:
+            formulas = () if one.written is None else (one.written,)
+            found += [(one.members, member, formulas, 0) for member in range(one.members.count)]
+        names = self._model.coordinate_names
+        return {name: entry for name, entry in zip(names, found, strict=True) if entry[2]}
+
     def _constant(self, formula: nouns.Expression) -> sympy.Expr | None:
         """The value of a parameter in terms of others; None where it is too large."""
         try:

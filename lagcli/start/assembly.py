@@ -237,14 +237,14 @@ def _feasible(search: Search) -> Floats:
     labels, parts = search.components()
     q = _beside_poles(search)
     for is_last in (False, True):
-        reached = search.surface().descend(q)
+        reached = search.descend(q)
         if reached.is_on:
             return reached.q
         if is_last:
             break
         q = reached.q.copy()
         size = initial.size(q)
-        broken = ~(reached.residuals <= projection.PARAMETERS.rounding * size)
+        broken = ~(reached.residuals <= projection.PARAMETERS.rounding * size) | reached.recedes
         failed = []
         for number in np.unique(labels[broken]):
             rows = np.flatnonzero(labels == number).tolist()

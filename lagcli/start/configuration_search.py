@@ -5,6 +5,7 @@ A search without success proves nothing; it says what was tried and the least th
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,9 +15,11 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.compiled import NumericSystem
+from lagcli.compiled import numeric as compiled_values
+from lagcli.compiled.parts import TINY
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
-from lagcli.linear import rank
+from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial
@@ -57,6 +60,21 @@ class ConfigurationSearchParameters:
     each_of_many: int = 1
     """Starts of each offset of many coordinates.
     `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 10."""
+    moved: float = 1e-2
+    """A configuration that lies off the start by less than this part of its size is near it.
+    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 100."""
+    drift: float = 1e-3
+    """Where rows have come to depend on one another a step that goes on by this part of the way has not arrived.
+    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1."""
+    far: float = 8.0
+    """So many sizes away from the start the rounding of rows that depend on one another may hide that they do not meet.
+    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1e10."""
+    faded: float = 1e-10
+    """A gradient that is this part of what it was at the start may be that of a row at its limit.
+    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1e-40."""
+    ahead: float = 0.1
+    """Which such a row is if it is zero this part of the way further on, too.
+    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 0."""
     ipopt_each: int = 5
     """Every so manieth start is given to IPOPT too, which takes longer and goes round long bends.
     `test_every_fifth_start_is_given_to_ipopt` fails at 50."""
@@ -146,19 +164,58 @@ class Search:
 
     def reach(self, rows: Sequence[int], begins: Sequence[Floats]) -> ConfigurationResult:
         """A configuration that satisfies some rows, or the best there is: from `begins`, and from beside the first."""
-        surface = self.surface(rows)
-        best, starts, asked = surface.descend(begins[0]), 1, 0
+        best, starts, asked = self.descend(begins[0], rows), 1, 0
         for number, begin in enumerate((*begins, *self.neighbours(begins[0], rows))):
             if number and not best.is_on:
-                best, starts = _better(best, surface.descend(begin)), starts + 1
+                best, starts = _better(best, self.descend(begin, rows)), starts + 1
             # Round long bends IPOPT goes in fewer steps.
             if not best.is_on and (number < len(begins) or number % PARAMETERS.ipopt_each == 0):
                 found, asked = self.optimum(rows, begin, begins[0]), asked + 1
                 if found is not None:
-                    best = _better(best, surface.descend(found))
+                    best = _better(best, self.descend(found, rows))
             if best.is_on:
                 break
         return ConfigurationResult(tuple(rows), best, starts, asked)
+
+    def descend(self, begin: Floats, rows: Sequence[int] | None = None) -> Reached:
+        """The end of a descent for all holonomic rows or for some, which is on them only where it has arrived there."""
+        reached = self.surface(rows).descend(begin)
+        recedes = reached.is_on and self._recedes(reached.q, rows)
+        return dataclasses.replace(reached, is_on=False, recedes=True) if recedes else reached
+
+    def _recedes(self, q: Floats, only: Sequence[int] | None) -> bool:
+        """True if rows come near zero at a configuration as gradients grow or fade, and not because they meet.
+
+        x exp(y) = 1 and x = 0: far off they are one row but for what is left, and a step that undoes that is long.
+        y = sqrt(1 + x^2) and y = x: further off nothing is left. tanh(x) = 1: the row is at its limit, and further on.
+        """
+        rows = list(range(self.system.holonomic_count) if only is None else only)
+        begin, surface = self.state.q, self.surface(rows)
+        size, moved = initial.size(begin), float(np.abs(q - begin).max(initial=0.0))
+        if moved <= PARAMETERS.moved * size or len(rows) > metric_rows.PARAMETERS.dense:
+            return False
+        f, B = surface.rows(q)
+        before = [surface.rows(there)[1] for there in (begin, next(self.neighbours(begin, rows)))]
+        before = [one for one in before if LocalRows(one).are_finite().all()]
+        if not before:
+            return False
+        here, norms = MetricRows(B, self.metric), np.max([LocalRows(one).norms for one in before], axis=0)
+        fades = LocalRows(B).norms <= PARAMETERS.faded * norms
+        highest = max(rank.estimate(MetricRows(one, self.metric)).low for one in before)
+        is_lower = rank.estimate(here).high < highest
+        if not is_lower and not fades.any():
+            return False
+        given = (self.state.t, q, np.zeros(q.size), self.state.p)
+        terms = np.array(compiled_values.row_terms(self.numeric)(*given)[0]).ravel()[rows]
+        roundings = initial.PARAMETERS.roundings * np.finfo(float).eps * terms
+        ahead, _ = surface.values(q + PARAMETERS.ahead * (q - begin))
+        if (fades & (np.abs(f) <= roundings) & (np.abs(ahead) <= roundings)).any():
+            return True
+        left, sigma, _ = np.linalg.svd(here.dense, full_matrices=False)
+        sigma, limit = np.maximum(sigma, TINY), PARAMETERS.drift * self.metric.length(q - begin)
+        way = np.linalg.norm((left.T @ (f / here.lengths)) / sigma)
+        unknown = np.linalg.norm((np.abs(left).T @ (roundings / here.lengths)) / sigma)
+        return is_lower and bool(way > limit or (moved > PARAMETERS.far * size and unknown > limit))
 
     def independent(self, rows: Sequence[int], q: Floats) -> tuple[list[int], Floats] | None:
         """Independent ones of some rows at a configuration, and 1 / |B_i| of each; None where they are not finite."""

@@ -112,6 +112,10 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
     remains = f"the least that remains is {shown}{unit}, in `{row}`"
     if f"{f:.6g}" != shown:
         remains = f"the least that remains is {shown}{unit} per unit of the gradient, in `{row}`, off by {f:.6g} there"
+    if found.best.recedes:
+        remains = "they come near one another only further and further off"
+        if len(rows) == 1:
+            remains = "it comes near to holding only further and further off"
     if not np.isfinite(found.best.worst):
         remains = "they have no finite value where it was looked for"
     free = Search(system, search.numeric, search.state, np.zeros_like(search.fixed))

@@ -77,11 +77,13 @@ PARAMETERS = ProjectionParameters()
 
 @frozen
 class Reached:
-    """The end of a descent: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface."""
+    """The end of a descent: q (n,), and |f_i| / |B_i| of each row there; whether it is on the surface, or comes near
+    to it further and further off alone."""
 
     q: Floats
     residuals: Floats
     is_on: bool
+    recedes: bool = False
 
     @property
     def worst(self) -> float:

@@ -27,7 +27,6 @@ from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
 from lagcli.pfaffian.single_form import frobenius
-from lagcli.pfaffian.special_points import Expression
 from lagcli.start import initial
 
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
@@ -49,11 +48,12 @@ class Classifier:
         self._translation = translate.Translation(case.system.model)
         self._forms = self._translation.forms()
         self._alike, self._joint = memo.VerdictMemo(), memo.JointMemo()
-        self._locality = locality.Locality(case, self._translation, deadline)
 
     def judge(self, group: CoupledGroup) -> tuple[tuple[Verdict, ...], JointVerdict]:
         """The verdicts of the rows of a group, and their joint one."""
         names, declared = self._names(group.differential), self._block(group)
+        if declared is not None:
+            self._locality = locality.Locality(self._case, group, declared, self._translation, self._deadline)
         block, flagged = self._flagged(group, declared, PROMPT)
         is_regular = flagged is not None and self._locality.is_regular(flagged)
         numbers = None if is_regular else self._case.flag(group, self._deadline)
@@ -66,7 +66,11 @@ class Classifier:
         if (
             block is not None
             and flagged is not None
-            and (numbers is None or locality.agree(flagged, numbers))
+            and (
+                numbers is None
+                or locality.agree(flagged, numbers)
+                or self._locality.is_left(flagged, numbers)
+            )
         ):
             together = self._exact(block, flagged, single)
         else:
@@ -189,7 +193,7 @@ class Classifier:
                 for one in solved.integrals
             )
             unsolved = tuple(notation.written(form) for form in solved.unsolved)
-        at_start = {notation.written(e): self._is_at_start(e) for e in found.special}
+        at_start = {notation.written(e): self._locality.is_at_start(e) for e in found.special}
         special = {text: at for text, at in at_start.items() if len(text) <= SHORT}
         remarks = [f"special where {text} = 0: there the derived flag is different" for text in special]
         if found.exceptional:
@@ -233,10 +237,6 @@ class Classifier:
         written = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
         return written if len(written) == wanted else ()
 
-    def _is_at_start(self, expression: Expression) -> bool:
-        begin = self._case.begin
-        return self._translation.vanishes(expression, list(begin.q), begin.t)
-
     def _numeric(
         self,
         names: tuple[str, ...],
@@ -246,7 +246,10 @@ class Classifier:
     ) -> JointVerdict:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
         if not numbers.is_certain:
-            return JointVerdict(names, (), (), frozenset(), (), (), "none", reason=numbers.reason)
+            may_demand = numbers.has_time and (numbers.dimension is None or numbers.contradiction)
+            return JointVerdict(
+                names, (), (), frozenset(), (), (), "none", reason=numbers.reason, may_demand=may_demand
+            )
         inside = _picked(names, numbers.inside)
         integrals = solved or tuple(
             translate.first_integral(one.integral, (name,), self._translation.values)

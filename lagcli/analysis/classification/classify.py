@@ -92,7 +92,7 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
             raise conflict
         return Classified(case, found, conditions)
     names = tuple(row.name for row in system.rows.rows[system.holonomic_count :])
-    nothing = JointVerdict(names, (), (), frozenset(), (), (), "none", reason=AGAIN)
+    nothing = JointVerdict(names, (), (), frozenset(), (), (), "none", reason=AGAIN, may_demand=True)
     return Classified(case, Classification((), (nothing,), True), conditions)
 
 

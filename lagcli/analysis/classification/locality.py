@@ -11,17 +11,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from lagcli.analysis.classification.case import Case
+from lagcli.analysis.classification import exact_start
+from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.pfaffian import joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
-from lagcli.start.initial import State
 
 # Operations for the equations of a set and for the integrals on it.
 BUDGET = 60_000
@@ -37,35 +38,61 @@ def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
 
 
 class Locality:
-    """The start of a case in the symbols of a translation; `deadline`: of `progress.after`."""
+    """The start of a group of rows in the symbols of a translation; `deadline`: of `progress.after`.
 
-    def __init__(self, case: Case, translation: translate.Translation, deadline: float) -> None:
+    block: the group as it is declared.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        group: CoupledGroup,
+        block: PfaffianBlock,
+        translation: translate.Translation,
+        deadline: float,
+    ) -> None:
         self._case, self._translation, self._deadline = case, translation, deadline
+        self._start = exact_start.ExactStart(case, group, block, translation)
 
     def is_regular(self, flagged: joint.Flagged) -> bool:
         """True if the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
-        here = self._point(self._case.begin)
-        return not any(e is None or special_points.vanishes(e, [here]) for e in flagged.flag.divisors)
+        return not any(e is None or self.is_at_start(e) for e in flagged.flag.divisors)
+
+    def is_left(self, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
+        """True if motions from the start come to where nothing that algebra divided by vanishes.
+
+        What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
+        """
+        points = self._points(numbers)[1:]
+        return not any(
+            e is None or (self.is_at_start(e) and special_points.vanishes(e, points))
+            for e in flagged.flag.divisors
+        )
+
+    def is_at_start(self, expression: Expression) -> bool:
+        """True if an expression is zero at the start to all digits, or has no value there."""
+        return special_points.vanishes(expression, [self._start.point])
 
     def has_sheets(self, block: PfaffianBlock, numbers: NumericFlag) -> bool:
         """True if a holonomic row has other factors than those that vanish along the motions from the start."""
-        points = [self._point(state) for state in numbers.states]
+        points = self._points(numbers)
         try:
             return bool(time_limit.run(self._deadline, lambda: special_points.sheets(block, points), BUDGET))
         except time_limit.NO_ANSWER:
             return False
 
     def own_factor(self, factors: Sequence[Expression]) -> Expression:
-        """The factor that vanishes at the start, if one alone does, else the product."""
-        here = self._point(self._case.begin)
+        """The factor that vanishes at the start, if one alone does, or is all but zero there; else the product."""
+        here = self._start.point
         own = [e for e in factors if special_points.vanishes(e, [here])]
+        own = own or [e for e in factors if special_points.beside(e, here)]
         return own[0] if len(own) == 1 else special_points.product(factors)
 
     def without_vanishing(
         self, together: JointVerdict, block: PfaffianBlock, numbers: NumericFlag
     ) -> JointVerdict:
         """The verdict of numbers, in which rows that vanish along the motions from the start have no integrals."""
-        points = [self._point(state) for state in numbers.states]
+        points = self._points(numbers)
         vanishing = (
             _vanishing(block, points) if len(points) > 1 else frozenset()
         )  # the start alone may be special
@@ -81,11 +108,14 @@ class Locality:
         single: Sequence[frobenius.FormVerdict | None],
     ) -> JointVerdict:
         """The verdict of numbers with the set that motions from the start keep to, and integrals on it."""
-        points = [self._point(state) for state in numbers.states]
+        points = self._points(numbers)
         vanishing = _vanishing(block, points)
         of_rows = [None if name in vanishing else one for name, one in zip(block.names, single, strict=True)]
         candidates = self._candidates(block, flagged, points)
         where, passing = self._set(block, candidates, numbers, of_rows)
+        doubt = "" if where else self._doubt(flagged, numbers, together, single)
+        if doubt:
+            return JointVerdict(block.names, (), (), frozenset(), (), (), "none", reason=doubt)
         lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
         known = {one.text for one in lasting}
         written_integrals = [
@@ -102,6 +132,33 @@ class Locality:
             notes=(f"{note}; on another sheet, set or side of a kink they are different", *together.notes),
             vanishing=together.vanishing | vanishing,
         )
+
+    def _doubt(
+        self,
+        flagged: joint.Flagged | None,
+        numbers: NumericFlag,
+        together: JointVerdict,
+        single: Sequence[frobenius.FormVerdict | None],
+    ) -> str:
+        """Say why numbers that took values for zero prove nothing, where no set was found that motions keep to."""
+        divisors = () if flagged is None else flagged.flag.divisors
+        near = [e for e in divisors if e is not None and special_points.beside(e, self._start.point)]
+        if near:
+            return (
+                f"the start lies so near {notation.written(near[0])} = 0, and not on it, that numbers cannot tell what"
+                " the rows say there"
+            )
+        alone = len(single) == 1 and single[0] is not None and single[0].kind == "nonholonomic"
+        if (
+            together.inside
+            and numbers.error > special_points.PARAMETERS.zero
+            and (alone or flagged is not None)
+        ):
+            return (
+                f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and no set was found that"
+                " the motions from the start keep to"
+            )
+        return ""
 
     def _set(
         self,
@@ -140,12 +197,15 @@ class Locality:
                 equations, found = fewer, there
         return equations, found
 
-    def _point(self, state: State) -> special_points.Point:
-        names = self._case.system.model.coordinate_names
-        return special_points.point(names, state.q, state.t, self._translation.numbers)
+    def _points(self, numbers: NumericFlag) -> list[special_points.SpecialPoint]:
+        """The start, and the other points of its motions that numbers have met."""
+        return [self._start.point, *map(self._start.reached, numbers.states[1:])]
 
     def _candidates(
-        self, block: PfaffianBlock, flagged: joint.Flagged | None, points: Sequence[special_points.Point]
+        self,
+        block: PfaffianBlock,
+        flagged: joint.Flagged | None,
+        points: Sequence[special_points.SpecialPoint],
     ) -> list[list[Expression]]:
         """Equations that hold on all points: those of sheets and special points, and with those of what stands
         still."""
@@ -160,7 +220,7 @@ class Locality:
             own = time_limit.run(self._deadline, work, BUDGET)
         except time_limit.NO_ANSWER:
             own = []
-        return [own, [*own, *special_points.still(block, points)]]
+        return [own, [*own, *special_points.still(block, points, self._start.written(block.variables))]]
 
     def _on(
         self, block: PfaffianBlock, equations: Sequence[Expression], numbers: NumericFlag
@@ -180,9 +240,10 @@ class Locality:
         except time_limit.NO_ANSWER:
             return None
         holonomic_rank = len(found.values) + found.flag.holonomic_rank
-        is_same = (
-            found.flag.dims and holonomic_rank + found.flag.dims[-1] == numbers.surface + numbers.extra[-1]
-        )
+        dims, extra = found.flag.dims, numbers.extra
+        # The same rank with the equations and without: their differentials lie in the system, and motions keep to them.
+        is_kept = dims and holonomic_rank + dims[0] == numbers.surface + extra[0]
+        is_same = is_kept and holonomic_rank + dims[-1] == numbers.surface + extra[-1]
         return found if is_same else None
 
     def _integrals(
@@ -198,7 +259,7 @@ class Locality:
             return ()
 
 
-def _vanishing(block: PfaffianBlock, points: Sequence[special_points.Point]) -> frozenset[str]:
+def _vanishing(block: PfaffianBlock, points: Sequence[special_points.SpecialPoint]) -> frozenset[str]:
     """The rows that vanish at all points."""
     return frozenset(
         name

@@ -56,7 +56,8 @@ class JointVerdict:
     far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
     for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
     vanish identically where the holonomic rows hold. holonomic_rank: that of the holonomic rows they meet, where it is
-    proved exactly. passing: integrals that hold on the set alone that the motions from the start keep to.
+    proved exactly. passing: integrals that hold on the set alone that the motions from the start keep to. may_demand:
+    the flag is not decided, and the rows demand holonomic conditions that are not known, or may do so.
     """
 
     rows: tuple[str, ...]
@@ -72,6 +73,7 @@ class JointVerdict:
     vanishing: frozenset[str] = frozenset()
     holonomic_rank: int = 0
     passing: tuple[FirstIntegral, ...] = ()
+    may_demand: bool = False
 
     @property
     def is_decided(self) -> bool:

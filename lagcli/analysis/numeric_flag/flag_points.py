@@ -198,6 +198,8 @@ class ReachablePoints:
             if self._leaves(along, point, scale):
                 continue
             x, error = _flow(along, point.x, scale)
+            # What rounding alone has moved stands still: else a place that the rows keep to is left.
+            x = np.where(np.abs(x - point.x) <= PARAMETERS.converged * ranges, point.x, x)
             there = (
                 met(self._block, x, point.p, size)
                 if error <= PARAMETERS.roughly and error < best.error

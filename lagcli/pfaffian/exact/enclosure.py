@@ -202,6 +202,19 @@ class Evaluator:
         raise NoValueError(f"no enclosure of {e.func.__name__}")
 
 
+def middle(expression: sympy.Expr, point: Point) -> mpmath.mpf:
+    """The value at a point to nearly all digits of the terms it is made of. Raises `NoValueError`."""
+    with mpmath.workdps(DIGITS):
+        return _middle(Evaluator(point).value(expression))
+
+
+def fraction(number: sympy.Expr) -> Fraction:
+    """A real number to twice as many digits as are computed with, exactly where it is rational."""
+    if isinstance(number, sympy.Rational):
+        return Fraction(int(number.p), int(number.q))
+    return Fraction(str(number.evalf(2 * DIGITS)))
+
+
 def values_on(expression: sympy.Expr, surface: Sequence[sympy.Expr]) -> list[float]:
     """The values of the expression at some real points where every expression of the surface vanishes.
 
@@ -247,25 +260,57 @@ def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
     return tuple(found)
 
 
-def _projected(
-    point: Point, surface: Sequence[sympy.Expr], gradients: Sequence[Sequence[sympy.Expr]]
+def nearest(
+    begin: Point, origin: Point, surface: Sequence[sympy.Expr], inertia: Sequence[Sequence[Fraction]]
 ) -> Point | None:
+    """The point of a surface nearest to `origin` in the metric of an inertia (n, n), from a point close to it.
+
+    The points hold the symbols that may move; the inertia begins with them. Rows of the surface that depend on others
+    there have no answer: None.
+    """
+    gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
+    with mpmath.workdps(DIGITS):
+        try:
+            W = mpmath.inverse(mpmath.matrix([[_mpf(a) for a in row] for row in inertia]))[:n, :n]
+        except ZeroDivisionError:
+            return None
+    # Where the way is long and the surface curved the steps do not contract: then a point of the surface is given.
+    return _projected(begin, surface, gradients, W, origin) or _projected(begin, surface, gradients, W)
+
+
+def _projected(
+    point: Point,
+    surface: Sequence[sympy.Expr],
+    gradients: Sequence[Sequence[sympy.Expr]],
+    W: mpmath.matrix | None = None,
+    origin: Point | None = None,
+) -> Point | None:
+    """Newton's method, q - W B^T (B W B^T)^-1 f, or with an origin q0 - W B^T (B W B^T)^-1 (f + B (q0 - q)): its end is
+    the point nearest to q0, which needs W B^T mu for the way there."""
     with mpmath.workdps(DIGITS):
         for _ in range(_STEPS):
             there = Evaluator(point)
             try:
                 f = mpmath.matrix([_middle(there.value(row)) for row in surface])
                 B = mpmath.matrix([[_middle(there.value(entry)) for entry in row] for row in gradients])
-                step = B.T * mpmath.lu_solve(B * B.T, f)
+                back = mpmath.matrix(
+                    [_mpf(origin[x] - q) if origin else mpmath.mpf(0) for x, q in point.items()]
+                )
+                weighted = B.T if W is None else W * B.T
+                step = weighted * mpmath.lu_solve(B * weighted, f + B * back) - back
             except (NoValueError, ArithmeticError, ValueError):
                 return None
             moved = max(abs(d) for d in step)
             if not mpmath.isfinite(moved) or moved > 1e6:
                 return None
-            point = {x: old - _fraction(d) for (x, old), d in zip(point.items(), step, strict=True)}
-            if moved < _CLOSE:
+            if moved < _CLOSE * max(1.0, *(abs(float(value)) for value in point.values())):
                 return point
+            point = {x: old - _fraction(d) for (x, old), d in zip(point.items(), step, strict=True)}
     return None
+
+
+def _mpf(value: Fraction) -> mpmath.mpf:
+    return mpmath.mpf(value.numerator) / value.denominator
 
 
 def _middle(interval: ivmpf) -> mpmath.mpf:

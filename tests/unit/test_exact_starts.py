@@ -1,0 +1,128 @@
+"""What vanishes at a start is judged from the text of the file, to fifty digits: what nearly vanishes does not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pytest
+
+import lagcli
+
+pytestmark = pytest.mark.numeric
+
+START = {"x": "3", "y": "0.3", "z": "0", "w": "0.2", "u": "0.35"}
+
+
+def counted(
+    values: Mapping[str, str], differential: Sequence[str], holonomic: Sequence[str] = ()
+) -> lagcli.DofCount:
+    coordinates = {**START, **values}
+    lines = ["lagcli: 1", "coordinates:"]
+    lines += [f'  {name}: {{value: "{value}"}}' for name, value in coordinates.items()]
+    lines.append('lagrangian: "' + " + ".join(f"rate({name})**2" for name in coordinates) + '"')
+    lines += ["holonomic:", *(f'  h{i}: "{row}"' for i, row in enumerate(holonomic))] if holonomic else []
+    lines += ["differential:", *(f'  n{i}: "{row} = 0"' for i, row in enumerate(differential))]
+    return lagcli.dof(lagcli.loads("\n".join(lines)))
+
+
+@pytest.mark.parametrize(
+    ("g", "x"),
+    [
+        ("sqrt(x**2 + 1e-12) - x", "3"),
+        ("sqrt(x**2 + 1e-30) - x", "0.4"),
+        ("log(1 + exp(-x))", "25"),
+        ("log(1 + exp(-x))", "35"),
+        ("log(1 + exp(-50*x))", "1"),
+        ("cos(x) - 1 + x**2/2 - x**4/24 + x**6/720 - x**8/40320 + x**10/3628800", "0.4"),
+        ("1 - tanh(x)", "20"),
+        ("exp(x) - exp(x + 1e-13)", "1"),
+        ("sin(x) - x + x**3/6 - x**5/120", "1e-3"),
+        ("x - sin(x)", "1e-6"),
+        ("1 - cos(x)", "1e-8"),
+        ("sqrt(1 + x**2) - x", "1e8"),
+        ("atan(x) - pi/2", "1e15"),
+        ("x - 1", "1 + 1e-12"),
+        ("cos(x) - 1/2", "1.0471975511965976"),
+        ("x**2 - 2", "sqrt(2) + 1e-14"),
+        ("x**30", "1e-3"),
+        ("1 - x/sqrt(x**2 + 1e-20)", "2"),
+    ],
+)
+def test_a_coefficient_that_nearly_vanishes_leaves_a_row_nonholonomic(g: str, x: str) -> None:
+    assert counted({"x": x}, [f"d(w) - ({g})*u*d(z)"]).configuration_dof == 5
+
+
+@pytest.mark.parametrize(
+    ("g", "y", "truth"),
+    [
+        ("y - 1", "1", 3),
+        ("y - 1", "1.000000000001", 4),
+        ("y - 1", "1 + 1e-30", 4),
+        ("y - 1e6", "1e6 + 1e-6", 4),
+        ("2*cos(y) - 1", "pi/3", 3),
+        ("2*sin(y) - sqrt(3)", "60*deg", 3),
+        ("2*cos(y) - 1", "1.0471975512", 4),
+        ("3*y - 1", "1/3", 3),
+        ("3*y - 1", "0.3333333333333333", 4),
+        ("y**2 - 2", "sqrt(2)", 3),
+        ("y**2 - 2", "1.4142135623730951", 4),
+        ("y", "1e-30", 4),
+    ],
+)
+def test_a_place_that_rows_keep_to_is_one_only_from_on_it(g: str, y: str, truth: int) -> None:
+    assert counted({"y": y}, ["d(y)", f"d(w) - ({g})*u*d(z)"]).configuration_dof == truth
+
+
+@pytest.mark.parametrize(("g", "truth"), [("y**2 - 2", 3), ("y**2 - 2 - 1e-13", 4)])
+def test_a_start_that_is_moved_onto_its_rows_is_there_to_all_digits(g: str, truth: int) -> None:
+    assert counted({"y": "0.5"}, [f"d(w) - ({g})*u*d(z)"], ["y**2 = 2"]).configuration_dof == truth
+
+
+@pytest.mark.parametrize("gain", ["1e-6", "1", "10", "30", "1e3", "1e6"])
+@pytest.mark.parametrize("p", ["pi/3", "60*deg", "1.0471975511965976", "1.0"])
+def test_a_gain_on_a_hidden_condition_refuses_no_start(gain: str, p: str) -> None:
+    found = counted({"x": "0.5", "y": p, "z": "1"}, [f"d(x) - {gain}*(cos(y) - z/2)*dt"], ["x = 0.5"])
+    assert found.configuration_dof == 3
+
+
+@pytest.mark.parametrize(
+    ("row", "x", "y"),
+    [
+        ("x*d(x) + y*d(y)", "0", "0"),
+        ("y*d(x)", "1", "0"),
+        ("x*d(y) - y*d(x)", "0", "0"),
+        ("sin(x)*d(y)", "0", "1"),
+        ("x**2*d(y)", "0", "1"),
+        ("(x - t)*d(y)", "0", "1"),
+        ("(x - 1/3)*d(y)", "1/3", "1"),
+        ("(1 - cos(x))*d(y)", "0", "1"),
+        ("x*d(y) + x**2*d(z)", "0", "1"),
+        ("tan(x)*d(y) + y*x*d(w)", "0", "1"),
+    ],
+)
+def test_rows_that_vanish_at_the_start_alone_are_undecided(row: str, x: str, y: str) -> None:
+    found = counted({"x": x, "y": y}, [row])
+    assert found.configuration_dof is None
+    assert "special configuration" in found.reason
+    assert found.bounds == (0, 5)
+
+
+def test_rows_that_depend_on_each_other_at_the_start_alone_are_undecided() -> None:
+    found = counted({"y": "0.35"}, ["d(x) - y*d(z)", "d(x) - u*d(z)"])
+    assert found.configuration_dof is None
+    assert "rank 1 there and 2 nearby" in found.reason
+
+
+def test_rows_that_time_alone_makes_vanish_count_as_they_do_later() -> None:
+    assert counted({}, ["t*d(y)"]).configuration_dof == 4
+
+
+def test_rows_that_vanish_where_others_keep_the_motion_count_nothing() -> None:
+    assert counted({"x": "0"}, ["d(x)", "d(y) - u*d(z)", "d(y) - u*d(z) - x*d(w)"]).configuration_dof == 4
+
+
+def test_bounds_allow_for_conditions_that_are_not_known_and_equal_ones_are_a_count() -> None:
+    square = "lagcli: 1\ncoordinates: {x: {value: 0.3}, y: 0, z: 0}\nlagrangian: rate(x)**2 + rate(y)**2 + rate(z)**2\n"
+    square += 'holonomic: {h: "x = 0.3"}\ndifferential: {n: "d(x) = (y**2 + z**2)*dt"}\n'
+    assert lagcli.dof(lagcli.loads(square)).configuration_dof == 0
+    assert lagcli.check(lagcli.loads(square)).dof.configuration_dof == 0
