@@ -257,18 +257,31 @@ def _judged(
     return FlatVerdict(point, up, down, basis.shape[1])
 
 
-def is_balanced(problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats) -> bool:
-    """True if forces along flat directions (n, k) are rounding of their terms, and no zero by underflow, nor where a
-    function comes so close to its limit that a double has no difference any more: such a point is none."""
+def balanced(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats
+) -> tuple[Floats, Floats] | None:
+    """q (n,) and lambda (C + K,) where forces along flat directions (n, k) are rounding of their terms: those of the
+    point, or those a step of Newton's along them leads to, for what is nearly flat was found to a part of its digits.
+    None at a zero by underflow, and where a function comes so close to its limit that a double has no difference any
+    more: such a point is none."""
     if not basis.size:
-        return True
+        return point.q, point.lam
     equations = FlatEquations(problem, point.closed, scales, basis, np.zeros((problem.n, 0)))
+    rays = np.eye(basis.shape[1])
     try:
         q, lam = equations.settled(point.q, point.lam)
-        found = equations.expanded(q, lam, np.eye(basis.shape[1]), 2)
+        found = equations.expanded(q, lam, rays, 2)
+        if found is None or found.vanishes(2):
+            return point.q, point.lam
+        forces, slopes = found.rho[0, :, 0], found.rho[:, :, 1].T
+        shift = -np.linalg.lstsq(slopes, forces, rcond=None)[0]
+        if not np.linalg.norm(shift) <= scales.length:
+            return None
+        q, lam = equations.settled(q + basis @ shift, lam)
+        found = equations.expanded(q, lam, rays, 2)
     except UnderflowError:
-        return False
-    return found is None or found.vanishes(2)
+        return None
+    return (q, lam) if found is not None and found.vanishes(2) else None
 
 
 def _curvatures(equations: FlatEquations, q: Floats, lam: Floats) -> tuple[Floats, Floats, float]:

@@ -451,8 +451,10 @@ def typed_point(
         way = np.abs(found.q - problem.begin).max(initial=0.0)
         if way > surface_descent.PARAMETERS.far * scales.length:
             return None
-        if not flat_directions.is_balanced(problem, found, scales, flat):
+        exact = flat_directions.balanced(problem, found, scales, flat)
+        if exact is None:
             return None
+        found = dataclasses.replace(found, q=exact[0], lam=exact[1])
     return FoundPoint(found, kind, along.shape[1], refine.touching(problem, found, scales))
 
 
