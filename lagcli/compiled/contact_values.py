@@ -96,11 +96,12 @@ def function(parts: Parts) -> ca.Function:
     in_units = largest(own.units)
     extent, terms = in_units * size, largest(v) + ca.fabs(g_t)
     speeds = ca.densify(G @ v) + g_t
-    local = largest(q) + ca.fabs(g) + g_off + span * terms
+    local = largest(q) + ca.fabs(g) + span * terms
     forces_off = shared.sizes(parts, v, operation_rules.roundings(ca.densify(parts.h), inputs), parts.M).a
     # All that forces have made so far, where they are the rounding of terms that cancel.
     made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
-    noise = EPS * (ca.fmax(ROUNDINGS * local, FEW * (extent + made)) + 4 * ca.fabs(t) * terms)
+    # A gap is a sum of its coordinates, or of terms that cancel, whose roundings are counted.
+    noise = EPS * (ca.fmax(ca.fmax(ROUNDINGS * local, g_off), FEW * (extent + made)) + 4 * ca.fabs(t) * terms)
     touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
