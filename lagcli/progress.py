@@ -71,19 +71,51 @@ class Counted(float):
     """Seconds reckoned from operations: those that they take on a processor of 2023, wherever they are done."""
 
 
-_sources: list[Callable[[], float]] = []
-_reckoned = 0.0
+class ReckoningParameters:
+    """Seconds of processor time that work takes, as measured on a processor of 2023 and rounded.
+
+    The tests are of `tests/unit/test_limits.py`.
+    """
+
+    __slots__ = ()
+
+    evaluation: float = 1e-4
+    """Of rows at a point, or at some points together. `test_work_is_reckoned_by_its_kind` fails at 1e-5 and 1e-3."""
+    entry: float = 1e-6
+    """And of each of their entries, or of a product in many digits.
+    `test_work_is_reckoned_by_its_kind` fails at 1e-7 and 1e-5."""
+    operation: float = 1e-8
+    """Of an operation in doubles at one of many points.
+    `test_work_is_reckoned_by_its_kind` fails at 1e-9 and 1e-7."""
+    symbolic: float = 2.5e-5
+    """Of an operation of SymPy. `test_work_is_reckoned_by_its_kind` fails at 2.5e-6 and 2.5e-4."""
+
+
+PARAMETERS = ReckoningParameters()
+
+
+class _Reckoned:
+    """The seconds of work of this process that were reckoned, and the sources that are asked for more."""
+
+    def __init__(self) -> None:
+        self.reckoned = 0.0
+        self.sources: list[Callable[[], float]] = []
+
+    def seconds(self) -> float:
+        return self.reckoned + sum(source() for source in self.sources)
+
+
+_work = _Reckoned()
 
 
 def reckon(seconds: float) -> None:
     """Say that work was done that takes so many seconds on a processor of 2023."""
-    global _reckoned
-    _reckoned += seconds
+    _work.reckoned += seconds
 
 
 def reckons(source: Callable[[], float]) -> None:
     """Ask the source too how much work it has done, in these seconds."""
-    _sources.append(source)
+    _work.sources.append(source)
 
 
 def _kind(seconds: float) -> Callable[[float], float]:
@@ -91,9 +123,7 @@ def _kind(seconds: float) -> Callable[[float], float]:
 
 
 def _now(kind: float) -> float:
-    return (
-        _reckoned + sum(source() for source in _sources) if isinstance(kind, Counted) else time.process_time()
-    )
+    return _work.seconds() if isinstance(kind, Counted) else time.process_time()
 
 
 def after(limit: float) -> float:

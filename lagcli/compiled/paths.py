@@ -30,7 +30,6 @@ OUTPUTS = {"rate": 1, "ahead": 1, "turned": 3}
 ROUGH: Scheme = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))  # the classical one
 SHARED_NODES = 3000  # of a field in which common subexpressions are looked for
 WRITTEN_OUT = 3e4  # operations of a step that is written out too
-INSTRUCTION = 1e-8  # seconds of processor time for an operation at one point
 
 
 @frozen
@@ -184,7 +183,7 @@ class PathSteps:
             mapped = function.map(many) if many > 1 else function
             known = mapped, buffer(mapped)
             self._mapped[name, many] = known
-        progress.reckon(many * self._instructions(name) * INSTRUCTION)
+        progress.reckon(many * self._instructions(name) * progress.PARAMETERS.operation)
         mapped, (arrays, run) = known
         # The buffer holds addresses alone: the arrays must live until it has run.
         arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]

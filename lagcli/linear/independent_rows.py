@@ -50,6 +50,12 @@ class IndependentRowsParameters:
     better: float = 4.0
     """Other rows are taken where their angle is this many times as large.
     `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones` fails at 0.4 and 40."""
+    near: int = 60
+    """Of many rows a dependency is looked for among up to so many before all are asked, which costs more.
+    `test_a_dependency_is_looked_for_among_sixty_near_rows` fails at 6 and 600."""
+    together: int = 40
+    """Rows whose weights over all independent ones are found at once: more take memory, fewer time.
+    `test_weights_over_all_rows_are_found_for_forty_at_once` fails at 4 and 400."""
     most_listed: int = 6
     """Dependencies that are reported one by one.
     `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named` fails at 0 and 60."""
@@ -59,9 +65,6 @@ class IndependentRowsParameters:
 
 
 PARAMETERS = IndependentRowsParameters()
-# Rows among which a dependency is looked for before all are asked, and rows whose weights are found together: what
-# others cost, no answer hangs on them.
-NEAR, TOGETHER = 60, 40
 
 
 @frozen
@@ -198,7 +201,7 @@ def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
     rest = sorted(set(range(rows.count)) - set(independent))
     known = _near_weights(rows, independent, rest) if rows.is_large else {}
     far = [row for row in rest if row not in known]
-    for some in (far[k : k + TOGETHER] for k in range(0, len(far), TOGETHER)):
+    for some in (far[k : k + PARAMETERS.together] for k in range(0, len(far), PARAMETERS.together)):
         least = PARAMETERS.weight if rows.is_large else 0.0
         for row, weights in zip(some, _combinations(rows, list(independent), some), strict=True):
             among = np.flatnonzero(np.abs(weights) > least).tolist()
@@ -229,7 +232,7 @@ def _near_weights(
         while True:
             added = [i for j in columns for i in holding.get(j, ()) if i not in near]
             near |= dict.fromkeys(added)
-            if not added or len(near) > NEAR:
+            if not added or len(near) > PARAMETERS.near:
                 break
             columns |= dict.fromkeys(j for i in added for j in by_row[i])
             weights = _weights_among(by_row, list(near), list(columns), row)

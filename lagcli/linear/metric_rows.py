@@ -84,9 +84,11 @@ class LocalRows:
         """The rows with 0 for entries that are not finite."""
         if np.isfinite(self.values).all():
             return self
-        return LocalRows(
-            ca.DM(self.B.sparsity(), ca.DM(np.where(np.isfinite(self.values), self.values, 0.0)))
-        )
+        return self.with_values(np.where(np.isfinite(self.values), self.values, 0.0))
+
+    def with_values(self, values: Floats) -> LocalRows:
+        """Rows of the same pattern with other entries, in the order of `values`."""
+        return LocalRows(ca.DM(self.B.sparsity(), ca.DM(values)))
 
     def columns(self, numbers: list[int]) -> LocalRows:
         """The rows on some of the coordinates."""

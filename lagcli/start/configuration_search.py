@@ -37,7 +37,7 @@ Numbers = npt.NDArray[np.intp]
 class ConfigurationSearchParameters:
     """Starts from which a configuration is searched: their number, and how far aside they lie.
 
-    The tests are of `tests/unit/test_numbers_of_other_starts.py`.
+    The tests are of `tests/unit/test_numbers_of_other_starts.py` and `tests/unit/test_rows_at_infinity.py`.
     """
 
     __slots__ = ()

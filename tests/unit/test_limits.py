@@ -1,19 +1,27 @@
 """Limits of searches: reckoned from operations where nobody gives one, of the processor where somebody does."""
 
 import itertools
+import math
 import pickle
 import time
 from types import SimpleNamespace
 
+import casadi as ca
+import numpy as np
 import pytest
+import sympy
 
 import lagcli
 from lagcli import progress
+from lagcli.analysis.holonomy import local_system
+from lagcli.analysis.numeric_flag import bracket_values
 from lagcli.api import check as checking
 from lagcli.api.models import cache
+from lagcli.compiled import lie_brackets, paths
 from lagcli.derivation import derivation
 from lagcli.equations import system
 from lagcli.model import settings
+from lagcli.pfaffian.exact import time_limit
 
 pytestmark = pytest.mark.numeric
 
@@ -102,3 +110,28 @@ def test_a_search_that_is_over_leaves_its_rows_undecided():
     found = lagcli.dof(lagcli.loads(NUMBERS), limit=progress.Counted(1e-6))
     assert found.configuration_dof is None
     assert "limit" in found.reason or "time" in found.reason
+
+
+def test_work_is_reckoned_by_its_kind(monkeypatch):
+    before, deadline, x = time_limit.operations(), progress.after(settings.LIMIT), sympy.Symbol("x")
+    for n in range(1000):
+        sympy.sin(x + n)
+    took, done = 20.0 - progress.left(deadline), time_limit.operations() - before
+    assert took == pytest.approx(2.5e-5 * done, rel=0.01)
+
+    spent = []
+    monkeypatch.setattr(progress, "reckon", spent.append)
+    forms = SimpleNamespace(
+        wait=lambda: None,
+        scale=1.0,
+        _entries=[np.zeros(8)],
+        _forms=lambda Z: np.zeros((len(Z), 2, 4)),
+    )
+    local_system.LocalPart.forms(forms, np.zeros((50, 4)))
+    brackets = SimpleNamespace(_deadline=math.inf, _length=600, _sample=lambda shape: None)
+    span = SimpleNamespace(rank=0, add=lambda sample: False)
+    bracket_values.BracketValues.extend(brackets, span, (lie_brackets.LEAF, lie_brackets.LEAF), 1)
+    z, u = ca.SX.sym("z", 2), ca.SX.sym("u", 1)
+    field = ca.Function("field", [z, u], [ca.sin(z) * u])
+    paths.PathSteps(field, paths.ROUGH).rate(np.ones((64, 2)), np.ones((64, 1)))
+    assert spent == pytest.approx([1e-4 + 1e-6 * 50 * 8, 1e-6 * 600, 1e-8 * 64 * field.n_instructions()])

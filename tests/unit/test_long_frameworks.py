@@ -129,3 +129,41 @@ def test_of_many_rows_those_that_span_most_are_independent(monkeypatch):
 def test_rows_that_follow_from_rows_before_them_are_named_by_null_vectors():
     found = independent_rows.Dependence((0, 3, 4), (1, 2), ({0: 2.0}, {3: 1.0, 4: -1.0}))
     assert found.following() == [1, 4]
+
+
+def chained(count):
+    """Rows of a chain, each over its coordinate and the next one."""
+    return [{k: 1.0, k + 1: -1.0} for k in range(count)]
+
+
+def of_entries(rows, columns):
+    """Many rows by their entries."""
+    entries = [(i, j, value) for i, row in enumerate(rows) for j, value in row.items()]
+    i, j, values = (np.array(each) for each in zip(*entries, strict=True))
+    return MetricRows(metric_rows.sparse(i, j, values, (len(rows), columns)), Metric.unit(columns))
+
+
+@pytest.mark.parametrize(("length", "is_among_them"), [(50, True), (70, False)])
+def test_a_dependency_is_looked_for_among_sixty_near_rows(length, is_among_them, monkeypatch):
+    """The difference of both ends of a chain follows from all of its rows."""
+    monkeypatch.setattr(metric_rows, "are_many", lambda *_: True)
+    asked = []
+    plain = independent_rows._combinations
+    monkeypatch.setattr(independent_rows, "_combinations", lambda *of: (asked.append(of[2]), plain(*of))[1])
+    rows = of_entries([*chained(length), {0: 1.0, length: -1.0}], length + 1)
+    found = independent_rows.over(rows, tuple(range(length)))
+    assert sorted(found.weights[0]) == list(range(length))
+    assert asked == ([] if is_among_them else [[length]])
+
+
+def test_weights_over_all_rows_are_found_for_forty_at_once(monkeypatch):
+    monkeypatch.setattr(metric_rows, "are_many", lambda *_: True)
+    asked = []
+    plain = independent_rows._combinations
+    monkeypatch.setattr(
+        independent_rows, "_combinations", lambda *of: (asked.append(len(of[2])), plain(*of))[1]
+    )
+    ends = [{k: 1.0, 100 + k: -1.0} for k in range(90)]
+    rows = of_entries([*chained(200), *ends], 201)
+    assert len(independent_rows.over(rows, tuple(range(200))).weights) == 90
+    assert asked == [40, 40, 10]

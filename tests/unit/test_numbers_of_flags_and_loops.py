@@ -181,6 +181,21 @@ def test_a_switch_within_nine_digits_of_zero_stands_on_neither_side(value, is_on
     assert branches == [is_on]
 
 
+def test_both_sides_of_switches_are_looked_at_on_four_lines(monkeypatch):
+    looked_at = []
+    kinked = block(has_kinks=True)
+    kinked.on_branch = lambda x, p, limit: looked_at.append(x) or kinked
+    monkeypatch.setattr(
+        flag_points,
+        "EvaluationPoint",
+        lambda *_: SimpleNamespace(is_finite=True, first=1, independent=[0]),
+    )
+    points = flag_points.Points.__new__(flag_points.Points)
+    points._block, points.start = kinked, SimpleNamespace(x=np.ones(3), p=NONE)
+    assert points.both_sides_turn()
+    assert len(looked_at) == 2 * 4
+
+
 # Words of moves
 
 

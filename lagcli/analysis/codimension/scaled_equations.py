@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from typing import Protocol
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -96,9 +95,7 @@ class ScaledPart:
         f, B = self.numeric.holonomic(t, self.configuration(z), self.state.p)
         rows = LocalRows(B[self.rows, self.coordinates])
         scaled = rows.values * self.unit[rows.column] / self.weight[rows.row]
-        return np.array(f).ravel()[self.rows] / self.weight, LocalRows(
-            ca.DM(rows.B.sparsity(), ca.DM(scaled))
-        )
+        return np.array(f).ravel()[self.rows] / self.weight, rows.with_values(scaled)
 
     def hessian(self, z: Floats, t: float, stress: Floats) -> Floats:
         """Second derivatives (m, m) of stress . F at x = z."""
@@ -205,7 +202,7 @@ def part(system: System, numeric: NumericSystem, state: State, rows: Indices) ->
     plain = ScaledPart(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))
     second = _second(plain, B)
     unit = _units(system, state, coordinates, B, second)
-    steep, bent = LocalRows(ca.DM(B.B.sparsity(), ca.DM(B.values * unit[B.column]))).norms, second.norms(unit)
+    steep, bent = B.with_values(B.values * unit[B.column]).norms, second.norms(unit)
     with np.errstate(divide="ignore", invalid="ignore"):
         radii = (steep / bent)[steep > PARAMETERS.flat * bent]
     radius = float(np.median(radii)) if radii.size else 1.0

@@ -26,8 +26,6 @@ Numbers = npt.NDArray[np.int64]
 LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
 PERIOD = 2 * np.pi
-# Seconds of processor time for forms at points, and for each of their entries.
-FORMS, ENTRY = 1e-4, 1e-6
 # Points beside the start; the same in every run.
 SAMPLES, SEED = 5, 1909
 
@@ -116,7 +114,8 @@ class LocalPart:
         Its columns are those of displacements in the units of the points.
         """
         self.wait()
-        progress.reckon(FORMS + ENTRY * len(Z) * self._entries[0].size)
+        seconds = progress.PARAMETERS
+        progress.reckon(seconds.evaluation + seconds.entry * len(Z) * self._entries[0].size)
         Z = Z * self.scale
         most = max(1, TOUCHED // max(1, self._entries[0].size))
         found = [self._forms(Z[i : i + most]) for i in range(0, len(Z), most)]

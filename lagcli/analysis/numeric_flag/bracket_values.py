@@ -30,8 +30,8 @@ ROUGH_ZERO, ROUGH_SURE, OFFSET = Decimal("1e-13"), Decimal("1e-8"), 1e-13
 DEEPER = 1e-4
 # Random components are whole numbers up to this, so that one random bracket stands for all.
 LETTERS = 10**6
-# Multiplications beyond which no bracket is computed, and the seconds of one in many digits.
-LARGEST, SECONDS = 4_000_000, 1e-6
+# Multiplications beyond which no bracket is computed.
+LARGEST = 4_000_000
 # The same for a component of x in doubles.
 DOUBLES = 5
 SEED = 20062
@@ -77,7 +77,7 @@ class BracketValues:
             work = _work(shape) * self._length
             if work > LARGEST:
                 raise undecided.Undecided(f"brackets of {lie_brackets.leaves(shape)} fields are too large")
-            progress.reckon(work * SECONDS)
+            progress.reckon(work * progress.PARAMETERS.entry)
             sample = self._sample(shape)
             if not span.add(sample):
                 break

@@ -85,6 +85,9 @@ class FlowParameters:
     """A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on
     neither side. `test_a_switch_within_nine_digits_of_zero_stands_on_neither_side` fails at 1e-10 and
     1e-8."""
+    lines: int = 4
+    """Straight lines through a start on switches, which are looked at on both sides.
+    `test_both_sides_of_switches_are_looked_at_on_four_lines` fails at 0 and 40."""
     looks: int = 32
     """Points of a flow at which it is looked at whether it stays on its piece.
     `test_a_flow_is_looked_at_in_thirty_two_points` fails at 3 and 320."""
@@ -93,10 +96,6 @@ class FlowParameters:
 PARAMETERS = FlowParameters()
 # Of random directions: a fixed one, so that a verdict does not change.
 SEED = 20062
-# Straight lines through a start on switches, which are looked at on both sides.
-LINES = 4
-# Seconds of processor time for a field at a point, and for each entry of its rows.
-FIELD, ENTRY = 1e-4, 1e-6
 
 
 class Points:
@@ -132,7 +131,7 @@ class Points:
             return True
         x, p = self.start.x, self.start.p
         way = kinks.PARAMETERS.farther * initial.size(x)
-        lines = [way * generic_direction.direction(x.size, seed) for seed in range(LINES)]
+        lines = [way * generic_direction.direction(x.size, seed) for seed in range(PARAMETERS.lines)]
         sides = (self._block.on_branch(x + side * line, p, 0.0) for line in lines for side in (1.0, -1.0))
         points = (EvaluationPoint(block, x, p) for block in sides)
         return all(one.is_finite and one.first == len(one.independent) for one in points)
@@ -180,7 +179,7 @@ class ReachablePoints:
 
         def along(x: Floats) -> Floats | None:
             A, _ = self._block.rows(x, point.p)
-            progress.reckon(FIELD + ENTRY * A.nnz())
+            progress.reckon(progress.PARAMETERS.evaluation + progress.PARAMETERS.entry * A.nnz())
             if not np.isfinite(A.nonzeros()).all():
                 return None
             return _projected(row_block.scaled(A[independent, :], ranges), u)

@@ -35,9 +35,6 @@ SLOWEST = 8_000.0
 """Operations in a second of processor time, below which a budget of them ends by time: there the work was hardly
 anything but arithmetic that is not counted. On a machine some times as slow others still end by their operations."""
 
-USUAL = 40_000.0
-"""Operations in a second of processor time, by which limits are reckoned that nobody gave in seconds."""
-
 _COUNTED = tuple(
     make.cache_info  # not there where SymPy remembers nothing (`SYMPY_USE_CACHE=no`)
     for make in (AssocOp.__new__, sympy.Pow.__new__, Application.__new__, sympy.Integer.__new__)
@@ -78,7 +75,7 @@ def operations() -> int:
 
 
 _BEFORE = operations()  # those of the import of SymPy
-progress.reckons(lambda: (operations() - _BEFORE) / USUAL)
+progress.reckons(lambda: (operations() - _BEFORE) * progress.PARAMETERS.symbolic)
 
 
 def check(deadline: float) -> None:
