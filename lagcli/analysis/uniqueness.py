@@ -120,8 +120,9 @@ def _null_vectors(
     names = [row.name for row in system.rows.rows]
     found = []
     for dependency, weights in zip(selection.dependencies, chosen.weights, strict=True):
-        of = {dependency[0]: -1.0 / rows.lengths[dependency[0]]}
-        of |= {row: weights.get(row, 0.0) / rows.lengths[row] for row in dependency[1:]}
+        least = rows.lengths[list(dependency)].min()  # 1 / length may be beyond the range of numbers
+        of = {dependency[0]: -least / rows.lengths[dependency[0]]}
+        of |= {row: weights.get(row, 0.0) * (least / rows.lengths[row]) for row in dependency[1:]}
         vector = np.array([of[row] for row in sorted(dependency)])
         largest = np.abs(vector).max()
         lead = vector[np.abs(vector) > rank.PARAMETERS.small * largest][0]

@@ -63,6 +63,7 @@ class MetricRowsParameters:
 
 
 PARAMETERS = MetricRowsParameters()
+LENGTHS = np.finfo(float).smallest_subnormal, np.finfo(float).max  # the range of numbers
 
 
 class LocalRows:
@@ -170,14 +171,16 @@ class MetricRows:
     def __init__(self, B: Sparse, metric: Metric) -> None:
         self._metric, self._B = metric, B
         rows = LocalRows(metric.whitened(B))
-        self.lengths = rows.divisors
+        sizes = np.ones(rows.count)
         is_lost = ~((rows.norms >= np.finfo(float).tiny) & np.isfinite(rows.norms))
         if is_lost.any() and (is_lost & ((plain := LocalRows(B)).norms > 0)).any():
             # Their own sizes and the inertia are beyond the range of numbers together, and not each.
             unit = ca.DM(B.sparsity(), ca.DM(plain.values / plain.divisors[plain.row]))
             rows = LocalRows(metric.whitened(unit))
-            with np.errstate(over="ignore"):
-                self.lengths = rows.divisors * plain.divisors
+            sizes = plain.divisors
+        self._length_factors = sizes, rows.divisors
+        with np.errstate(over="ignore"):
+            self.lengths = np.clip(sizes * rows.divisors, *LENGTHS)
         self.unit: Sparse = ca.DM(rows.B.sparsity(), ca.DM(rows.values / rows.divisors[rows.row]))
         self.count = rows.count
 
@@ -186,6 +189,8 @@ class MetricRows:
         part = object.__new__(MetricRows)
         part._metric, part._B, part.lengths = self._metric, self._B[indices, :], self.lengths[indices]
         part.unit, part.count = self.unit[indices, :], len(indices)
+        sizes, in_metric = self._length_factors
+        part._length_factors = sizes[indices], in_metric[indices]
         return part
 
     def plain(self) -> MetricRows:
@@ -336,7 +341,10 @@ class MetricRows:
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
-        scaled = residual / self.lengths
+        sizes, in_metric = (
+            self._length_factors
+        )  # one by one: their product may be beyond the range of numbers
+        scaled = residual / sizes / in_metric
         if not scaled.any():
             return scaled  # nothing to solve: an exact start asks for no step, and an empty system needs no solver
         if damping > 0:

@@ -109,3 +109,16 @@ def test_an_axis_of_values_that_are_too_large_says_its_part():
     band = panels.bands(["t", "lambda.r"], rows, labels.ShortUnits("m", "kg", "s"))[0]
     assert band.label.endswith("× 1e-10")
     np.testing.assert_allclose(band.panels[0].curves[0].values, [1e298, -1e298], rtol=1e-15)
+
+
+def test_the_null_vector_of_a_tiny_twin_is_one(tmp_path):
+    """1 / 1e-310 is no number."""
+    path = tmp_path / "twin.yaml"
+    path.write_text(
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0, 0]}}\n"
+        "holonomic: {one: a.z = 0, twin: 1e-310*a.z = 0}\n",
+        encoding="utf-8",
+    )
+    out, _, code = run("check", path)
+    assert code == 0
+    assert "left out as redundant: 1 row: twin" in out

@@ -42,6 +42,23 @@ print("held", flush=True)
 sys.stdin.read()
 lock.release()
 """
+# A command that waits where it has taken the lock on the file of this name.
+WAITING = """import sys
+from lagcli.output.files import file_lock
+name, *arguments = sys.argv[1:]
+begin = file_lock.FileLock.__init__
+
+def waiting(lock, target):
+    begin(lock, target)
+    if target.name == name:
+        print("held", file=sys.stderr, flush=True)
+        sys.stdin.readline()
+
+file_lock.FileLock.__init__ = waiting
+sys.argv = ["lagcli", *arguments]
+from lagcli.__main__ import main
+main()
+"""
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and forks of POSIX")
 
 
@@ -182,6 +199,62 @@ def test_two_runs_at_one_table_leave_one_of_both(folder: pathlib.Path, extra: tu
         table for table, code in zip(tables, codes, strict=True) if not code
     ]
     assert names(folder) == sorted(["t.csv", *(["c.json"] if extra and codes[0] == 0 else [])])
+
+
+# Two commands, of which the second runs to its end while the first has the lock.
+
+FEW = (*SWEEP[:3], "L=1:2:4", *SWEEP[4:])
+PARTS = tuple((*FEW, "--shard", f"{i}/2", "-o", f"part-{i}.csv") for i in (1, 2))
+MERGE = ("sweep", "--merge", "part-1.csv", "part-2.csv", "-o", "all.csv")
+AT_TABLE = (*FEW, "-o", "w.csv")
+KEPT = (*SHORT, "--checkpoint", "c.json")
+PAIRS = {
+    "two sweeps": ("w.csv", (), AT_TABLE, AT_TABLE),
+    "two resumes": ("w.csv", (), (*AT_TABLE, "--resume"), (*AT_TABLE, "--resume")),
+    "resume beside sweep": ("w.csv", (), AT_TABLE, (*AT_TABLE, "--resume")),
+    "sweep beside resume": ("w.csv", (), (*AT_TABLE, "--resume"), AT_TABLE),
+    "run beside sweep": ("w.csv", (), AT_TABLE, (*SHORT, "-o", "w.csv")),
+    "twins of a shard": ("part-1.csv", (), PARTS[0], PARTS[0]),
+    "merge beside shard": ("part-1.csv", PARTS[1:], PARTS[0], MERGE),
+    "two merges": ("all.csv", PARTS, MERGE, MERGE),
+    "sweep beside merge": ("all.csv", PARTS, MERGE, (*FEW, "-o", "all.csv")),
+    "two runs with one checkpoint": ("c.json", (), (*KEPT, "-o", "t.csv"), (*KEPT, "-o", "u.csv")),
+    "two runs with a checkpoint each": (
+        "t.csv", (), (*KEPT, "-o", "t.csv"), (*SHORT, "--checkpoint", "d.json", "-o", "t.csv"),
+    ),
+    "run beside run with checkpoint": ("t.csv", (), (*KEPT, "-o", "t.csv"), (*SHORT, "-o", "t.csv")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_the_second_of_two_commands_is_refused_while_the_first_has_the_file(
+    folder: pathlib.Path, pair: str
+) -> None:
+    """The first ends as if it had been alone."""
+    name, before, one, other = PAIRS[pair]
+    for command in (*before, one):
+        assert in_process.completed(*command).returncode == 0
+    alone = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for path in folder.iterdir():
+        if path.name != "m.yaml":
+            path.unlink()
+    for command in before:
+        assert in_process.completed(*command).returncode == 0
+    with subprocess.Popen(
+        [sys.executable, "-c", WAITING, name, *one],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        assert process.stderr.readline() == "held\n"
+        try:
+            refused(*other, name=name)
+        finally:
+            _, err = process.communicate("\n")
+    assert process.returncode == 0, err
+    after = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert after.keys() == alone.keys()
+    assert after[name] == alone[name] or name.endswith(".json")
 
 
 # Another process is at it.

@@ -59,6 +59,33 @@ def test_a_ball_that_rolls_freely_has_no_multipliers_to_rounding():
     assert {"lambda.roll_x", "lambda.roll_y", "R.x", "R.y"} <= zero_columns(BALL)
 
 
+REACH = """\
+lagcli: 1
+particles:
+  a: {mass: 1, position: [0.5, 0, 0.8660254037844386]}
+  b: {mass: 2, position: [1, 0, 0]}
+  c: {mass: 1, position: [0.6, 0, -0.8]}
+forces: {w: {to: all, force: [0, 0, -9.81*m]}}
+holonomic:
+  r1: norm(a) = 1
+  r2: distance(a, b) = 1
+  p1: a.y = 0
+  p2: b.y = 0
+  p3: b.z = 0
+  led: b.x = 1 + t
+  rc: norm(c) = 1
+  pc: c.y = 0
+simulation: {duration: 0.9999999999, samples: 201, assemble: true}
+"""
+
+
+def test_a_force_that_is_huge_at_the_last_row_makes_no_other_rounding():
+    """Two rods are led to their reach, where they pull with 1e19 N; the pendulum beside them pulls with 10 N."""
+    zeros = zero_columns(REACH)
+    assert "R.a.x" in zeros  # a.x is half of b.x, without acceleration
+    assert not {"lambda.rc", "R.c.x", "R.c.z", "R.b.z", "lambda.r1"} & zeros
+
+
 SCALES = """\
 lagcli: 1
 parameters: {{k: {k}}}

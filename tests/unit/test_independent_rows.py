@@ -1,9 +1,14 @@
 """The choice of independent rows: which of several alike is taken does not depend on rounding."""
 
+import warnings
+
+import casadi as ca
 import numpy as np
 import pytest
 
 from lagcli.linear import independent_rows
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import MetricRows
 
 ROOT = np.sqrt(0.5)
 # The third is a combination of the first two, and the fourth is the first but for rounding.
@@ -32,3 +37,16 @@ def test_leading_rows_depend_on_none_before_them(turn):
     ranks = [np.linalg.matrix_rank(rows[: k + 1], tol=1e-9) for k in range(len(rows))]
     new = [k for k, rank in enumerate(ranks) if rank > (ranks[k - 1] if k else 0)]
     assert independent_rows.leading(rows, 1e-6) == new
+
+
+@pytest.mark.parametrize("gain", [1e-310, 1e-300, 1e-200, 1.0, 1e200, 1e300])
+@pytest.mark.parametrize("mass", [1e-300, 1e-100, 1.0, 1e100, 1e300])
+def test_a_row_and_its_inertia_may_have_any_size(gain, mass):
+    """The length of the row in the metric, gain / sqrt(mass), may be no number; the step is one."""
+    rows = MetricRows(ca.DM([[gain, 0.0], [0.0, 1.0]]), Metric(ca.DM(np.diag([mass, 1.0]))))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        step = rows.take([0, 1]).correction(np.array([1e-3 * gain, 2.0]))
+    np.testing.assert_allclose(step, [-1e-3, -2.0], rtol=1e-9)
+    assert (rows.lengths > 0).all()
+    assert np.isfinite(rows.lengths).all()
