@@ -252,7 +252,8 @@ def _judged(
         steepest = int(np.argmax(np.abs(curvatures)))
         if not abs(curvatures[steepest]) > nothing:
             break
-        up, down = up + (curvatures[steepest] > 0), down + (curvatures[steepest] < 0)
+        is_up = bool(curvatures[steepest] > 0)
+        up, down = up + is_up, down + (not is_up)
         basis = basis @ np.delete(axes, steepest, axis=1)
     return FlatVerdict(point, up, down, basis.shape[1])
 
