@@ -49,7 +49,7 @@ class Shrinking:
 
 
 def scales(conditions=0, contacts=0, length=1.0):
-    return Scales(1.0, length, np.ones(conditions), np.ones(contacts))
+    return Scales(1.0, length, np.ones(conditions), np.ones(contacts), np.ones(1), np.ones(1))
 
 
 def fake_problem(n=1, C=0, K=0, **more):
@@ -714,7 +714,7 @@ def kind_of(K, lam=(), closed=(), force=1.0):
     values = SimpleNamespace(B=np.zeros((0, n)), G=np.zeros((0, n)), K=K, F=np.zeros(n), g=np.zeros(0))
     point = EquilibriumPoint(np.zeros(n), np.array(lam), closed, 0.0)
     problem = fake_problem(n, at=lambda *_: values, times=(0.0, 1.0))
-    return point_type.classify(problem, point, Scales(force, 1.0, np.ones(0), np.ones(0)), True)[0].kind
+    return point_type.classify(problem, point, Scales(force, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1)), True)[0].kind
 
 
 @pytest.mark.parametrize(("curvature", "kind"), [(3e-14, "degenerate"), (3e-13, "minimum")])

@@ -180,7 +180,7 @@ def problem_of(build: Build, count: int, forces: Build | None = None) -> StaticP
     return StaticProblem(laws, np.zeros(0), (0.0, np.ones(count)), 1.0)
 
 
-UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0))
+UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1))
 
 
 def flat_verdict(build: Build, *at: float, forces: Build | None = None) -> FlatVerdict:
@@ -247,7 +247,7 @@ def test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again(
 ) -> None:
     problem = problem_of(lambda q: q[0] ** 2 / 2 + curvature * q[1] ** 2 / 2, 2)
     point = EquilibriumPoint(np.zeros(2), np.zeros(0), (), 0.0)
-    point_type.classify(problem, point, Scales(1e-9, 1.0, np.ones(0), np.ones(0)), True)
+    point_type.classify(problem, point, Scales(1e-9, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1)), True)
     assert sum(doubted) == count
 
 
