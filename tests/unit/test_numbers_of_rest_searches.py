@@ -236,7 +236,7 @@ def test_a_step_that_comes_back_has_not_gone_along_a_continuum(part, dimension, 
 @pytest.mark.parametrize(("away", "is_one"), [(15.5, True), (16.5, False)])
 def test_a_walk_along_a_continuum_is_sixteen_sizes_long(away, is_one, along_x, monkeypatch):
     monkeypatch.setattr(continuum, "_is_straight", lambda *_: False)
-    assert continuum.connected(fake_equations(), np.zeros(1), np.array([away])) is is_one
+    assert continuum.connected(fake_equations(), np.zeros(1), np.array([away]), 1) is is_one
     assert max(along_x.lengths) == pytest.approx(0.2)
     if not is_one:
         assert len(along_x.lengths) == 80
@@ -247,7 +247,7 @@ def test_a_walk_has_arrived_where_a_millionth_is_left(left, is_one, monkeypatch)
     monkeypatch.setattr(continuum, "_is_straight", lambda *_: False)
     monkeypatch.setattr(continuum, "directions", lambda *_: np.eye(1))
     monkeypatch.setattr(continuum, "stepped", lambda *_: None)
-    assert continuum.connected(fake_equations(), np.zeros(1), np.array([left])) is is_one
+    assert continuum.connected(fake_equations(), np.zeros(1), np.array([left]), 1) is is_one
 
 
 def test_points_at_equal_distances_are_no_straight_continuum(along_x, monkeypatch):

@@ -176,7 +176,7 @@ def problem_of(build: Build, count: int, forces: Build | None = None) -> StaticP
     f = ca.SX(build(q))
     F = -ca.gradient(f, q) if forces is None else ca.SX(forces(q))
     nothing, no_rows = ca.SX(0, 1), ca.SX(0, count)
-    laws = StaticLaws(t, q, p, ca.densify(F), no_rows, nothing, nothing, no_rows, f, ca.SX.zeros(count), "")
+    laws = StaticLaws(t, q, p, ca.densify(F), no_rows, nothing, nothing, no_rows, f, ca.SX.zeros(count), nothing, "")
     return StaticProblem(laws, np.zeros(0), (0.0, np.ones(count)), 1.0)
 
 
