@@ -126,7 +126,9 @@ class RestEquations:
             # Each component by its own terms: where a multiplier grows without bound, others hide what is left.
             widths = np.where(rows != 0, np.linalg.norm(rows, axis=1, keepdims=True) * SMALL, 0.0)
             terms = np.abs(values.F) + (np.maximum(np.abs(rows), widths) * np.abs(lam)[:, None]).sum(axis=0)
-            parts = np.maximum(terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + TINY)
+            parts = np.maximum(
+                terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + TINY
+            )
             worst = max(worst, (np.abs(values.F + rows.T @ lam) / parts).max(initial=0.0))
             # And where it grows so far that its rounding is a force, nothing is balanced.
             largest = max(self.scales.force, float(np.abs(values.F).max(initial=0.0)))
@@ -176,7 +178,9 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
     force = float(forces.max(initial=0.0)) or float(stiffnesses.max(initial=0.0)) * size or 1.0
     own = np.maximum(forces, stiffnesses * size)
     count, group = csgraph.connected_components(linked, directed=False)
-    together = np.array([float(forces[group == k].max()) or float(own[group == k].max()) for k in range(count)])
+    together = np.array(
+        [float(forces[group == k].max()) or float(own[group == k].max()) for k in range(count)]
+    )
     together = np.where(together > 0, together, force)[group] if count > 1 else np.full(q.size, force)
     found = Scales(force, size, conditions, contacts, together, own)
     _require_squares(problem, found)

@@ -213,6 +213,19 @@ simulation: {{duration: 5}}
     assert found.period == pytest.approx(2.0605, rel=1e-3)  # that of a swing of 0.6435
 
 
+def test_the_equilibrium_next_to_a_heavy_and_a_light_pendulum_is_one_of_both() -> None:
+    found = lagcli.modes(
+        lagcli.loads("""
+lagcli: 1
+particles: {a: {mass: 1e6, position: [0.6, 0, -0.8]}, b: {mass: 1e-6, position: [5.6, 0, -0.8]}}
+forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
+holonomic: {long: norm(a) = 1, short: "norm(b - [5, 0, 0]) = 1", p: a.y = 0, r: b.y = 0}
+""")
+    )
+    assert (found.at["a.z"], found.at["b.z"]) == pytest.approx((-1, -1), abs=1e-12)
+    np.testing.assert_allclose(found.frequencies, [9.81**0.5] * 2, rtol=1e-9)
+
+
 @pytest.mark.parametrize("x", [0, 1e-6, 1e-9, 1e-11, 1e-13, 1e-20])
 def test_the_place_of_the_origin_makes_no_frequency_vanish(x: float) -> None:
     """A pendulum that hangs at the origin: the size of its coordinates is not that of its motion."""

@@ -108,6 +108,31 @@ def test_a_kink_without_an_extreme_is_not_named(of):
     assert not [note for note in stationary(one(0.3), of).notes if "makes a kink" in note]
 
 
+@pytest.mark.parametrize("of", ["-abs(x) + x**2", "-sqrt(x**2) + x**2"])
+def test_no_point_is_listed_where_a_kink_is_of_another_type(of):
+    """By sign(0) = 0 both would have a minimum at their highest point."""
+    assert [(round(p.at["x"], 6), p.type) for p in stationary(one(0.9), of)] == [
+        (-0.5, "minimum"),
+        (0.5, "minimum"),
+    ]
+
+
+def test_a_large_angle_is_no_extreme_by_its_rounding():
+    found = lagcli.stationary(
+        lagcli.loads(HEAD + f"coordinates: {{{one(500.3)}}}\n"), of="sin(x) - x", starts=0
+    )
+    assert {p.type for p in found} == {"saddle"}
+
+
+def test_wells_close_to_each_other_and_far_from_zero_have_their_types():
+    found = stationary(one(1e6 + 0.2), "(x - 1e6)**2*(x - 1e6 - 1)**2")
+    assert sorted((p.at["x"] - 1e6, p.type) for p in found) == [
+        (0, "minimum"),
+        (0.5, "maximum"),
+        (1, "minimum"),
+    ]
+
+
 TRIANGLE = "sqrt(x**2 + y**2) + sqrt((x - 1)**2 + y**2) + sqrt((x + {}*1)**2 + (y - 0.3)**2)"
 
 
