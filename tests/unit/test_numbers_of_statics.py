@@ -343,7 +343,7 @@ def test_a_kink_without_a_gradient_is_one_of_a_point(
 def test_a_coordinate_of_a_kink_is_zero_to_nine_digits(
     x: float, is_zero: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert (candidates_at([0.0, x], monkeypatch)[0][1] == 0) is is_zero
+    assert bool(candidates_at([0.0, x], monkeypatch)[0][1] == 0) is is_zero
 
 
 @pytest.mark.parametrize(("slope", "kind"), [(3e-6, "minimum"), (3e-7, None)])
