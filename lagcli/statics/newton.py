@@ -60,7 +60,7 @@ PARAMETERS = NewtonParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class NewtonEnd:
-    """The end of a search: x, the norm of the residual, and the last Newton step, the largest as a part of its unknown."""
+    """The end of a search: x, the norm of the residual, and the last Newton step, the largest part of an unknown."""
 
     x: Floats
     residual: float

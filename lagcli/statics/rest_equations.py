@@ -11,15 +11,13 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.contact.least_distance import EPS
 from lagcli.errors import diagnostics
 from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
 
-EPS = float(np.finfo(float).eps)
 TINY = 1e-300  # for what is divided by, so that zero over zero is zero
-# A residual of this part of the terms that make it up is none.
-ZERO = 1e-9
 # Of a unit: terms that are smaller than this vanish by accident.
 SMALL = 1e-3
 
