@@ -23,7 +23,10 @@ def at_zero(found, *names, size=1.0, centre=0.0):
 
 @pytest.mark.parametrize(
     ("power", "length", "gain"),
-    [(k, a, g) for k, (a, g) in zip([3, 4, 5, 6, -4], zip(SCALES, SCALES[2:] + SCALES[:2], strict=True), strict=True)],
+    [
+        (k, a, g)
+        for k, (a, g) in zip([3, 4, 5, 6, -4], zip(SCALES, SCALES[2:] + SCALES[:2], strict=True), strict=True)
+    ],
 )
 def test_a_power_of_one_coordinate_has_its_type_in_all_units(power, length, gain):
     sign, k = (-1 if power < 0 else 1), abs(power)
