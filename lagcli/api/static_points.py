@@ -65,14 +65,16 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     if not whole.proved and not whole.final:
         search.run(starts)
     columns = PointColumns(ready.system, problem.t, problem.p)
+    kinks: list[str] = []
+    if source != "none":
+        kinks = kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
     are_unique = all(point.unique_multipliers for point in points)
     notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]
     if whole.is_told:
         notes.append(whole.reason)
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
-    if source != "none":
-        notes += kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
+    notes += kinks
     points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
     best = search.best.residual if not points else None
     distinct = tuple(dict.fromkeys(notes))

@@ -234,7 +234,10 @@ def _wave(a: PowerSeries, of: Callable[[float], float], sign: float) -> tuple[Po
     for k in range(n):
         if k == 0:
             c[:, 0] = of(a.c[0]), other(a.c[0])
-            size[:, 0] = np.minimum(1.0, a.size[0]) if sign < 0 else np.abs(c[:, 0]) + a.size[0] * c[1, 0]
+            if sign < 0:  # the rounding of a large angle is that of its size
+                size[:, 0] = np.maximum(np.minimum(1.0, a.size[0]), a.size[0] * np.abs(c[::-1, 0]))
+            else:
+                size[:, 0] = np.abs(c[:, 0]) + a.size[0] * c[1, 0]
             size[1, 0] = max(size[1, 0], abs(c[1, 0]))
             continue
         weights = np.arange(1, k + 1) / k

@@ -50,6 +50,9 @@ class FlatParameters:
     near: float = 1e-2
     """The farthest of such moves, as a part of the size of things.
     `test_a_point_is_not_moved_by_more_than_a_hundredth` fails at 0.001 and 0.1."""
+    exact: float = 1e-11
+    """A point that is exact is moved no farther than this part of the size of things.
+    `test_an_exact_point_keeps_its_curvature_where_another_has_none` fails at 1e-12 and 1e-10."""
     most: int = 3
     """Flat directions whose forms are looked at.
     `test_three_flat_directions_decide_and_four_do_not` fails at 0 and 30."""
@@ -252,9 +255,16 @@ def _judged(
         steepest = int(np.argmax(np.abs(curvatures)))
         if not abs(curvatures[steepest]) > nothing:
             break
-        up, down = up + (curvatures[steepest] > 0), down + (curvatures[steepest] < 0)
+        is_up = bool(curvatures[steepest] > 0)
+        up, down = up + is_up, down + (not is_up)
         basis = basis @ np.delete(axes, steepest, axis=1)
     return FlatVerdict(point, up, down, basis.shape[1])
+
+
+def is_elsewhere(moved: EquilibriumPoint, exact: EquilibriumPoint, scales: Scales) -> bool:
+    """True if derivatives vanish at a point that is another one than the exact one."""
+    sizes = np.maximum(np.abs(exact.q), scales.length)
+    return bool((np.abs(moved.q - exact.q) > PARAMETERS.exact * sizes).any())
 
 
 def balanced(

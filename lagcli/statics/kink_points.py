@@ -47,6 +47,15 @@ class KinkSearchParameters:
     same: float = 1e-5
     """Points closer than this are one: zeros of squares are found to the root of rounding.
     `test_kinks_closer_than_five_digits_are_one` fails at 1e-6 and 1e-4."""
+    isolated: float = 1e-4
+    """A kink whose gradient is this part of its size, or less, is one of a point alone, as that of a distance.
+    `test_a_kink_without_a_gradient_is_one_of_a_point` fails at 1e-5 and 1e-3."""
+    zero: float = 1e-9
+    """Coordinates of a kink that are this part of the size of things are zero.
+    `test_a_coordinate_of_a_kink_is_zero_to_nine_digits` fails at 1e-10 and 1e-8."""
+    slope: float = 1e-6
+    """Slopes beside a kink of this part of the forces are none.
+    `test_a_slope_of_six_digits_less_is_none` fails at 1e-7 and 1e-5."""
     most_named: int = 4
     """Points that notes name; `test_notes_name_four_kinks` fails at 0 and 40."""
 
@@ -166,8 +175,11 @@ def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]
         if q is None:
             continue
         row = on_kink.at(on_kink.t, q, on_kink.nothing).dc[-1]
-        if np.linalg.norm(row) <= 1e-4 * scales.conditions[-1] or problem.n == on_kink.laws.c.numel():
-            yield np.where(np.abs(q) <= 1e-9 * length, 0.0, q)
+        if (
+            np.linalg.norm(row) <= PARAMETERS.isolated * scales.conditions[-1]
+            or problem.n == on_kink.laws.c.numel()
+        ):
+            yield np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
             continue
         point = refine.reached(on_kink, q, (), scales)
         if isinstance(point, refine.EquilibriumPoint):
@@ -186,7 +198,7 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     normal = Z.T @ values.dc[-1]
     size = float(np.linalg.norm(normal))
     along = "isolated"
-    if size > 1e-4 * max(1.0, float(np.linalg.norm(values.dc[-1]))) and Z.shape[1] > 1:
+    if size > PARAMETERS.isolated * max(1.0, float(np.linalg.norm(values.dc[-1]))) and Z.shape[1] > 1:
         ways = (Z @ normal / size)[None]
         along = str(_along(on_kink, q))
     else:
@@ -195,7 +207,7 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     slopes = np.array(
         [(problem.value(q + sign * h * way) - here) / h for way in ways for sign in (1.0, -1.0)]
     )
-    floor = 1e-6 * max(float(np.abs(slopes).max()), search.scales.force)
+    floor = PARAMETERS.slope * max(float(np.abs(slopes).max()), search.scales.force)
     if (slopes > floor).all() and along in ("isolated", "minimum"):
         return "minimum"
     if (slopes < -floor).all() and along in ("isolated", "maximum"):
@@ -216,7 +228,8 @@ def _along(on_kink: StaticProblem, q: Floats) -> str | None:
 
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
-    """Sentences on extremes at kinks; `value`: the function that is asked for."""
+    """Sentences on extremes at kinks; `value`: the function that is asked for. Points of another type that the search
+    has listed there are none."""
     problem = search.problem
     if problem.K or len(problem.times) > 1:
         return []
@@ -228,6 +241,12 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
         return [f"{words} may have kinks: extremes there have no lambda, and are not looked for"]
     sentences = []
     for point in extremes(search):
+        # There derivatives are those of sign(0) = 0 and tell nothing.
+        search.points = [
+            known
+            for known in search.points
+            if known.type.kind == point.kind or search.apart(known.point.q, point.q) > PARAMETERS.same
+        ]
         where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, point.q, strict=True))
         sentences.append(
             f"at {where} `{point.word}` makes a kink, and no lambda is needed for the {point.kind} of the {value}"

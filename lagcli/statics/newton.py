@@ -60,7 +60,7 @@ PARAMETERS = NewtonParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class NewtonEnd:
-    """The end of a search: x, the norm of the residual, and the length of the last Newton step, as a part of x."""
+    """The end of a search: x, the norm of the residual, and the last Newton step, the largest part of an unknown."""
 
     x: Floats
     residual: float
@@ -135,7 +135,8 @@ def refined(residual: Residual, x: Floats) -> NewtonEnd:
     size, last = float(np.linalg.norm(r)), np.inf
     for _ in range(PARAMETERS.most_newton):
         step = np.linalg.lstsq(J, -r, rcond=PARAMETERS.rank)[0]
-        length = float(np.linalg.norm(step)) / (1.0 + float(np.linalg.norm(x)))
+        # Each unknown by itself: beside a large multiplier all steps of coordinates would be rounding.
+        length = float((np.abs(step) / (1.0 + np.abs(x))).max(initial=0.0))
         there = residual(x + step)
         smaller = there is not None and float(np.linalg.norm(there[0])) < size
         if not smaller:

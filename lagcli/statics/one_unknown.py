@@ -36,9 +36,18 @@ class BranchingParameters:
     shells: int = 7
     """Shells round zero, each ten times wider, which share the intervals: one size of things, ten, up to a million.
     `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 6 and 8."""
+    uneven: float = 1.0371
+    """The end of the first shell in sizes of things, and so those of all: no decimal number is one, for there zeros
+    are likely. `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
     narrow: float = 1e-9
     """An interval of this part of the size of things, or of x, is not halved.
     `test_a_double_zero_is_enclosed_to_nine_digits` fails at 1e-10 and 1e-8."""
+    together: float = 100.0
+    """Narrow intervals side by side that are one piece. `test_a_hundred_narrow_intervals_are_one_piece` fails at 10
+    and 1000."""
+    point: float = 1e-6
+    """A piece that is no wider is named by its middle. `test_a_piece_of_a_millionth_is_named_by_its_middle` fails at
+    1e-7 and 1e-5."""
     most_named: int = 4
     """Undecided pieces that a sentence names. `test_four_undecided_pieces_are_named` fails at 0 and 40."""
     digits: int = 20
@@ -223,7 +232,7 @@ def complete(search: PointSearch, is_angle: bool) -> Completeness:
 def _undecided(pieces: list[Piece]) -> str:
     """A sentence on pieces that are undecided."""
     named = [
-        f"near {(low + high) / 2:.6g}" if high - low <= 1e-6 else f"from {low:.3g} to {high:.3g}"
+        f"near {(low + high) / 2:.6g}" if high - low <= PARAMETERS.point else f"from {low:.3g} to {high:.3g}"
         for low, high in sorted(pieces, key=lambda piece: abs(piece[0] + piece[1]))[: PARAMETERS.most_named]
     ]
     more = "" if len(pieces) <= PARAMETERS.most_named else " and elsewhere"
@@ -246,13 +255,13 @@ def _merged(pieces: list[Piece]) -> Iterator[Piece]:
 
 def _is_inside(search: PointSearch, x: float, piece: Piece) -> bool:
     turns = (-2 * np.pi, 0.0, 2 * np.pi) if search.options.angles[0] else (0.0,)
-    near = _width(search, x) / 100
+    near = _width(search, x) / PARAMETERS.together
     return any(piece[0] - near <= x + turn <= piece[1] + near for turn in turns)
 
 
 def _width(search: PointSearch, x: float) -> float:
     """The width of some intervals that are not halved further, side by side."""
-    return 100 * PARAMETERS.narrow * (search.scales.length + abs(x))
+    return PARAMETERS.together * PARAMETERS.narrow * (search.scales.length + abs(x))
 
 
 def _narrowed(force: _Force, piece: Piece) -> float:
@@ -280,8 +289,7 @@ def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
         _search(force, [turn], found, PARAMETERS.most_boxes, search.scales.length)
         return found
     length, left = search.scales.length, PARAMETERS.most_boxes
-    # No decimal number is an end: there zeros are likely.
-    ends = [length * 1.0371 * 10.0**k for k in range(PARAMETERS.shells)]
+    ends = [length * PARAMETERS.uneven * 10.0**k for k in range(PARAMETERS.shells)]
     for k, end in enumerate(ends):
         shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
         left -= _search(force, shell, found, left // (PARAMETERS.shells - k), length)

@@ -166,11 +166,15 @@ class PointSearch:
     ) -> bool:
         """Put all points of some sets of contacts, as far as a region is decided, in the place of those that were
         found; nothing further is taken there. False if a regular point was found that is none of them, which stays."""
-        own = [
-            FoundPoint(point, self._typed(point), 0, point.closed)
-            for each in exact.values()
-            for point in each
-        ]
+        own: list[FoundPoint] = []
+        for point in itertools.chain.from_iterable(exact.values()):
+            # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
+            is_exact = is_decided is _everywhere
+            kind, moved = self._typed(point, is_exact)
+            is_one = moved.q is not point.q and not is_exact
+            if is_one and any(self.apart(each.point.q, moved.q) <= PARAMETERS.same for each in own):
+                continue
+            own.append(FoundPoint(moved if is_one else point, kind, 0, point.closed))
         left = [
             known
             for known in self.points
@@ -190,11 +194,11 @@ class PointSearch:
         self._sets = [each for each in self._sets if each != closed or not is_known]
         return is_known
 
-    def _typed(self, point: EquilibriumPoint) -> PointType:
-        """The type of a point that is known to lie on no continuum."""
+    def _typed(self, point: EquilibriumPoint, is_exact: bool) -> tuple[PointType, EquilibriumPoint]:
+        """The type of a point that is known to lie on no continuum, and the point to the digits of its type."""
         problem, options = self.problem, self.options
         along = np.zeros((problem.n, 0))
-        return point_type.classify(problem, point, self.scales, options.has_potential, along)[0]
+        return point_type.classify(problem, point, self.scales, options.has_potential, along, is_exact)
 
     def _start(self, begin: Floats) -> list[Contacts]:
         """Search next to a start; the sets of contacts with which that was done."""

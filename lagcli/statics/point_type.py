@@ -85,10 +85,12 @@ def classify(
     scales: Scales,
     has_potential: bool,
     along: Floats | None = None,
+    is_exact: bool = False,
 ) -> tuple[PointType, EquilibriumPoint]:
     """The type of a point, and the point: one where curvatures vanish is told to more digits.
 
-    along (n, d): the directions of a continuum, whose type is that of the directions across. Contacts that carry a
+    along (n, d): the directions of a continuum, whose type is that of the directions across; is_exact: the point is
+    known to rounding, so that curvatures do not vanish which would do so elsewhere. Contacts that carry a
     force count as rows; one that pushes is a wall of a minimum, one that pulls of a maximum. Those that touch and
     carry nothing leave a cone of directions.
     """
@@ -121,6 +123,8 @@ def classify(
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
     signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.dependent * floor)
     verdict = _of_doubtful(problem, bare, scales, ways[:, is_doubtful], along, signs[is_doubtful])
+    if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
+        verdict = _of_signs(bare, signs[is_doubtful])
     if idle and verdict.order % 2:  # along one of two opposite directions a contact is in the way
         verdict = dataclasses.replace(verdict, rises=False, falls=False)
     sure = curvatures[~is_doubtful]
@@ -150,6 +154,11 @@ def _of_doubtful(
     is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
     if directions.shape[1] and is_small and _is_holonomic(problem, point):
         return flat_directions.judged(problem, point, scales, np.linalg.qr(directions)[0], along)
+    return _of_signs(point, signs)
+
+
+def _of_signs(point: EquilibriumPoint, signs: Floats) -> FlatVerdict:
+    """The verdict that the signs (k,) of curvatures give."""
     up, down = int((signs > 0).sum()), int((signs < 0).sum())
     return FlatVerdict(point, up, down, len(signs) - up - down)
 

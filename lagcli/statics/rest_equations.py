@@ -11,24 +11,28 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.contact.least_distance import EPS
 from lagcli.errors import diagnostics
 from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
 
 TINY = 1e-300  # for what is divided by, so that zero over zero is zero
-# A residual of this part of the terms that make it up is none.
-ZERO = 1e-9
+# Of a unit: terms that are smaller than this vanish by accident.
+SMALL = 1e-3
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Scales:
-    """Units: of force, of length, and the gradients of conditions (k,) and of contacts (K,)."""
+    """Units: of force, of length, and the gradients of conditions (k,) and of contacts (K,); forces (n,): of all
+    coordinates that act on each other, so that light bodies are no rounding of heavy ones; own (n,): of each alone."""
 
     force: float
     length: float
     conditions: Floats
     contacts: Floats
+    forces: Floats
+    own: Floats
 
 
 class RestEquations:
@@ -79,7 +83,7 @@ class RestEquations:
         G, g = values.G[self.acting], values.g[self.acting] / s.contacts[self.acting]
         dg = G / s.contacts[self.acting][:, None]
         rows = np.vstack([values.B, G])
-        force = (values.F + rows.T @ lam) / s.force
+        force = (values.F + rows.T @ lam) / s.forces
         zeros = np.zeros((values.c.size, self.rows))
         contact, by_q = g, dg
         by_lam = np.zeros((g.size, self.rows))
@@ -91,8 +95,8 @@ class RestEquations:
             by_lam[:, C:] = np.diag(along_lam * s.contacts[self.acting] / s.force * s.length)
         return (
             np.concatenate([force, values.c / s.conditions, contact]),
-            np.vstack([values.K / s.force, values.dc / s.conditions[:, None], by_q]),
-            np.vstack([rows.T / s.force, zeros, by_lam]),
+            np.vstack([values.K / s.forces[:, None], values.dc / s.conditions[:, None], by_q]),
+            np.vstack([rows.T / s.forces[:, None], zeros, by_lam]),
         )
 
     def multipliers(self, q: Floats) -> list[Floats] | None:
@@ -118,11 +122,17 @@ class RestEquations:
             values = self.problem.at(t, q, self.all_multipliers(lam))
             rows = np.vstack([values.B, values.G[self.acting]])
             # Each component by its own terms: where a multiplier grows without bound, others hide what is left.
-            parts = np.abs(values.F) + np.abs(rows * lam[:, None]).sum(axis=0)
-            parts = np.maximum(parts, self.scales.force * 1e-3)
+            widths = np.where(rows != 0, np.linalg.norm(rows, axis=1, keepdims=True) * SMALL, 0.0)
+            terms = np.abs(values.F) + (np.maximum(np.abs(rows), widths) * np.abs(lam)[:, None]).sum(axis=0)
+            parts = np.maximum(
+                terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + TINY
+            )
             worst = max(worst, (np.abs(values.F + rows.T @ lam) / parts).max(initial=0.0))
+            # And where it grows so far that its rounding is a force, nothing is balanced.
+            largest = max(self.scales.force, float(np.abs(values.F).max(initial=0.0)))
+            worst = max(worst, EPS * float(terms.max(initial=0.0)) / largest)
             size = max(self.scales.length, float(np.abs(q).max(initial=0.0)))
-            lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * 1e-3
+            lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * SMALL
             worst = max(worst, (np.abs(values.c) / (lengths * size)).max(initial=0.0))
             if self.closed is not None:
                 closed = values.g[self.acting] / self.scales.contacts[self.acting]
@@ -144,20 +154,33 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
 
     Raises `diagnostics.ModelError` where their squares are no doubles: all norms here are made of them.
     """
+    from scipy.sparse import csgraph
+
     random = np.random.default_rng(1)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
-    force = stiffness = 0.0
+    forces, stiffnesses, linked = np.zeros(q.size), np.zeros(q.size), np.eye(q.size, dtype=bool)
     conditions, contacts = np.zeros(problem.laws.c.numel()), np.zeros(problem.K)
     for part in (0.0, 0.03, 0.1):
         point = q + part * size * random.standard_normal(q.size)
         values = problem.at(problem.t, point, problem.nothing)
-        force = max(force, float(np.abs(values.F[np.isfinite(values.F)]).max(initial=0.0)))
-        stiffness = max(stiffness, float(np.abs(values.K[np.isfinite(values.K)]).max(initial=0.0)))
+        forces = np.fmax(forces, np.where(np.isfinite(values.F), np.abs(values.F), 0.0))
+        K = np.where(np.isfinite(values.K), np.abs(values.K), 0.0)
+        stiffnesses = np.fmax(stiffnesses, K.max(axis=1, initial=0.0))
+        linked |= values.K != 0
+        for row in (*values.B, *values.dc, *values.G):
+            linked[np.ix_(row != 0, row != 0)] = True
         with np.errstate(over="ignore", invalid="ignore"):
             conditions = np.fmax(conditions, np.hypot.reduce(values.dc, axis=1))
             contacts = np.fmax(contacts, np.hypot.reduce(values.G, axis=1))
     conditions[~(conditions > 0)], contacts[~(contacts > 0)] = 1.0, 1.0
-    found = Scales(force or stiffness * size or 1.0, size, conditions, contacts)
+    force = float(forces.max(initial=0.0)) or float(stiffnesses.max(initial=0.0)) * size or 1.0
+    own = np.maximum(forces, stiffnesses * size)
+    count, group = csgraph.connected_components(linked, directed=False)
+    together = np.array(
+        [float(forces[group == k].max()) or float(own[group == k].max()) for k in range(count)]
+    )
+    together = np.where(together > 0, together, force)[group] if count > 1 else np.full(q.size, force)
+    found = Scales(force, size, conditions, contacts, together, own)
     _require_squares(problem, found)
     return found
 

@@ -53,6 +53,9 @@ class DependenceParameters:
     zero: float = 1e-10
     """The residual of a point, of rows of length one. `test_such_a_point_has_no_residual` fails at 1e-11 and
     1e-9."""
+    rounding: float = 1e-15
+    """The residual of rows of length one that hold to rounding where digits are tried.
+    `test_digits_are_kept_where_rows_hold_to_rounding` fails at 1e-16 and 1e-14."""
     near: float = 3e-4
     """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of
     things are zero, and points closer than ten times it are one.
@@ -167,7 +170,7 @@ def _rounded(equations: DependentGradients, x: Floats, length: float) -> Floats:
         if again is None or np.linalg.norm(again[0]) > PARAMETERS.near:
             continue
         conditions = len(equations.closed) + equations.problem.laws.c.numel()
-        if tried is exact or np.abs(again[0][:conditions]).max(initial=0.0) <= PARAMETERS.zero**1.5:
+        if tried is exact or np.abs(again[0][:conditions]).max(initial=0.0) <= PARAMETERS.rounding:
             return np.asarray(tried) + 0.0
     return q
 

@@ -34,7 +34,7 @@ def one(start):
         ("x/(1 + x**2)", 0.4, {-1.0: "minimum", 1.0: "maximum"}),
         ("4.5*(1 - exp(-1.9*(x - 0.74)))**2", 0.9, {0.74: "minimum"}),
         ("exp(-2*x) - 2*exp(-x)", 0.5, {0.0: "minimum"}),
-        ("1/x**12 - 2/x**6", 1.3, {1.0: "minimum"}),
+        ("1/x**12 - 2/x**6", 1.3, {-1.0: "minimum", 1.0: "minimum"}),
         ("1/x + x", 0.5, {-1.0: "maximum", 1.0: "minimum"}),
         ("log(x) + 1/x", 0.5, {1.0: "minimum"}),
     ],
@@ -99,13 +99,38 @@ def test_a_plateau_of_a_switch_is_a_continuum(of):
 )
 def test_an_extreme_at_a_kink_is_named(of, start, x, kind, value):
     found = stationary(one(start), of)
-    notes = [note for note in found.notes if "kink" in note]
+    notes = [note for note in found.notes if "makes a kink" in note]
     assert any(f"x = {x:.9g} " in note and kind in note and f"= {value:.9g})" in note for note in notes)
 
 
 @pytest.mark.parametrize("of", ["abs(x - 1) + 2*x", "abs(x - 1)*(x - 1)", "max(x, 2*x)", "abs(x - 1)**3"])
 def test_a_kink_without_an_extreme_is_not_named(of):
-    assert not [note for note in stationary(one(0.3), of).notes if "kink" in note]
+    assert not [note for note in stationary(one(0.3), of).notes if "makes a kink" in note]
+
+
+@pytest.mark.parametrize("of", ["-abs(x) + x**2", "-sqrt(x**2) + x**2"])
+def test_no_point_is_listed_where_a_kink_is_of_another_type(of):
+    """By sign(0) = 0 both would have a minimum at their highest point."""
+    assert [(round(p.at["x"], 6), p.type) for p in stationary(one(0.9), of)] == [
+        (-0.5, "minimum"),
+        (0.5, "minimum"),
+    ]
+
+
+def test_a_large_angle_is_no_extreme_by_its_rounding():
+    found = lagcli.stationary(
+        lagcli.loads(HEAD + f"coordinates: {{{one(500.3)}}}\n"), of="sin(x) - x", starts=0
+    )
+    assert {p.type for p in found} == {"saddle"}
+
+
+def test_wells_close_to_each_other_and_far_from_zero_have_their_types():
+    found = stationary(one(1e6 + 0.2), "(x - 1e6)**2*(x - 1e6 - 1)**2")
+    assert sorted((p.at["x"] - 1e6, p.type) for p in found) == [
+        (0, "minimum"),
+        (0.5, "maximum"),
+        (1, "minimum"),
+    ]
 
 
 TRIANGLE = "sqrt(x**2 + y**2) + sqrt((x - 1)**2 + y**2) + sqrt((x + {}*1)**2 + (y - 0.3)**2)"
@@ -114,7 +139,7 @@ TRIANGLE = "sqrt(x**2 + y**2) + sqrt((x - 1)**2 + y**2) + sqrt((x + {}*1)**2 + (
 def test_the_shortest_sum_of_distances_is_at_an_obtuse_corner():
     found = stationary("x: {value: 0.4}, y: {value: 0.3}", TRIANGLE.format(1))
     total = 1 + math.hypot(1, 0.3)
-    (note,) = [note for note in found.notes if "kink" in note]
+    (note,) = [note for note in found.notes if "makes a kink" in note]
     assert "at x = 0, y = 0 " in note
     assert "minimum" in note
     assert f"{total:.9g}" in note
@@ -122,5 +147,5 @@ def test_the_shortest_sum_of_distances_is_at_an_obtuse_corner():
 
 def test_on_a_row_the_ends_of_a_distance_are_named():
     found = stationary("x: {value: 0.6}, y: {value: 0.8}", "abs(x) + 2*y", "x**2 + y**2 = 1")
-    notes = [note for note in found.notes if "kink" in note]
+    notes = [note for note in found.notes if "makes a kink" in note]
     assert any("x = 0, y = -1 " in note and "minimum" in note for note in notes)

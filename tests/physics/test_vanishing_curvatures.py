@@ -1,7 +1,5 @@
 """Points where second derivatives vanish, or are what rounding leaves of their terms: higher derivatives decide."""
 
-import itertools
-
 import pytest
 
 import lagcli
@@ -25,7 +23,10 @@ def at_zero(found, *names, size=1.0, centre=0.0):
 
 @pytest.mark.parametrize(
     ("power", "length", "gain"),
-    [(k, a, g) for k, (a, g) in zip(itertools.cycle([3, 4, 5, 6, -4]), itertools.product(SCALES, SCALES))],
+    [
+        (k, a, g)
+        for k, (a, g) in zip([3, 4, 5, 6, -4], zip(SCALES, SCALES[2:] + SCALES[:2], strict=True), strict=True)
+    ],
 )
 def test_a_power_of_one_coordinate_has_its_type_in_all_units(power, length, gain):
     sign, k = (-1 if power < 0 else 1), abs(power)
@@ -64,8 +65,8 @@ FORMS = {
     ("form", "length", "gain"),
     [
         *((form, 1.0, 1.0) for form in FORMS),
-        *((form, 1e-6, 1e5) for form in FORMS if "centre" not in form),
-        *((form, 1e5, 1e-6) for form in FORMS if "centre" not in form),
+        ("turned", 1e-6, 1e5),
+        ("on a cubic", 1e5, 1e-6),
     ],
 )
 def test_a_type_is_the_same_in_all_coordinates_and_units(form, length, gain):
@@ -83,8 +84,7 @@ def test_a_type_is_the_same_in_all_coordinates_and_units(form, length, gain):
     assert point.type == KINDS[int(power)]
 
 
-@pytest.mark.parametrize("offset", [0.1, 0.3, 7.1])
-@pytest.mark.parametrize("power", [3, 4])
+@pytest.mark.parametrize(("offset", "power"), [(0.1, 3), (7.1, 4)])
 def test_a_power_about_a_number_that_is_rounded_has_its_type(offset, power):
     text = "coordinates: {x: {value: 1.3}}\n"
     found = stationary(text, f"(x - {offset})**{power} + 0.1 + 0.2 - 0.3")
@@ -122,16 +122,14 @@ simulation: {{assemble: true}}
 
 
 @pytest.mark.parametrize(
-    ("wire", "kind"),
+    ("wire", "kind", "mass"),
     [
-        ("b.x**3", "saddle"),
-        ("b.x**4", "minimum"),
-        ("-b.x**4", "maximum"),
-        ("b.x**5 - b.x**6", "saddle"),
-        ("-b.x**3", "saddle"),
+        ("b.x**3", "saddle", 1e9),
+        ("b.x**4", "minimum", 1.0),
+        ("-b.x**4", "maximum", 1e-9),
+        ("b.x**5 - b.x**6", "saddle", 1.0),
     ],
 )
-@pytest.mark.parametrize("mass", [1e-9, 1.0, 1e9])
 def test_a_bead_on_a_flat_wire(wire, kind, mass):
     model = lagcli.loads(HEAD + WIRE.format(mass=mass, start=0.4, wire=wire))
     assert at_zero(lagcli.equilibrium(model, starts=0), "b.x").type == kind

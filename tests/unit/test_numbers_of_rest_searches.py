@@ -49,7 +49,7 @@ class Shrinking:
 
 
 def scales(conditions=0, contacts=0, length=1.0):
-    return Scales(1.0, length, np.ones(conditions), np.ones(contacts))
+    return Scales(1.0, length, np.ones(conditions), np.ones(contacts), np.ones(1), np.ones(1))
 
 
 def fake_problem(n=1, C=0, K=0, **more):
@@ -236,7 +236,7 @@ def test_a_step_that_comes_back_has_not_gone_along_a_continuum(part, dimension, 
 @pytest.mark.parametrize(("away", "is_one"), [(15.5, True), (16.5, False)])
 def test_a_walk_along_a_continuum_is_sixteen_sizes_long(away, is_one, along_x, monkeypatch):
     monkeypatch.setattr(continuum, "_is_straight", lambda *_: False)
-    assert continuum.connected(fake_equations(), np.zeros(1), np.array([away])) is is_one
+    assert continuum.connected(fake_equations(), np.zeros(1), np.array([away]), 1) is is_one
     assert max(along_x.lengths) == pytest.approx(0.2)
     if not is_one:
         assert len(along_x.lengths) == 80
@@ -247,7 +247,7 @@ def test_a_walk_has_arrived_where_a_millionth_is_left(left, is_one, monkeypatch)
     monkeypatch.setattr(continuum, "_is_straight", lambda *_: False)
     monkeypatch.setattr(continuum, "directions", lambda *_: np.eye(1))
     monkeypatch.setattr(continuum, "stepped", lambda *_: None)
-    assert continuum.connected(fake_equations(), np.zeros(1), np.array([left])) is is_one
+    assert continuum.connected(fake_equations(), np.zeros(1), np.array([left]), 1) is is_one
 
 
 def test_points_at_equal_distances_are_no_straight_continuum(along_x, monkeypatch):
@@ -714,7 +714,9 @@ def kind_of(K, lam=(), closed=(), force=1.0):
     values = SimpleNamespace(B=np.zeros((0, n)), G=np.zeros((0, n)), K=K, F=np.zeros(n), g=np.zeros(0))
     point = EquilibriumPoint(np.zeros(n), np.array(lam), closed, 0.0)
     problem = fake_problem(n, at=lambda *_: values, times=(0.0, 1.0))
-    return point_type.classify(problem, point, Scales(force, 1.0, np.ones(0), np.ones(0)), True)[0].kind
+    return point_type.classify(
+        problem, point, Scales(force, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1)), True
+    )[0].kind
 
 
 @pytest.mark.parametrize(("curvature", "kind"), [(3e-14, "degenerate"), (3e-13, "minimum")])
@@ -740,3 +742,27 @@ def test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through(count, k
     # Between the first two only the direction of x is left, along which the curvature is positive.
     walls = np.array([[0.0, 1.0], [0.0, -1.0]] + [[1.0, 0.0]] * (count - 2))
     assert point_type._kind_on_cone(np.diag([1.0, -1.0]), walls, (1, 1), (False, False))[0] == kind
+
+
+@pytest.mark.parametrize(("width", "is_named"), [(5e-7, True), (5e-6, False)])
+def test_a_piece_of_a_millionth_is_named_by_its_middle(width, is_named):
+    assert ("near" in one_unknown._undecided([(1.0, 1.0 + width)])) is is_named
+
+
+@pytest.mark.parametrize(("width", "is_one"), [(5e-8, True), (5e-7, False)])
+def test_a_hundred_narrow_intervals_are_one_piece(width, is_one):
+    search = SimpleNamespace(scales=scales())
+    assert (width <= one_unknown._width(search, 0.0)) is is_one
+    assert one_unknown._width(search, 0.0) > 2e-8
+
+
+@pytest.mark.parametrize(("left", "x"), [(5e-16, 0.7), (5e-15, 0.70004)])
+def test_digits_are_kept_where_rows_hold_to_rounding(left, x):
+    class Rows:
+        problem = fake_problem(laws=SimpleNamespace(c=SimpleNamespace(numel=lambda: 1)))
+        closed = ()
+
+        def __call__(self, x):
+            return np.array([left]), np.zeros((1, 1))
+
+    assert singular_rows._rounded(Rows(), np.array([0.70004]), 1.0) == pytest.approx([x], abs=1e-9)

@@ -1,5 +1,6 @@
 """The numbers that points of rest are judged by: two inputs beside each, with different answers."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 from fractions import Fraction
@@ -21,6 +22,8 @@ from lagcli.statics import (
     newton,
     point_type,
     polynomial_equations,
+    refine,
+    rest_equations,
     surface_descent,
 )
 from lagcli.statics.flat_directions import FlatEquations, FlatVerdict
@@ -176,11 +179,13 @@ def problem_of(build: Build, count: int, forces: Build | None = None) -> StaticP
     f = ca.SX(build(q))
     F = -ca.gradient(f, q) if forces is None else ca.SX(forces(q))
     nothing, no_rows = ca.SX(0, 1), ca.SX(0, count)
-    laws = StaticLaws(t, q, p, ca.densify(F), no_rows, nothing, nothing, no_rows, f, ca.SX.zeros(count), "")
+    laws = StaticLaws(
+        t, q, p, ca.densify(F), no_rows, nothing, nothing, no_rows, f, ca.SX.zeros(count), nothing, ""
+    )
     return StaticProblem(laws, np.zeros(0), (0.0, np.ones(count)), 1.0)
 
 
-UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0))
+UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1))
 
 
 def flat_verdict(build: Build, *at: float, forces: Build | None = None) -> FlatVerdict:
@@ -247,7 +252,9 @@ def test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again(
 ) -> None:
     problem = problem_of(lambda q: q[0] ** 2 / 2 + curvature * q[1] ** 2 / 2, 2)
     point = EquilibriumPoint(np.zeros(2), np.zeros(0), (), 0.0)
-    point_type.classify(problem, point, Scales(1e-9, 1.0, np.ones(0), np.ones(0)), True)
+    point_type.classify(
+        problem, point, Scales(1e-9, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1)), True
+    )
     assert sum(doubted) == count
 
 
@@ -264,6 +271,7 @@ def search_at_kinks(build: Build, count: int = 1) -> SimpleNamespace:
     return SimpleNamespace(
         problem=problem_of(build, count),
         scales=UNITS,
+        points=[],
         options=SimpleNamespace(seed=0),
         apart=lambda a, b: float(np.abs(a - b).max()),
     )
@@ -309,6 +317,48 @@ def test_kinks_closer_than_five_digits_are_one(
     monkeypatch.setattr(kink_points, "_candidates", lambda *_: [np.zeros(1), np.full(1, apart)])
     monkeypatch.setattr(kink_points, "_kind", lambda *_: "minimum")
     assert len(list(kink_points.extremes(search_at_kinks(ca.fabs)))) == count
+
+
+def candidates_at(q: list[float], monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """The candidates on q0^2/2 = 0 where all starts lead to one point."""
+    search = search_at_kinks(lambda q: ca.fabs(q[0] ** 2 / 2), 2)
+    (kink,) = kink_points.kinks(search.problem.laws)
+    laws = kink_points._on_kink(search.problem.laws, kink)
+    monkeypatch.setattr(surface_descent, "onto", lambda *_: np.array(q))
+    monkeypatch.setattr(
+        rest_equations, "scales", lambda *_: dataclasses.replace(UNITS, conditions=np.ones(1))
+    )
+    monkeypatch.setattr(refine, "reached", lambda *_: None)
+    return list(kink_points._candidates(search, StaticProblem(laws, np.zeros(0), (0.0, np.ones(2)), 0.0)))
+
+
+@pytest.mark.parametrize(("gradient", "count"), [(3e-5, 7), (3e-4, 0)])
+def test_a_kink_without_a_gradient_is_one_of_a_point(
+    gradient: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert len(candidates_at([gradient, 1.0], monkeypatch)) == count
+
+
+@pytest.mark.parametrize(("x", "is_zero"), [(3e-10, True), (3e-9, False)])
+def test_a_coordinate_of_a_kink_is_zero_to_nine_digits(
+    x: float, is_zero: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert bool(candidates_at([0.0, x], monkeypatch)[0][1] == 0) is is_zero
+
+
+@pytest.mark.parametrize(("slope", "kind"), [(3e-6, "minimum"), (3e-7, None)])
+def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> None:
+    search = search_at_kinks(lambda q: slope * ca.fabs(q))
+    (kink,) = kink_points.kinks(search.problem.laws)
+    laws = kink_points._on_kink(search.problem.laws, kink)
+    on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+
+
+@pytest.mark.parametrize(("away", "is_another"), [(3e-12, False), (3e-11, True)])
+def test_an_exact_point_keeps_its_curvature_where_another_has_none(away: float, is_another: bool) -> None:
+    exact, moved = (EquilibriumPoint(np.array([x]), np.zeros(0), (), 0.0) for x in (1.0, 1.0 + away))
+    assert flat_directions.is_elsewhere(moved, exact, UNITS) is is_another
 
 
 def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
