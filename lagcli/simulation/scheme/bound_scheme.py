@@ -46,10 +46,10 @@ class BoundStep:
         between rows."""
         numeric, n = self.numeric, self.y.size // 2
         self.t[0], self.k[:] = t, k
-        q, v, p = self.y[:n], self.y[n : 2 * n], self.p[: self.numeric.sizes.numel_in(3)]
+        q, v = self.y[:n], self.y[n : 2 * n]
         self._blurred[:] = 0.0
-        if step_tolerance.is_blurred(numeric, State(t, q, v, p), row_step):
-            self._roundings = BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, p])
+        if step_tolerance.is_blurred(numeric, State(t, q, v, self.p), row_step):
+            self._roundings = BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, self.p])
 
     def look_at_rounding(self) -> None:
         """Note what the rounding of rows and forces makes at either end of the step to be tried, the less of both, if
@@ -64,7 +64,7 @@ class BoundStep:
     def _rounded(roundings: BoundFunction, t: float) -> Floats:
         roundings.arguments[0][0] = t
         roundings.trigger()
-        found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0]
+        found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0][1]
         return np.where(np.isfinite(found), found, 0.0)
 
     def projected_at(self, t: float, y: Floats) -> list[Floats]:
