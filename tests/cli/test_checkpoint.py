@@ -561,10 +561,10 @@ def test_the_form_of_a_file_is_the_one_of_format_10() -> None:
         "selection": {"independent": [0], "dependencies": [[1, 0]], "inactive": [2], "idle": []},
         "invariant_values": [[0, 0.6, 0.8], None], "notes": ["n"],
         "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
-        "tally": tally, "reported": tally,
+        "tally": tally, "reported": tally, "is_blurred": None,
         "contacts": {
             "touching": [2], "apart": [], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
-            "postponed": [[1, 0.75]], "deepest": 0.0, "shared": [1], "crowds": [[2, 3, 0.125, 0.25]],
+            "postponed": [[1, 0.75]], "deepest": 0.0, "shared": [1], "crowds": [[2, 3, 0.125, [0.25]]],
         },
     }  # fmt: skip
     chart = {"above": "x", "below": "1", "period": None}
