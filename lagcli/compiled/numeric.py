@@ -324,10 +324,11 @@ class NumericSystem:
         """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
         return self._roundings("force_roundings", self._parts.h, self._parts.gamma)
 
-    @cached_property
+    @_of_steps
     def state_roundings(self) -> ca.Function:
-        """state_roundings(t, q, v, p) -> `parts.roundings`, (3,)."""
-        return SizedFunction("state_roundings", self._inputs, [shared.roundings(self._parts, self._inputs)])
+        """state_roundings(t, q, v, p) -> `parts.roundings`, (2, 3), with the p of steps."""
+        inputs = [*self._inputs[:3], self._parts.p]
+        return SizedFunction("state_roundings", inputs, [shared.roundings(self._parts, inputs)])
 
     @cached_property
     def energy_terms(self) -> ca.Function:

@@ -368,13 +368,13 @@ def term_sizes(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
 
 
 def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
-    """(3,): what the rounding of the rows in which t occurs makes of positions and velocities, and it and that of h of
-    accelerations, in units of rounding, as `Sizes`; inputs: t, q, v, p."""
+    """(2, 3): positions, velocities and accelerations, as `Sizes`, and what the rounding of the rows in which t occurs
+    makes of the former two, and it and that of h of the latter, in units of rounding; inputs: t, q, v, p."""
     from lagcli.equations import operation_rules
 
     h = operation_rules.roundings(ca.densify(parts.h), inputs)
-    own, every = sizes(parts, parts.v, h, parts.M), [*range(parts.B.shape[0]), *parts.closed]
-    found = [ca.SX(0), ca.SX(0), own.a]
+    own, every = sizes(parts, parts.v, parts.h, parts.M), [*range(parts.B.shape[0]), *parts.closed]
+    found = [ca.SX(0), ca.SX(0), sizes(parts, parts.v, h, parts.M).a]
     if every:
         contacts = parts.acting
         lengths = _row_norms(parts.of(every, parts.B, contacts.G), own.units)
@@ -386,7 +386,7 @@ def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
             if moved:
                 off = operation_rules.roundings(value[moved], inputs) / lengths[moved]
                 found[i] = ca.fmax(found[i], ca.mmax(off))
-    return ca.densify(ca.vertcat(*found))
+    return ca.densify(ca.blockcat([[own.q, own.v, own.a], found]))
 
 
 def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:

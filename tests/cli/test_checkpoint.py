@@ -541,7 +541,7 @@ def test_what_is_not_of_its_type_is_reported_with_its_location(
         saved_form.read(Shape, tree)
 
 
-def test_the_form_of_a_file_is_the_one_of_format_9() -> None:
+def test_the_form_of_a_file_is_the_one_of_format_10() -> None:
     identity = {
         "fingerprint": "f", "parameters": {"g": 9.81, "w": [0.0, 1.0, 2.0]}, "q": [1.0], "v": [2.0], "start": 0.0,
         "rtol": 1e-9, "atol": None, "method": "dop853", "max_step": None,
@@ -561,10 +561,10 @@ def test_the_form_of_a_file_is_the_one_of_format_9() -> None:
         "selection": {"independent": [0], "dependencies": [[1, 0]], "inactive": [2], "idle": []},
         "invariant_values": [[0, 0.6, 0.8], None], "notes": ["n"],
         "watch": [0.5], "crossings": [{"t": 0.25, "number": 1, "participants": [0, 1]}], "origin": 0.0, "turns": [],
-        "tally": tally, "reported": tally,
+        "tally": tally, "reported": tally, "is_blurred": None,
         "contacts": {
-            "touching": [2], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
-            "postponed": [[1, 0.75]], "deepest": 0.0, "shared": [1], "crowds": [[2, 3, 0.125, 0.25]],
+            "touching": [2], "apart": [], "unarmed": [], "last": 0.25, "again": 0, "size": 1.0, "ending": [[2, 0.75]],
+            "postponed": [[1, 0.75]], "deepest": 0.0, "shared": [1], "crowds": [[2, 3, 0.125, [0.25]]],
         },
     }  # fmt: skip
     chart = {"above": "x", "below": "1", "period": None}
@@ -577,7 +577,7 @@ def test_the_form_of_a_file_is_the_one_of_format_9() -> None:
         "table": table,
         "events": None,
     }
-    head = {"lagcli-checkpoint": 9, "version": lagcli.__version__}
+    head = {"lagcli-checkpoint": 10, "version": lagcli.__version__}
     whole = {**head, **parts, "sum": checkpoint.control_sum(parts)}
     point = checkpoint.decoded(json.dumps(whole).encode())
     assert point.run_state.invariant_values[0] == (0, 0.6, 0.8)

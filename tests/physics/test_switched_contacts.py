@@ -10,6 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.simulation.events.contact_changes import ContactChanges
+from lagcli.simulation.events.step_watch import StepWatch
 
 pytestmark = pytest.mark.numeric
 
@@ -514,6 +515,14 @@ def test_a_closed_contact_that_pulls_ends_the_run(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(lagcli.SimulationStopped, match=r"the closed contacts `f` would pull there") as stop:
         moving("[0, 0, sign(t - 1)]", "a.z >= 0")
     assert stop.value.t == pytest.approx(1, abs=1e-12)
+
+
+def test_a_row_in_which_a_contact_pulls_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though the step looked clear."""
+    monkeypatch.setattr(StepWatch, "is_clear", lambda self: True)
+    with pytest.raises(lagcli.SimulationStopped, match=r"the closed contacts `f` would pull there") as stop:
+        moving("[0, 0, t - 1]", "a.z >= 0", duration=2.0, samples=41)
+    assert stop.value.trajectory["lambda.f"].min() > -1e-6
 
 
 HELD = """lagcli: 1

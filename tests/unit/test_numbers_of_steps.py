@@ -62,7 +62,7 @@ def test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_ro
 
 def test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages():
     class Roundings:
-        arguments, results = [np.zeros(1)], [np.array([1.0, 2.0, np.inf])]
+        arguments, results = [np.zeros(1)], [np.array([np.zeros(3), [1.0, 2.0, np.inf]])]
 
         def trigger(self):
             pass
@@ -76,12 +76,9 @@ def test_terms_that_begin_at_zero_are_seen_a_millionth_of_a_row_later():
     class Numeric:
         has_time = True
 
-        def sizes(self, t, *state):
+        def state_roundings(self, t, *state):
             looked.append(t)
-            return np.ones(3)
-
-        def state_roundings(self, *state):
-            return np.zeros(3)
+            return np.array([np.ones(3), np.zeros(3)])
 
     assert not step_tolerance.is_blurred(Numeric(), State(2.0, np.zeros(1), np.zeros(1), np.zeros(0)), 0.5)
     assert looked == [2.0, pytest.approx(2.0 + 5e-7, rel=1e-9)]

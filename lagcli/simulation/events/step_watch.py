@@ -217,6 +217,11 @@ def require_pushes(watch: StepWatch, pulling: Numbers) -> None:
     a step: no row is made of that, whatever has closed it."""
     bound, numbers = watch.run.bound, watch.functions.kinds.numbers[pulling].tolist()
     rows, closed = bound.enforced.system.multiplier_rows, set(bound.numeric.closed_rows)
-    names = [f"`{rows[number].name}`" for number in numbers if number in closed]
-    if names:
-        raise StepFailure(f"the closed contacts {', '.join(names)} would pull there", run_stop.CONTACT)
+    if names := [rows[number].name for number in numbers if number in closed]:
+        raise pulls(names)
+
+
+def pulls(names: list[str]) -> StepFailure:
+    """The end of a run in which closed contacts of these names pull."""
+    listed = ", ".join(f"`{name}`" for name in names)
+    return StepFailure(f"the closed contacts {listed} would pull there", run_stop.CONTACT)

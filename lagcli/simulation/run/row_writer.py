@@ -12,6 +12,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.simulation.events.declared_events import AT_END
 from lagcli.simulation.stepping.stepper import Stepper
+from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
@@ -36,6 +37,7 @@ class RowWriter:
         self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
         self.grid, self.next_row = stepper.grid, next_row
         self._lines, self._filled, self._capacity = np.empty((0, 0)), 0, 0
+        self._pushes = RowPushes(stepper)
         # Where the last step begins that was looked at for rows.
         self.last, self._begun = last, -math.inf
         stepper.row_time = self.grid.time(next_row)
@@ -159,6 +161,7 @@ class RowWriter:
             filled += 1
             self.last = row_time
             row_time = time(self.next_row + filled - begun)
+        self._pushes.require(lines[begun:filled])
         self._filled, self.next_row, run.row_time = filled, self.next_row + filled - begun, row_time
 
     def _limit_row(self) -> None:
@@ -196,6 +199,7 @@ class RowWriter:
             self._require_finite()
         if found.work is not None:
             line[WORK] = found.work.at(run.row_time)
+        self._pushes.require(line[None, :])
         self._lines[self._filled] = line
         self._filled, self.last = self._filled + 1, run.row_time
         self.next_row += 1
@@ -210,6 +214,41 @@ class RowWriter:
             from lagcli.simulation.stepping import stop_diagnosis
 
             raise stop_diagnosis.row_not_finite(self._columns, int(bad[0]) - 1, rows.at[0])
+
+
+class RowPushes:
+    """The multipliers of the contacts in the rows of a run, none of which is clearly below zero."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._run, system = stepper, stepper.bound.enforced.system
+        self._names = system.model.contact_names
+        columns = {name: i for i, name in enumerate(system.columns, start=1)}
+        self._columns = [columns[f"lambda.{name}"] for name in self._names]
+        self._positions = [columns[name] for name in system.model.coordinate_names] if self._names else []
+
+    def require(self, lines: Floats) -> None:
+        """Raise `StepFailure` where a contact pulls in lines (k, columns), t first, by more than rounding and the
+        tolerance of the run make of the forces."""
+        if not self._columns or not (lines[:, self._columns] < 0.0).any():
+            return
+        from lagcli.simulation.closed_contacts import contact_instant
+        from lagcli.simulation.events import step_watch
+
+        run, n = self._run, len(self._positions)
+        numeric, rtol = run.bound.enforced.plain.functions.numeric, float(run.tolerance[0])
+        values = contact_instant.ContactRowValues(numeric, len(run.bound.enforced.system.rows.rows))
+        parameters = contact_instant.PARAMETERS
+        share = parameters.clearly * max(1.0, rtol / parameters.weightless)
+        for line in lines[(lines[:, self._columns] < 0.0).any(axis=1)]:
+            state = State(float(line[0]), line[self._positions], run.bound.y[n : 2 * n], run.bound.enforced.p)
+            chosen = contact_instant.ContactParameters(rtol, size=run.contacts.size)
+            here = contact_instant.ContactInstant(values, state, chosen)
+            forces = line[self._columns]
+            numbers = np.flatnonzero(forces < 0.0)
+            least = share * here.least_forces(numbers, run.bound.k[n : 2 * n])
+            pulling = [self._names[j] for j in numbers[-forces[numbers] > least].tolist()]
+            if pulling:
+                raise step_watch.pulls(pulling)
 
 
 class RowGaps:

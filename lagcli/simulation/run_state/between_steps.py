@@ -56,7 +56,8 @@ class RunState(Counts):
     look at the pace; row: time of the last row handed out, which may lie on either side of t; extremes: those of all
     rows handed out; selection: the rows it is stepped with; invariant_values: how each integral is enforced; watch:
     what the next singular configuration is predicted from; turns: where angles with a cut were, counted through all
-    turns; contacts: see `ContactState`. Of the counts, reported is of the incidents handed out, which may lie beyond t.
+    turns; contacts: see `ContactState`; is_blurred: whether steps look at the rounding of rows and forces, None where
+    that is still to be seen. Of the counts, reported is of the incidents handed out, which may lie beyond t.
     Times are counted from `origin`, but for those of crossings and incidents.
     """
 
@@ -73,3 +74,4 @@ class RunState(Counts):
     origin: float = 0.0
     turns: tuple[float, ...] = ()
     contacts: ContactState = NOTHING
+    is_blurred: bool | None = None

@@ -20,7 +20,7 @@ from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model, Vector3
 from lagcli.simulation.run_state.between_steps import RunState
 
-FORMAT = 9  # of a checkpoint: goes up where another version could not read it
+FORMAT = 10  # of a checkpoint: goes up where another version could not read it
 MOST_BYTES = 2**28  # of a file that is read: states of ten thousand particles are some megabytes
 # What stands beside the parts of a checkpoint.
 AROUND = ("lagcli-checkpoint", "version", "sum")

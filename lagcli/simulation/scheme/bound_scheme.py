@@ -33,7 +33,7 @@ class BoundStep:
         self.project = BoundFunction(self.numeric.project, [t, y, self.p])
         self.scratch = BoundFunction(self.numeric.project, [scratch, np.zeros(y.size), self.p])
         self._blurred = tolerance[step_tolerance.BLURRED]
-        self._roundings: BoundFunction | None = None
+        self.is_blurred, self._roundings = False, list[BoundFunction]()
         arguments = [t, h, y, self.k, tolerance, self.p]
         self.step = BoundFunction(scheme.step, arguments, wanted=3)
         self.new, self.k_new, status = self.step.results
@@ -41,30 +41,31 @@ class BoundStep:
         self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
         self.t, self.h, self.scratch_t, self.status = map(cells, (t, h, scratch, status))
 
-    def begin(self, t: float, k: Floats, row_step: float) -> None:
+    def begin(self, t: float, k: Floats, row_step: float, is_blurred: bool | None = None) -> None:
         """Stand at a time with a rate (2n + 1,), and look at rounding from there on where it counts; row_step: the time
-        between rows."""
+        between rows; is_blurred: whether it does, None where that is to be seen."""
         numeric, n = self.numeric, self.y.size // 2
         self.t[0], self.k[:] = t, k
-        q, v, p = self.y[:n], self.y[n : 2 * n], self.p[: self.numeric.sizes.numel_in(3)]
+        q, v = self.y[:n], self.y[n : 2 * n]
         self._blurred[:] = 0.0
-        if step_tolerance.is_blurred(numeric, State(t, q, v, p), row_step):
-            self._roundings = BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, p])
+        if is_blurred is None:
+            is_blurred = step_tolerance.is_blurred(numeric, State(t, q, v, self.p), row_step)
+        self.is_blurred = is_blurred
+        if is_blurred:
+            self._roundings = [BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, self.p])]
 
     def look_at_rounding(self) -> None:
         """Note what the rounding of rows and forces makes at either end of the step to be tried, the less of both, if
         it counts."""
-        if self._roundings is not None:
-            self._blurred[:] = np.fmax(
-                np.fmin(*(self._rounded(self._roundings, t) for t in (self.t[0], self.t[0] + self.h[0]))),
-                step_tolerance.TINY,
-            )
+        for roundings in self._roundings:
+            ends = (self._rounded(roundings, t) for t in (self.t[0], self.t[0] + self.h[0]))
+            self._blurred[:] = np.fmax(np.fmin(*ends), step_tolerance.TINY)
 
     @staticmethod
     def _rounded(roundings: BoundFunction, t: float) -> Floats:
         roundings.arguments[0][0] = t
         roundings.trigger()
-        found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0]
+        found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0][1]
         return np.where(np.isfinite(found), found, 0.0)
 
     def projected_at(self, t: float, y: Floats) -> list[Floats]:

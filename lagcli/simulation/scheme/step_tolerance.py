@@ -142,7 +142,7 @@ def is_blurred(numeric: NumericSystem, state: State, row_step: float) -> bool:
         return False
     for t in (state.t, state.t + PARAMETERS.soon * row_step):
         given = t, state.q, state.v, state.p
-        sizes, terms = (np.array(f(*given)).ravel()[-3:] for f in (numeric.sizes, numeric.state_roundings))
+        sizes, terms = np.array(numeric.state_roundings(*given))
         if ((sizes <= STAIRS * terms) & (terms > 0.0) & np.isfinite(terms)).any():
             return True
     return False

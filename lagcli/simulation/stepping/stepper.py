@@ -99,7 +99,7 @@ class Stepper:
         self._witnesses = Witnesses(grid, timed, is_again)
         self._turns = Turns(enforced.system)
         self.t, self.row_time = state.t, math.inf
-        self._bind(enforced, state.y, state.k)
+        self._bind(enforced, state.y, state.k, state.is_blurred)
         self._turns.resume(self.bound.enforced.p, state.turns)
         self.control = StepController(self.method.order, state.step, state.pace_from)
         self.found = FoundStep(state.t)
@@ -116,11 +116,13 @@ class Stepper:
         """Step with other functions from where the run stands."""
         self._bind(enforced, self.bound.y, self.bound.k)
 
-    def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats) -> None:
+    def _bind(
+        self, enforced: EnforcedInvariants, y: Floats, k: Floats, is_blurred: bool | None = None
+    ) -> None:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
-        self.bound.begin(self.t, k, self.grid.step)
+        self.bound.begin(self.t, k, self.grid.step, is_blurred)
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
         has_time, model = self.bound.numeric.has_time, enforced.system.model
@@ -145,6 +147,7 @@ class Stepper:
             origin=self.origin,
             turns=self._turns.of(bound.enforced.p),
             contacts=contacts,
+            is_blurred=bound.is_blurred,
             **named(counts),
         )
 
