@@ -30,6 +30,7 @@ from lagcli.statics.static_problem import StaticProblem
 Floats = npt.NDArray[np.float64]
 
 MODERATE = 1e4  # levels of this size are not measured by it
+SMALLEST = float(np.sqrt(np.finfo(float).tiny))  # what is smaller has no square
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -142,7 +143,7 @@ def _typed(
 
 
 def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> list[EnforcedLevel]:
-    """The charts that have finite values and a gradient at a state."""
+    """The charts that have finite values at a state, and a gradient whose square is a number."""
     found = []
     for chart in level_functions.charts(built, written).charts:
         value = level_functions.compiled(built, [chart])(state.t, state.q, state.p)
@@ -151,6 +152,8 @@ def _charts(built: System, written: tuple[LevelFunction, ...], state: State) -> 
         if 1 / MODERATE < size < MODERATE:
             size = 1.0  # numbers that were written stay so, for exact algebra
         gradient = value[1].full() * below - value[2].full() * above if not period else value[1].full()
-        if np.isfinite([above, below, *gradient.ravel()]).all() and size and np.abs(gradient).max() > 0:
+        steepest = float(np.abs(gradient).max()) / size if size else 0.0
+        is_number = SMALLEST < steepest < 1 / SMALLEST
+        if np.isfinite([above, below, *gradient.ravel()]).all() and is_number:
             found.append(EnforcedLevel(chart, above / size, below / size))
     return found
