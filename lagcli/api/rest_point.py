@@ -118,10 +118,14 @@ def nearest(ready: CompiledModel, limit: float | None = None) -> EquilibriumPoin
 
 def typed(ready: CompiledModel, q: Floats, closed: tuple[int, ...]) -> FoundPoint | None:
     """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; closed: the
-    contacts that press there. None where it is none."""
+    contacts that press there. None where it is none, and where numbers are too large or too small to look at it."""
     start = begin(ready)
     asked = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start)
-    equations = RestEquations(asked, closed, rest_equations.scales(asked, start.state.q))
+    try:
+        scales = rest_equations.scales(asked, start.state.q)
+    except diagnostics.ModelError:
+        return None
+    equations = RestEquations(asked, closed, scales)
     x = refine.begun(equations, q)
     if x is None:
         return None
