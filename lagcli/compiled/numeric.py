@@ -310,9 +310,7 @@ class NumericSystem:
     @cached_property
     def sizes(self) -> ca.Function:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
-        parts = self._parts
-        packed = shared.sizes(parts, parts.v, parts.h, parts.M).packed
-        return SizedFunction("sizes", self._inputs, [ca.densify(packed)])
+        return SizedFunction("sizes", self._inputs, [shared.own_sizes(self._parts)])
 
     @cached_property
     def term_sizes(self) -> ca.Function:

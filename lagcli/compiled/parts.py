@@ -359,6 +359,11 @@ def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     return Sizes(units, *largest)
 
 
+def own_sizes(parts: Parts) -> ca.SX:
+    """`Sizes.packed` (n + 3,) of a state."""
+    return ca.densify(sizes(parts, parts.v, parts.h, parts.M).packed)
+
+
 def term_sizes(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
     """`Sizes.packed` with the terms of h in its place, which may cancel; inputs: t, q, v, p."""
     from lagcli.equations import operation_rules

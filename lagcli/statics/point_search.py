@@ -169,17 +169,13 @@ class PointSearch:
         own: list[FoundPoint] = []
         for point in itertools.chain.from_iterable(exact.values()):
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
-            is_exact = is_decided is _everywhere
-            kind, moved = self._typed(point, is_exact)
-            is_one = moved.q is not point.q and not is_exact
+            kind, moved = self._typed(point, is_decided is _everywhere)
+            is_one = moved.q is not point.q and is_decided is not _everywhere
             if is_one and any(self.apart(each.point.q, moved.q) <= PARAMETERS.same for each in own):
                 continue
             own.append(FoundPoint(moved if is_one else point, kind, 0, point.closed))
-        left = [
-            known
-            for known in self.points
-            if not any(self.apart(known.point.q, one.point.q) <= PARAMETERS.same_of_flat for one in own)
-        ]
+        same = PARAMETERS.same_of_flat
+        left = [k for k in self.points if not any(self.apart(k.point.q, o.point.q) <= same for o in own)]
         outside = [one for one in left if one.point.closed not in exact or not is_decided(one.point.q)]
         strange = [one for one in left if one not in outside and one.type.is_regular]
         self.points = own + outside + strange
@@ -190,15 +186,14 @@ class PointSearch:
 
     def leave_out(self, closed: Contacts) -> bool:
         """Search a set of contacts no more whose points are one continuum, if one of them is known."""
-        is_known = any(one.point.closed == closed and one.dimension for one in self.points)
-        self._sets = [each for each in self._sets if each != closed or not is_known]
+        if is_known := any(one.point.closed == closed and one.dimension for one in self.points):
+            self._sets = [each for each in self._sets if each != closed]
         return is_known
 
     def _typed(self, point: EquilibriumPoint, is_exact: bool) -> tuple[PointType, EquilibriumPoint]:
         """The type of a point that is known to lie on no continuum, and the point to the digits of its type."""
-        problem, options = self.problem, self.options
-        along = np.zeros((problem.n, 0))
-        return point_type.classify(problem, point, self.scales, options.has_potential, along, is_exact)
+        has_potential, along = self.options.has_potential, np.zeros((self.problem.n, 0))
+        return point_type.classify(self.problem, point, self.scales, has_potential, along, is_exact)
 
     def _start(self, begin: Floats) -> list[Contacts]:
         """Search next to a start; the sets of contacts with which that was done."""

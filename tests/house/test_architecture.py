@@ -87,6 +87,7 @@ DOORS = {
         "lagcli.analysis.internal_forces",
         "lagcli.linearization.floquet",
         "lagcli.linearization.linearized",
+        "lagcli.statics.rest_equations",
         "lagcli.linearization.lowest",
         "lagcli.simulation.scheme.dop853",
         "lagcli.simulation.events.impulse_event",

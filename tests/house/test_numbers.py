@@ -39,7 +39,7 @@ LOOSE = {
     "linear": 1,
     "linearization": 39,
     "model": 5,
-    "output": 154,
+    "output": 155,
     "pfaffian": 64,
     "simulation": 94,
     "start": 1,
