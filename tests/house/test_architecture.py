@@ -87,7 +87,6 @@ DOORS = {
         "lagcli.analysis.internal_forces",
         "lagcli.linearization.floquet",
         "lagcli.linearization.linearized",
-        "lagcli.statics.rest_equations",
         "lagcli.linearization.lowest",
         "lagcli.simulation.scheme.dop853",
         "lagcli.simulation.events.impulse_event",
@@ -102,6 +101,7 @@ DOORS = {
     ),
     "distributed": ("lagcli.api.sweeps.dask_engine",),
     "scipy": (
+        "lagcli.statics.rest_equations",
         "lagcli.api.sweeps.drawn_points",
         "lagcli.contact.",
         "lagcli.formulations.stiff_ladder",

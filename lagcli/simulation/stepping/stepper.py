@@ -116,13 +116,11 @@ class Stepper:
         """Step with other functions from where the run stands."""
         self._bind(enforced, self.bound.y, self.bound.k)
 
-    def _bind(
-        self, enforced: EnforcedInvariants, y: Floats, k: Floats, is_blurred: bool | None = None
-    ) -> None:
+    def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats, blurred: bool | None = None) -> None:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
-        self.bound.begin(self.t, k, self.grid.step, is_blurred)
+        self.bound.begin(self.t, k, self.grid.step, blurred)
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
         has_time, model = self.bound.numeric.has_time, enforced.system.model
@@ -330,15 +328,16 @@ class Stepper:
         self.report_within()
         self.settle()
         if self.statistics.steps % LENGTH.pace == 0 and not was_still:
-            end = self.grid.end
-            advanced = control.is_too_slow(self.t, end, self.grid.step)
+            advanced = control.is_too_slow(self.t, self.grid.end, self.grid.step)
             if advanced is not None and not self.contacts.crowd(self.t - advanced):
                 from lagcli.simulation.stepping import stop_diagnosis
 
                 if self._is_before_pole():
                     raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
                 here = self.state_at(self.t, bound.y)
-                raise stop_diagnosis.hopeless(bound.enforced, here, LENGTH.pace, advanced, end - self.t)
+                raise stop_diagnosis.hopeless(
+                    bound.enforced, here, LENGTH.pace, advanced, self.grid.end - self.t
+                )
 
     def report_within(self) -> None:
         """Tell of the incidents within the step that was found, up to its end and that of the run."""
