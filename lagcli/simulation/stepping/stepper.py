@@ -335,9 +335,8 @@ class Stepper:
                 if self._is_before_pole():
                     raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
                 here = self.state_at(self.t, bound.y)
-                raise stop_diagnosis.hopeless(
-                    bound.enforced, here, LENGTH.pace, advanced, self.grid.end - self.t
-                )
+                left = self.grid.end - self.t
+                raise stop_diagnosis.hopeless(bound.enforced, here, LENGTH.pace, advanced, left)
 
     def report_within(self) -> None:
         """Tell of the incidents within the step that was found, up to its end and that of the run."""
