@@ -152,7 +152,9 @@ class PointSearch:
                 return
             if self._is_at_end():
                 return
-            self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (len(begun) - number)
+            # Paths cost most: one that is followed has the part of two.
+            sharing = (len(begun) - number) / (2 if number < PARAMETERS.paths else 1)
+            self._allowed = self.spent + (PARAMETERS.budget - self.spent) / max(1.0, sharing)
             self._around(begin, closed, is_followed=number < PARAMETERS.paths)
 
     def _is_at_end(self) -> bool:
@@ -393,7 +395,7 @@ class PointSearch:
         vain = 0
         for point in further_zeros.near_zeros(equations, x):
             # Along a continuum a path goes to and fro over zero without end.
-            if vain >= PARAMETERS.rounds or self.spent > self._allowed:
+            if vain >= PARAMETERS.most_failures or self.spent > self._allowed:
                 return
             is_new = equations(point) is not None and self.take(
                 refine.settled(equations, newton.refined(equations, point))

@@ -149,9 +149,9 @@ def test_tighter_tolerance_gives_a_smaller_error():
 
 def test_step_tolerance_is_tighter_than_the_asked_but_not_below_rounding():
     given = step_tolerance.of_steps(Simulation(rtol=1e-8, atol=1e-10))
-    assert given == pytest.approx([1e-10, 1e-12, 0, 1e-17, 0, 0], rel=1e-12, abs=0)
+    assert given == pytest.approx([1e-10, 1e-12, 0, 1e-17, 0, 0, 0, 0], rel=1e-12, abs=0)
     assert step_tolerance.of_steps(Simulation(rtol=1e-13, atol=1e-15)) == pytest.approx(
-        [1e-14, 1e-16, 0, 1e-17, 0, 0], abs=0
+        [1e-14, 1e-16, 0, 1e-17, 0, 0, 0, 0], abs=0
     )
 
 
@@ -190,10 +190,10 @@ def test_an_absolute_tolerance_below_rounding_counts_as_rounding(monkeypatch):
 
 def test_without_atol_a_part_of_the_sizes_takes_its_place():
     assert step_tolerance.of_steps(Simulation()) == pytest.approx(
-        [1e-13, 0, 1e-15, 1e-17, 0, 0], rel=1e-12, abs=0
+        [1e-13, 0, 1e-15, 1e-17, 0, 0, 0, 0], rel=1e-12, abs=0
     )
     assert step_tolerance.of_steps(Simulation(rtol=1e-4)) == pytest.approx(
-        [1e-6, 0, 1e-15, 1e-17, 0, 0], rel=1e-12, abs=0
+        [1e-6, 0, 1e-15, 1e-17, 0, 0, 0, 0], rel=1e-12, abs=0
     )
     assert step_tolerance.of_steps(Simulation(rtol=1e-15))[2] == 1e-16
     assert [step_tolerance.absolute(Simulation(), size) for size in (1.0, 1e-9)] == [
