@@ -3,7 +3,7 @@ time by which it has to end.
 
 Time is that of the processor, which other programs do not use up: seconds of this process (`time.process_time`), where
 somebody gives a limit. A limit that nobody gave is `Counted`: seconds that are reckoned from operations, so that no
-answer depends on a clock. What does the work reckons it, `reckon`, or is asked how much it has done, `reckons`.
+answer depends on a clock. What does the work reckons it (`reckon`), or a memory counts it (`reckons`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
 from typing import Protocol
 
@@ -94,15 +94,26 @@ class ReckoningParameters:
 PARAMETERS = ReckoningParameters()
 
 
+class Asked(Protocol):
+    """A count of the questions to a memory of results, as `functools.lru_cache` keeps it."""
+
+    hits: int
+    misses: int
+
+
+Memory = Callable[[], Asked]
+
+
 class _Reckoned:
-    """The seconds of work of this process that were reckoned, and the sources that are asked for more."""
+    """The seconds of work of this process that were reckoned, and the memories that count more."""
 
     def __init__(self) -> None:
         self.reckoned = 0.0
-        self.sources: list[Callable[[], float]] = []
+        self.memories: list[tuple[Memory, float]] = []
 
     def seconds(self) -> float:
-        return self.reckoned + sum(source() for source in self.sources)
+        counts = [(memory(), each) for memory, each in self.memories]
+        return self.reckoned + sum((count.hits + count.misses) * each for count, each in counts)
 
 
 _work = _Reckoned()
@@ -113,9 +124,9 @@ def reckon(seconds: float) -> None:
     _work.reckoned += seconds
 
 
-def reckons(source: Callable[[], float]) -> None:
-    """Ask the source too how much work it has done, in these seconds."""
-    _work.sources.append(source)
+def reckons(memories: Iterable[Memory], seconds: float) -> None:
+    """Reckon so many seconds each time that one of these memories is asked."""
+    _work.memories += [(memory, seconds) for memory in memories]
 
 
 def _kind(seconds: float) -> Callable[[float], float]:

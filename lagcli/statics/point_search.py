@@ -177,9 +177,16 @@ class PointSearch:
                 continue
             own.append(FoundPoint(moved if is_one else point, kind, 0, point.closed))
         same = PARAMETERS.same_of_flat
-        left = [k for k in self.points if not any(self.apart(k.point.q, o.point.q) <= same for o in own)]
+        left = [
+            known
+            for known in self.points
+            if (known.dimension and known.point.closed not in exact)
+            or not any(self.apart(known.point.q, one.point.q) <= same for one in own)
+        ]
         outside = [one for one in left if one.point.closed not in exact or not is_decided(one.point.q)]
         strange = [one for one in left if one not in outside and one.type.is_regular]
+        # The end of an edge of zeros is a zero of the edge's neighbour too.
+        own = [one for one in own if not any(self._is_on(known, one) for known in outside)]
         self.points = own + outside + strange
         self._decided |= dict.fromkeys(exact, is_decided)
         if is_decided is _everywhere:
@@ -275,7 +282,7 @@ class PointSearch:
         typed = dataclasses.replace(typed, point=found)
         if any(self._is_on(known, typed) for known in self.points):
             return False
-        self.points = [known for known in self.points if not self._holds(equations, x, found, size, known)]
+        self.points = [known for known in self.points if not self._is_on(typed, known)]
         if not size:
             limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
             found = self._tidied(equations, found, limit * self.scales.length)
@@ -319,27 +326,17 @@ class PointSearch:
             equations, other, _nearer_turn(self.options, found.q, known.point.q), size
         )
 
-    def _is_on(self, known: FoundPoint, new: FoundPoint) -> bool:
-        """True if a point alone, or one of a smaller continuum, lies on this larger one, of which it is an edge
-        where more contacts are closed."""
-        if known.dimension <= new.dimension or not set(known.point.closed) <= set(new.touching):
+    def _is_on(self, larger: FoundPoint, smaller: FoundPoint) -> bool:
+        """True if a point alone, or one of a smaller continuum, lies on a larger one, of which it is an edge where more
+        contacts are closed."""
+        if larger.dimension <= smaller.dimension or not set(larger.point.closed) <= set(smaller.touching):
             return False
-        if new.type.is_regular and known.point.closed == new.point.closed:
+        if smaller.type.is_regular and larger.point.closed == smaller.point.closed:
             return False  # near a regular point there is no other
-        equations = RestEquations(self.problem, known.point.closed, self.scales)
-        x = _unknowns(equations, known.point)
-        goal = _nearer_turn(self.options, new.point.q, known.point.q)
-        return continuum.connected(equations, x, goal, known.dimension)
-
-    def _holds(
-        self, equations: RestEquations, x: Floats, found: EquilibriumPoint, size: int, known: FoundPoint
-    ) -> bool:
-        """True if a known point or continuum lies on the larger continuum of a new point."""
-        is_regular = known.type.is_regular and known.point.closed == found.closed
-        if size <= known.dimension or is_regular or not set(found.closed) <= set(known.touching):
-            return False  # a regular zero of the same equations lies on no continuum of theirs
-        goal = _nearer_turn(self.options, known.point.q, found.q)
-        return continuum.connected(equations, x, goal, size)
+        equations = RestEquations(self.problem, larger.point.closed, self.scales)
+        x = _unknowns(equations, larger.point)
+        goal = _nearer_turn(self.options, smaller.point.q, larger.point.q)
+        return continuum.connected(equations, x, goal, larger.dimension)
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
         """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last

@@ -22,7 +22,6 @@ MOST_ENTRIES = 2
 
 # A lower package calls a higher one through what it was handed, and in these files alone.
 CLIMBS = {
-    "progress.py": "asks those who work how much they have done, where a limit is reckoned from it",
     "expression/evaluate.py": "walks a formula and lets the algebra it was given carry out the operations",
     "expression/facts.py": "asks the file that is being read what a name stands for",
     "model/resolve.py": "asks the stage it serves for the value of a name that it has found",

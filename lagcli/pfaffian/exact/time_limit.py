@@ -74,8 +74,7 @@ def operations() -> int:
     return sum(one.hits + one.misses for one in counted)
 
 
-_BEFORE = operations()  # those of the import of SymPy
-progress.reckons(lambda: (operations() - _BEFORE) * progress.PARAMETERS.symbolic)
+progress.reckons(_COUNTED, progress.PARAMETERS.symbolic)
 
 
 def check(deadline: float) -> None:
