@@ -26,6 +26,7 @@ from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
+from lagcli.start.precise_rows import PreciseRows
 
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
@@ -351,4 +352,4 @@ def _ranks(
 
 def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-    return MetricRows(B, initial.metric_at(numeric, point))
+    return MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))

@@ -19,7 +19,8 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen_value
-from lagcli.linear import rank
+from lagcli.linear import generic_direction, rank
+from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 
@@ -55,6 +56,7 @@ def begin(
     rows = sample_points.rows(numeric, state)
     found = rank.estimate(rows)
     if found.value == rows.count:
+        _require_far(system, rows)
         return StartSelection(numeric.selection)
     if found.value is None:
         raise _refusal(system, found)
@@ -87,6 +89,41 @@ def begin(
         if rank.estimate(each).value == count
     )
     return StartSelection(independent_rows.joined(chosen.selection, generic), count > found.value)
+
+
+def require_clear(system: System, numeric: NumericSystem, state: State) -> None:
+    """Raise `diagnostics.ModelError` for rows that are independent, and that doubles cannot tell from dependent ones
+    wherever they are looked at: no point that they lead to is known to any digit."""
+    if not system.rows.rows:
+        return
+    rows = sample_points.rows(numeric, state)
+    if rows.are_independent or rank.estimate(rows).value != rows.count:
+        return
+    direction = generic_direction.direction(state.q.size, sample_points.SEED)
+    aside = state.q + sample_points.PARAMETERS.offset * initial.size(state.q) * direction
+    beside = dataclasses.replace(state, q=aside)
+    if sample_points.is_finite(numeric, beside) and not rank.is_near(sample_points.rows(numeric, beside)):
+        return
+    _require_far(system, rows)
+
+
+def _require_far(system: System, rows: MetricRows) -> None:
+    """Raise `diagnostics.ModelError` for independent rows that doubles cannot tell from dependent ones."""
+    if not rank.is_near(rows):
+        return
+    least, vector = rank.nearest_dependence(rows)
+    near = rank.participants(vector)
+    raise diagnostics.ModelError(
+        [
+            diagnostics.Diagnostic(
+                "dependent-constraints",
+                f"the rows {initial.names_of(system, near)} are independent at the start, but within {least:.2g} of"
+                " dependent ones: their multipliers would have no right digit",
+                system.rows.rows[near[-1]].location,
+                "move the start a little, or leave out a row that nearly follows from the others",
+            )
+        ]
+    )
 
 
 def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequence[Orbit]) -> list[State]:

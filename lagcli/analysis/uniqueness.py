@@ -22,6 +22,7 @@ from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
+from lagcli.start.precise_rows import PreciseRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.R
     for point in points:
         if sample_points.is_finite(numeric, point):
             B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-            rows = MetricRows(B, initial.metric_at(numeric, point))
+            rows = MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))
             found.append((rank.estimate(rows), rows))
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
+from lagcli.analysis import redundancy
 from lagcli.analysis.classification import classify
 from lagcli.api import assemble_start
 from lagcli.api.models.cache import CompiledModel
@@ -63,6 +64,7 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
         case = classify.classified(built, numeric, limit).case
         state = assembly.configuration(case.system, case.numeric, declared)
     state = dataclasses.replace(state, v=declared.v)
+    redundancy.require_clear(built, numeric, state)
     known = ready.first_integrals(limit)
     invariant_values: list[EnforcedLevel] = []
     enforced: list[str] = []

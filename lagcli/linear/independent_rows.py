@@ -320,7 +320,7 @@ def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
     Of more rows than are looked at densely none is named.
     """
     flags = np.zeros(rows.count, dtype=bool)
-    if rows.are_independent or rows.is_large:
+    if rows.are_independent or rows.is_large or rank.estimate(rows).low == rows.count:
         return flags
     flags[:] = True
     flags[leading(rows.dense, rank.PARAMETERS.large)] = False

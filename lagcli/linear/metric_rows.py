@@ -6,8 +6,9 @@ matrix, and only rows that may be dependent are looked at densely.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -162,14 +163,23 @@ class LocalRows:
         return np.asarray(np.bincount(self.row, weights=entries, minlength=self.count), dtype=float)
 
 
+class RowsInDigits(Protocol):
+    """The rows of a system at a state, in many digits."""
+
+    def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
+        """The rank of rows with these numbers, the same as `rows` in doubles; None where it is not known."""
+
+
 class MetricRows:
     """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero).
 
     unit: the rows, sparse (C, free); lengths: those they had in the metric, (C,), 1 for a row that vanishes.
+    precise: the same rows in many digits, for a rank that doubles do not tell.
     """
 
-    def __init__(self, B: Sparse, metric: Metric) -> None:
+    def __init__(self, B: Sparse, metric: Metric, precise: RowsInDigits | None = None) -> None:
         self._metric, self._B = metric, B
+        self._precise, self._numbers = precise, list(range(B.shape[0]))
         rows = LocalRows(metric.whitened(B))
         sizes = np.ones(rows.count)
         is_lost = ~((rows.norms >= np.finfo(float).tiny) & np.isfinite(rows.norms))
@@ -191,11 +201,19 @@ class MetricRows:
         part.unit, part.count = self.unit[indices, :], len(indices)
         sizes, in_metric = self._length_factors
         part._length_factors = sizes[indices], in_metric[indices]
+        part._precise, part._numbers = self._precise, [self._numbers[i] for i in indices]
         return part
 
     def plain(self) -> MetricRows:
         """The rows with the unit metric in place of the masses; what may not move may not move in it either."""
         return MetricRows(self._B, self._metric.plain())
+
+    @cached_property
+    def rank_in_digits(self) -> int | None:
+        """The rank where it is known in more digits than those of doubles, else None."""
+        if self._precise is None or self.is_large:
+            return None
+        return self._precise.rank(self, self._numbers)
 
     def turned_from(self, other: MetricRows) -> float:
         """The largest change of an entry between these unit rows and others of one pattern."""
@@ -338,6 +356,12 @@ class MetricRows:
         weights, rows = self.weights(residual, damping), self._entries
         # Summed in the order of CasADi's product, without its conversions, which cost several times the sum.
         return -self._metric.unwhitened(rows.combined(weights))
+
+    def whole_correction(self, residual: Floats) -> Floats:
+        """The step of `correction` with the weakest rows too, however near to dependent ones they are."""
+        sizes, in_metric = self._length_factors
+        step = np.linalg.lstsq(self.dense, residual / sizes / in_metric, rcond=0.0)[0]
+        return -self._metric.unwhitened(np.asarray(step, dtype=float))
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""

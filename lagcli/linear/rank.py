@@ -59,13 +59,18 @@ class Rank:
 def estimate(rows: MetricRows) -> Rank:
     """Rank of C rows. It does not depend on the metric, so that the clearer of two metrics decides.
 
-    The mass metric serves rows over lengths and angles; extreme ratios of masses blur it, and not the plain one.
+    The mass metric serves rows over lengths and angles; extreme ratios of masses blur it, and not the plain one. Where
+    doubles show fewer independent rows than there are, more digits decide, if they are to be had.
     """
     found = _rank(rows)
     if found.low == rows.count:
         return found
     plain = _rank(rows.plain())
-    return plain if plain.low > found.low else found
+    found = plain if plain.low > found.low else found
+    exact = rows.rank_in_digits
+    if exact is None or exact < found.low:
+        return found
+    return Rank(exact, exact, found.dependences[exact - found.low :])
 
 
 def _rank(rows: MetricRows) -> Rank:
@@ -95,6 +100,23 @@ def _rank_of_many(rows: MetricRows) -> Rank:
     weights = np.random.default_rng(0).standard_normal(rows.count)
     weights -= large @ (large.T @ weights)
     return Rank(large.shape[1], int((sigma > PARAMETERS.small).sum()), weights[None])
+
+
+def nearest_dependence(rows: MetricRows) -> tuple[float, Floats]:
+    """How far rows are from dependent ones, their smallest singular value in the clearer of two metrics, and the
+    combination (C,) of rows of length one that comes closest to zero."""
+    found = []
+    for each in (rows, rows.plain()):
+        left, sigma, _ = np.linalg.svd(each.dense, full_matrices=False)
+        found.append((float(sigma[-1]), left[:, -1]))
+    return max(found, key=lambda one: one[0])
+
+
+def is_near(rows: MetricRows) -> bool:
+    """True if doubles alone do not tell that rows are independent."""
+    if rows.are_independent or rows.is_large:
+        return False
+    return nearest_dependence(rows)[0] <= PARAMETERS.large
 
 
 def null_basis(rows: Floats) -> Floats:

@@ -19,6 +19,7 @@ from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial
 from lagcli.start.initial import State
+from lagcli.start.precise_rows import PreciseRows
 
 if TYPE_CHECKING:
     from lagcli.start.projection import Surface
@@ -145,7 +146,10 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
 
     B, flat = rows_at(point.q).B, vanishing(rows_at, point)
     keep = ca.DM(np.where(flat, 0.0, 1.0))
-    return MetricRows(ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point))
+    precise = None if flat.any() else PreciseRows(numeric, point)
+    return MetricRows(
+        ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point), precise
+    )
 
 
 def vanishing(rows_at: Callable[[Floats], LocalRows], point: State) -> npt.NDArray[np.bool_]:

@@ -14,8 +14,8 @@ import pytest
 import lagcli
 from lagcli import progress
 from lagcli.analysis import numeric_flag
-from lagcli.analysis.numeric_flag import multiprecision, term_sizes
-from lagcli.compiled import lie_brackets, program, row_block
+from lagcli.analysis.numeric_flag import term_sizes
+from lagcli.compiled import lie_brackets, multiprecision, program, row_block
 from lagcli.equations import system
 from lagcli.start import initial
 from tests.helpers import spent

@@ -13,6 +13,7 @@ from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
 from lagcli.start.initial import State
+from lagcli.start.precise_rows import PreciseRows
 
 if TYPE_CHECKING:
     # Of most models all rows are independent: what examines others is loaded where it is asked.
@@ -82,7 +83,7 @@ class _Case:
 def examine(system: System, numeric: NumericSystem, state: State) -> Codimension:
     """The codimension of f = 0 around a state on it. Of independent rows at once."""
     B = numeric.holonomic(state.t, state.q, state.p)[1]
-    rows = MetricRows(B, initial.metric_at(numeric, state))
+    rows = MetricRows(B, initial.metric_at(numeric, state), PreciseRows(numeric, state))
     found = rank.estimate(rows)
     if found.low == rows.count:
         return Codimension("independent", rows.count, rows.count)

@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.analysis.numeric_flag import evaluation_point, multiprecision, precise_brackets, undecided
+from lagcli.analysis.numeric_flag import evaluation_point, precise_brackets, undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
 from lagcli.analysis.numeric_flag.span import DigitSample, Limits, Span
-from lagcli.compiled import lie_brackets
+from lagcli.compiled import lie_brackets, multiprecision
 from lagcli.compiled.lie_brackets import LEAF, Shape
 
 Floats = npt.NDArray[np.float64]

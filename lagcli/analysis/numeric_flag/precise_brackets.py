@@ -10,12 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
-from lagcli.analysis.numeric_flag import multiprecision, undecided
+from lagcli.analysis.numeric_flag import undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
-from lagcli.analysis.numeric_flag.multiprecision import Number
 from lagcli.analysis.numeric_flag.span import DigitSample
-from lagcli.compiled import lie_brackets, program
+from lagcli.compiled import lie_brackets, multiprecision, program
 from lagcli.compiled.lie_brackets import LEAF, Shape
+from lagcli.compiled.multiprecision import Number
 from lagcli.compiled.program import Program
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows

@@ -1,0 +1,181 @@
+"""The rank of rows at a state in sixty digits: doubles do not tell nearly dependent rows from dependent ones.
+
+A model is written in decimals: with d = 1e-8 the rows x = 0 and x + d y = 0 are independent. The state has to be a
+point of the surface to forty digits, as it is written or after a move that is far shorter than the rows are from
+dependent ones.
+"""
+
+from __future__ import annotations
+
+import decimal
+from collections.abc import Sequence
+from decimal import Decimal
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from lagcli.compiled import NumericSystem, multiprecision, program
+from lagcli.compiled.program import Program
+from lagcli.equations.sized_function import SizedFunction
+from lagcli.linear import independent_rows, rank
+from lagcli.linear.metric_rows import MetricRows
+from lagcli.start.initial import State
+
+Numbers = list[Decimal]
+ZERO = Decimal(0)
+
+
+class PreciseRowsParameters:
+    """Numbers of ranks in many digits. The tests are of `tests/unit/test_precise_rows.py`."""
+
+    __slots__ = ()
+
+    digits: int = 60
+    """Digits of the arithmetic. `test_a_state_is_on_the_surface_to_forty_digits` fails at 6."""
+    zero: Decimal = Decimal("1e-40")
+    """What is left below this of a row of length one, or of f as a part of the coordinates, vanishes.
+    `test_a_state_is_on_the_surface_to_forty_digits` fails at 1e-41 and 1e-39."""
+    rounding: float = 1e-14
+    """Rows that are nearer than this to dependent ones are meant to be so: their coefficients have no more digits.
+    `test_rows_within_the_rounding_of_their_coefficients_are_dependent` fails at 1e-15 and 1e-13."""
+    movable: float = 1e-10
+    """Where rows are farther than this from dependent ones a state beside the surface is moved onto it.
+    `test_a_state_is_moved_where_rows_are_clear_to_ten_digits` fails at 1e-11 and 1e-9."""
+    clear: float = 1e-3
+    """The part of that distance, over the size of the coordinates, by which it may be moved.
+    `test_a_move_is_far_shorter_than_the_way_to_dependent_rows` fails at 1e-4 and 1e-2."""
+    moves: int = 8
+    """Newton steps, each of which brings some ten digits.
+    `test_a_state_is_moved_where_rows_are_clear_to_ten_digits` fails at 0 and 80."""
+    most: int = 12_000
+    """Entries of all rows, dense: of more nothing is looked at, as time grows with the square of their number.
+    `test_rows_of_many_entries_are_looked_at_in_doubles` fails at 1 200 and 120 000."""
+
+
+PARAMETERS = PreciseRowsParameters()
+
+
+class PreciseRows:
+    """The rows of a system at a state, looked at when they are asked for."""
+
+    def __init__(self, numeric: NumericSystem, state: State) -> None:
+        self._numeric, self._state = numeric, state
+
+    def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
+        """The rank of rows with these numbers in the system; `rows` are the same in doubles. None where these leave no
+        doubt, and where it is not known in so many digits."""
+        if self._program is None:
+            return None
+        is_constant = not ca.depends_on(self._symbols[1][list(numbers), :], self._symbols[0])
+        sigma = np.linalg.svd(rows.dense, compute_uv=False)
+        clear = sigma[sigma > PARAMETERS.rounding]
+        if not clear.size or clear.min() > rank.PARAMETERS.large:
+            return None  # others are rounding: there is no doubt
+        with decimal.localcontext(prec=PARAMETERS.digits):
+            try:
+                point = _Point(self._program, self._state, numbers, self._numeric.holonomic.size1_out(0))
+                B = (
+                    point.rows()  # the same everywhere
+                    if is_constant
+                    else point.rows_on_surface(rows, clear.size, float(clear.min()))
+                )
+            except multiprecision.NotFinite:
+                return None
+            return None if B is None else min(_rank(B), clear.size)
+
+    @cached_property
+    def _symbols(self) -> tuple[ca.SX, ca.SX, list[ca.SX]]:
+        """q and B (C, n), and all inputs of the rows."""
+        t, q, v, p = inputs = [
+            ca.SX.sym(name, self._numeric.rows.size1_in(i)) for i, name in enumerate("tqvp")
+        ]
+        return q, self._numeric.rows(t, q, v, p)[0], inputs
+
+    @cached_property
+    def _program(self) -> Program | None:
+        """f (s,) and all rows (C n,) written out; None where they are too large, or hold functions that are not known
+        in many digits."""
+        if self._numeric.rows.numel_out(0) > PARAMETERS.most:
+            return None
+        _, B, (t, q, _, p) = self._symbols
+        inputs = self._symbols[2]
+        f = self._numeric.holonomic(t, q, p)[0]
+        found = program.written_out(
+            SizedFunction("precise", inputs, [ca.densify(ca.vertcat(f, ca.vec(B.T)))])
+        )
+        try:
+            multiprecision.require_known(found)
+        except multiprecision.Unknown:
+            return None
+        return found
+
+
+class _Point:
+    """Some rows as functions of the coordinates, at the time and parameters of a state; s: the holonomic rows."""
+
+    def __init__(self, written: Program, state: State, numbers: Sequence[int], s: int) -> None:
+        self._program, self._numbers, self._s = written, numbers, s
+        self._t, self._q, self._v, self._p = (
+            [multiprecision.decimal_of(float(value)) for value in np.atleast_1d(values)]
+            for values in (state.t, state.q, state.v, state.p)
+        )
+
+    def rows(self) -> list[Numbers]:
+        """The rows at the point as it is written. Raises `multiprecision.NotFinite`."""
+        return self._at(self._q)[1]
+
+    def rows_on_surface(self, rows: MetricRows, independent: int, least: float) -> list[Numbers] | None:
+        """The rows at the point, if it is one of the surface; else at the point of it next to that, if it is so near
+        that the rank is the same.
+
+        independent: how many rows are in doubles, least: how far they are from dependent ones.
+        """
+        q, s = self._q, self._s
+        size = max(map(abs, q), default=ZERO) or Decimal(1)
+        holonomic = [k for k, i in enumerate(self._numbers) if i < s]
+        for _ in range(PARAMETERS.moves):
+            f, B = self._at(q)
+            if all(
+                abs(value) <= PARAMETERS.zero * size * max(map(abs, row))
+                for value, row in zip(f, B, strict=False)
+            ):
+                far = max((abs(a - b) for a, b in zip(q, self._q, strict=True)), default=ZERO)
+                return B if far <= Decimal(PARAMETERS.clear * least) * size else None
+            if least < PARAMETERS.movable:
+                return None
+            chosen = independent_rows.dependence(rows, independent, len(holonomic)).independent
+            moving = [k for k in chosen if k < len(holonomic)]
+            largest = max(map(abs, f))
+            step = rows.take(moving).whole_correction(np.array([float(f[k] / largest) for k in moving]))
+            q = [a + Decimal(float(b)) * largest for a, b in zip(q, step, strict=True)]
+        return None
+
+    def _at(self, q: Numbers) -> tuple[Numbers, list[Numbers]]:
+        """f of the holonomic ones, which come first, and all rows. Raises `multiprecision.NotFinite`."""
+        values = multiprecision.run(self._program, [self._t, q, self._v, self._p], multiprecision.decimal_of)
+        s, n = self._s, len(q)
+        return [values[i] for i in self._numbers if i < s], [
+            values[s + i * n : s + (i + 1) * n] for i in self._numbers
+        ]
+
+
+def _rank(rows: list[Numbers]) -> int:
+    """The rank of rows by elimination with the largest pivots, each row measured by its largest entry."""
+    left = [row for row in (_over(row, max(map(abs, row), default=ZERO)) for row in rows) if row]
+    rank = 0
+    while left:
+        pivot = max(left, key=lambda row: max(map(abs, row)))
+        column = max(range(len(pivot)), key=lambda j: abs(pivot[j]))
+        if abs(pivot[column]) <= PARAMETERS.zero:
+            break
+        rank += 1
+        left.remove(pivot)
+        left = [
+            [a - row[column] / pivot[column] * b for a, b in zip(row, pivot, strict=True)] for row in left
+        ]
+    return rank
+
+
+def _over(row: Numbers, size: Decimal) -> Numbers:
+    return [a / size for a in row] if size else []

@@ -1,0 +1,84 @@
+"""Ranks in many digits: where doubles do not tell nearly dependent rows from dependent ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.api.models import cache
+from lagcli.linear import rank
+from lagcli.start import initial, precise_rows, sample_points
+
+pytestmark = pytest.mark.numeric
+
+PLANES = """
+lagcli: 1
+parameters: {{d: {d}}}
+particles: {{a: {{mass: 1, position: [0, 0.2, 0.3]}}}}
+holonomic: {{first: a.x = 0, second: {second}}}
+"""
+TILTED = "a.x + d*a.y = d*0.2"
+# The same plane, as a surface whose rows are not constant.
+CURVED = "(a.x + d*a.y - d*0.2)*(2 + a.z) = 0"
+
+
+def exact(d: str, second: str = TILTED) -> int | None:
+    """The rank in many digits at the declared start, None where it is not known."""
+    ready = cache.compiled(lagcli.loads(PLANES.format(d=d, second=second)))
+    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    return rows.rank_in_digits
+
+
+@pytest.mark.parametrize("d", ["1e-3", "3e-7", "1e-8", "1e-10", "1e-12"])
+@pytest.mark.parametrize("second", [TILTED, CURVED])
+def test_rows_that_differ_in_some_digit_are_independent(d: str, second: str) -> None:
+    ready = cache.compiled(lagcli.loads(PLANES.format(d=d, second=second)))
+    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    assert rank.estimate(rows).value == 2
+    assert rank.nearest_dependence(rows)[0] == pytest.approx(float(d) / np.sqrt(2), rel=1e-4)
+
+
+def test_rows_within_the_rounding_of_their_coefficients_are_dependent() -> None:
+    assert exact("3e-14") == 2  # 2.1e-14 from dependent ones
+    assert exact("1e-15") is None  # there is no doubt
+    assert exact("3e-15", CURVED) is None
+
+
+def moved_to(shift: str, d: str) -> int | None:
+    """The rank of the curved rows where the first plane lies by `shift` beside the start."""
+    second = CURVED.replace("(a.x", f"(a.x - {shift}")
+    text = PLANES.format(d=d, second=second).replace("a.x = 0", f"a.x = {shift}")
+    ready = cache.compiled(lagcli.loads(text))
+    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    return rows.rank_in_digits
+
+
+def test_a_state_is_on_the_surface_to_forty_digits() -> None:
+    assert moved_to("2e-41", "1e-11") == 2
+    assert moved_to("5e-40", "1e-11") is None  # too near to dependent rows to be moved
+
+
+def test_a_state_is_moved_where_rows_are_clear_to_ten_digits() -> None:
+    assert moved_to("1e-17", "3e-10") == 2
+    assert moved_to("1e-17", "1e-10") is None
+
+
+def test_a_move_is_far_shorter_than_the_way_to_dependent_rows() -> None:
+    # The rows are 7e-7 from dependent ones, at coordinates of 0.3.
+    assert moved_to("1e-10", "1e-6") == 2
+    assert moved_to("1e-9", "1e-6") is None
+
+
+def test_rows_of_many_entries_are_looked_at_in_doubles() -> None:
+    def chain(count: int) -> str:
+        particles = f"'p[i]': {{for: 'i = 1..{count}', mass: 1, position: [i, 0, 0]}}"
+        rows = f"'flat[i]': {{for: 'i = 1..{count}', equation: 'p[i].z = 0'}}"
+        again = "more: 'p[1].z + 1e-9*p[2].x = 2e-9', third: 'p[2].z + 1e-9*p[1].z = 0'"
+        return f"lagcli: 1\nparticles: {{{particles}}}\nholonomic: {{{rows}, {again}}}\n"
+
+    for count, known in ((60, 61), (66, None)):  # (count + 2) 3 count entries: 11 160 and 13 464
+        ready = cache.compiled(lagcli.loads(chain(count)))
+        rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+        assert rows.rank_in_digits == known
+    assert precise_rows.PARAMETERS.most == 12_000
