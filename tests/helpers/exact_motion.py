@@ -21,7 +21,7 @@ MP = mpmath.MPContext()
 MP.dps = 60
 ZERO = MP.mpf(10) ** -35
 # Three impacts of one contact within this time have an end at once: fewer may go down a chain whose gaps are as small.
-# Contacts that were struck as lately as `LATELY` take part in it.
+# Contacts that were struck as lately as `LATELY` take part in it. Gaps and speeds below `NEAR` close then.
 CROWDED, LATELY, NEAR = MP.mpf(10) ** -20, MP.mpf(10) ** -12, MP.mpf(10) ** -16
 
 Number = Any  # of sixty digits
@@ -414,12 +414,18 @@ class _Flight:
         numbers = [p.number for p in near]
         self._impact(numbers, [MP.mpf(p.wall.e) for p in near], gaps)
         self.recent.append((self.t, numbers))
-        if self._is_crowded():
+        if self._is_crowded() or self._is_merged([gaps[j][1] for j in numbers]):
             self._end_series()
 
     def _is_crowded(self) -> bool:
         struck = [j for t, numbers in self.recent if self.t - t < CROWDED for j in numbers]
         return any(struck.count(j) > 2 for j in self.recent[-1][1])
+
+    def _is_merged(self, speeds: Vector) -> bool:
+        """True where contacts that were struck in turn meet at once, for their speeds fall faster than their times: an
+        impact of all of them would leave one a speed, small as it is."""
+        struck, numbers = [j for _, each in self.recent for j in each], self.recent[-1][1]
+        return len(numbers) > 1 and max(map(abs, speeds)) < NEAR and all(struck.count(j) > 2 for j in numbers)
 
     def _impact(self, numbers: list[int], e: list[Number], gaps: dict[int, Polynomial]) -> None:
         c = {j: [gaps[j][1] + r * min(gaps[j][1], MP.zero)] for j, r in zip(numbers, e, strict=True)}
