@@ -20,8 +20,8 @@ import mpmath
 MP = mpmath.MPContext()
 MP.dps = 60
 ZERO = MP.mpf(10) ** -35
-# Times are known to this.
-LAST = MP.mpf(10) ** -52
+# Times are known to this, and polynomials where they turn.
+LAST, TOUCHING = MP.mpf(10) ** -52, MP.mpf(10) ** -50
 # Three impacts of one contact within this time have an end at once: fewer may go down a chain whose gaps are as small.
 # Contacts that were struck as lately as `LATELY` take part in it. Gaps and speeds below `NEAR` close then.
 CROWDED, LATELY, NEAR = MP.mpf(10) ** -20, MP.mpf(10) ** -12, MP.mpf(10) ** -16
@@ -190,7 +190,7 @@ def _zeros_and_turns(p: Polynomial, end: Number) -> tuple[list[Number], list[Num
     low, sign, none = MP.zero, _sign(p), None
     for high in [*turns, end]:
         value = _at(p, high)
-        if abs(value) <= ZERO:
+        if abs(value) <= TOUCHING:
             none = high if none is None else none
             continue
         now = 1 if value > 0 else -1
