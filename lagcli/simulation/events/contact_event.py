@@ -41,8 +41,8 @@ LONGER = 16.0
 BEYOND, FARTHER = 1e-5, 4.0
 # Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
 NOISE = 64 * float(np.finfo(float).eps)
-# A step is shortened to this part at the least.
-LEAST = 1e-3
+# A step is shortened to this part at the least; one in which a contact lets go sooner than this part of it is.
+LEAST, SOON = 1e-3, 0.25
 
 
 class ContactEvent(Event):
@@ -262,6 +262,13 @@ class ContactEvent(Event):
             rows = list(crossing.rows)
             self._crossed |= declared_events.crossed(watch, x, (indices[rows], noise[rows]))
             if not kinds.records[indices[rows]].all():
+                pressing = ~watch.are_gaps & ~kinds.is_event
+                if LEAST < x < SOON and pressing[indices[rows]].any():
+                    # What counts as no force at the end of so long a step may be much at the instant.
+                    self._shorten(x / SOON)
+                    run.make_dense()
+                    self._search(watch, min(1.0, limit * SOON / x))
+                    return
                 self._end_at(watch, x, indices[rows])
                 return
             if run.t + x * found.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
