@@ -226,8 +226,9 @@ class ContactChanges:
         look = after
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
-            # Where the instant itself has no values a state beyond it decides.
-            look = after if ahead.before is None else self._instant(ahead.t, ahead.y)
+            # Where the instant itself has no values, or rows depend on each other, a state beyond it decides.
+            if ahead.before is not None or self.idle or after.few(np.flatnonzero(level)) is None:
+                look = self._instant(ahead.t, ahead.y)
         sunk = _sunk(run, here) if switch is None else None
         crossing = np.zeros(self._count, dtype=bool)
         crossing[[i - self._rows for i in hits if i - self._rows in lying_before]] = True

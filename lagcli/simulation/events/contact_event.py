@@ -41,8 +41,9 @@ LONGER = 16.0
 BEYOND, FARTHER = 1e-5, 4.0
 # Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
 NOISE = 64 * float(np.finfo(float).eps)
-# A step is shortened to this part at the least; one in which a contact lets go sooner than this part of it is.
-LEAST, SOON = 1e-3, 0.25
+# A step is shortened to this part at the least. One in which a contact lets go soon is, to `FARTHER` of that time:
+# what is no force beside those at the end of so long a step may be much there.
+LEAST = 1e-3
 
 
 class ContactEvent(Event):
@@ -60,10 +61,8 @@ class ContactEvent(Event):
         # Of the step that was found: functions that cross zero at its end, a state beyond it.
         self._hits: tuple[int, ...] = ()
         self._ahead: StateAhead | None = None
-        # Numbers of declared events at the end of it, where no search ends it.
-        self._at_end: list[int] = []
-        # Numbers of declared events that are at zero at a switch, where they are decided.
-        self._touched: list[int] = []
+        # Declared events at its end, where no search ends it, and those at zero at a switch, where they are decided.
+        self._at_end, self._touched = list[int](), list[int]()
         # The near side of a switch of functions of t, beyond which the contacts are decided anew.
         self._before: SwitchSide | None = None
         # Declared events that cross zero in the step, with the rounding of their values.
@@ -262,13 +261,6 @@ class ContactEvent(Event):
             rows = list(crossing.rows)
             self._crossed |= declared_events.crossed(watch, x, (indices[rows], noise[rows]))
             if not kinds.records[indices[rows]].all():
-                pressing = ~watch.are_gaps & ~kinds.is_event
-                if LEAST < x < SOON and pressing[indices[rows]].any():
-                    # What counts as no force at the end of so long a step may be much at the instant.
-                    self._shorten(x / SOON)
-                    run.make_dense()
-                    self._search(watch, min(1.0, limit * SOON / x))
-                    return
                 self._end_at(watch, x, indices[rows])
                 return
             if run.t + x * found.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
@@ -320,11 +312,15 @@ class ContactEvent(Event):
     def _end_at(self, watch: StepWatch, x: float, rows: Indices) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
-        taken = found.taken
+        if LEAST < x < 0.5 / FARTHER and (~watch.are_gaps & ~watch.functions.kinds.is_event)[rows].any():
+            self._shorten(FARTHER * x)
+            run.make_dense()
+            self._search(watch, 1.0)
+            return
+        taken, found.barrier = found.taken, None
         slopes = watch.inside(x)[1][rows] / taken
         self._ahead = Ahead(run, min(1.0, x + BEYOND * FARTHER**run.contacts.again))
         self._hits = tuple(watch.functions.kinds.numbers[rows].tolist())
-        found.barrier = None
         steepest = int(np.argmax(np.abs(slopes)))
         index, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * taken, math.inf
