@@ -20,8 +20,10 @@ import mpmath
 MP = mpmath.MPContext()
 MP.dps = 60
 ZERO = MP.mpf(10) ** -35
+# Times are known to this, and polynomials where they turn.
+LAST, TOUCHING = MP.mpf(10) ** -52, MP.mpf(10) ** -50
 # Three impacts of one contact within this time have an end at once: fewer may go down a chain whose gaps are as small.
-# Contacts that were struck as lately as `LATELY` take part in it.
+# Contacts that were struck as lately as `LATELY` take part in it. Gaps and speeds below `NEAR` close then.
 CROWDED, LATELY, NEAR = MP.mpf(10) ** -20, MP.mpf(10) ** -12, MP.mpf(10) ** -16
 
 Number = Any  # of sixty digits
@@ -166,22 +168,36 @@ def _sign(p: Polynomial) -> int:
 
 
 def _zeros(p: Polynomial, end: Number) -> list[Number]:
-    """The zeros in (0, end] at which p changes its sign, between those of its slope."""
+    """The zeros in (0, end] at which p changes its sign."""
+    if not p or abs(p[0]) > sum(abs(c) * end**k for k, c in enumerate(p) if k):
+        return []
+    return _zeros_and_turns(p, end)[0]
+
+
+def _zeros_and_turns(p: Polynomial, end: Number) -> tuple[list[Number], list[Number]]:
+    """The zeros in (0, end] at which p changes its sign, and with them those of all its derivatives: between two of
+    these it changes its sign once, and where it is zero of a higher order one of them is simple."""
     while p and abs(p[-1]) <= ZERO:
         p = p[:-1]
-    if len(p) < 2 or abs(p[0]) > sum(abs(c) * end**k for k, c in enumerate(p) if k):
-        return []
+    if len(p) < 2:
+        return [], []
     if len(p) == 2:
         zero = -p[0] / p[1]
-        return [zero] if ZERO < zero <= end else []
-    ends, slope, found = [MP.zero, *_zeros(_slope(p), end), end], _slope(p), []
-    for low, high in itertools.pairwise(ends):
-        at_low, at_high = _at(p, low), _at(p, high)
-        if abs(at_low) <= ZERO and low == 0:
-            at_low = MP.mpf(_sign(p)) * 2 * ZERO
-        if at_low * at_high < 0:
-            found.append(_between(p, slope, (low, high), at_low))
-    return found
+        return ([zero], [zero]) if ZERO < zero <= end else ([], [])
+    slope, found = _slope(p), []
+    _, turns = _zeros_and_turns(slope, end)
+    # The last place where it is clearly on one side, and the first after it where it is on none.
+    low, sign, none = MP.zero, _sign(p), None
+    for high in [*turns, end]:
+        value = _at(p, high)
+        if abs(value) <= TOUCHING:
+            none = high if none is None else none
+            continue
+        now = 1 if value > 0 else -1
+        if now == -sign:
+            found.append(none if none is not None else _between(p, slope, (low, high), MP.mpf(sign)))
+        low, sign, none = high, now, None
+    return found, sorted({*turns, *found})
 
 
 def _between(p: Polynomial, slope: Polynomial, span: tuple[Number, Number], at_low: Number) -> Number:
@@ -189,16 +205,16 @@ def _between(p: Polynomial, slope: Polynomial, span: tuple[Number, Number], at_l
     (low, high), x = span, (span[0] + span[1]) / 2
     for _ in range(400):
         value, rate = _at(p, x), _at(slope, x)
+        if rate and abs(value) <= LAST * abs(rate):
+            return x
         if value * at_low > 0:
             low = x
         else:
             high = x
         ahead = x - value / rate if rate else low
-        if not low < ahead < high:
-            ahead = (low + high) / 2
-        if abs(ahead - x) <= MP.mpf(10) ** -55 * (abs(x) + ZERO):
-            return ahead
-        x = ahead
+        x = ahead if low < ahead < high else (low + high) / 2
+        if high - low <= LAST:
+            return x
     return x
 
 
@@ -414,12 +430,18 @@ class _Flight:
         numbers = [p.number for p in near]
         self._impact(numbers, [MP.mpf(p.wall.e) for p in near], gaps)
         self.recent.append((self.t, numbers))
-        if self._is_crowded():
+        if self._is_crowded() or self._is_merged([gaps[j][1] for j in numbers]):
             self._end_series()
 
     def _is_crowded(self) -> bool:
         struck = [j for t, numbers in self.recent if self.t - t < CROWDED for j in numbers]
         return any(struck.count(j) > 2 for j in self.recent[-1][1])
+
+    def _is_merged(self, speeds: Vector) -> bool:
+        """True where contacts that were struck in turn meet at once, for their speeds fall faster than their times: an
+        impact of all of them would leave one a speed, small as it is."""
+        struck, numbers = [j for _, each in self.recent for j in each], self.recent[-1][1]
+        return len(numbers) > 1 and max(map(abs, speeds)) < NEAR and all(struck.count(j) > 2 for j in numbers)
 
     def _impact(self, numbers: list[int], e: list[Number], gaps: dict[int, Polynomial]) -> None:
         c = {j: [gaps[j][1] + r * min(gaps[j][1], MP.zero)] for j, r in zip(numbers, e, strict=True)}

@@ -702,3 +702,55 @@ def test_a_free_body_under_forces_that_cancel_has_steps(force: str, value: Funct
     nodes, weights = np.polynomial.legendre.leggauss(20)
     s = (nodes + 1) / 2
     assert found["a.z"][-1] == pytest.approx(float(weights @ ((1 - s) * value(s))) / 2, abs=1e-12)
+
+
+# Bodies that lie on floors of their own: mass, and the multiplier c (t - a)^k ... as c and the pairs (a, k).
+Body = tuple[float, float, tuple[tuple[float, int], ...]]
+ROOTS: dict[str, tuple[Body, ...]] = {
+    "third order, and a fourth later": ((0.908, -0.0207, ((1.06, 3), (1.63, 4))),),
+    "third order within a long step of a motionless body": ((0.562, -20.9, ((1.62, 3), (2.39, 4))),),
+    "fourth order where another lets go": (
+        (0.198, 0.0134, ((1.65, 4),)),
+        (4.34, -28.6, ((1.65, 1),)),
+    ),
+    "two fourth orders where two let go": (
+        (0.0526, -357.0, ((1.43, 1),)),
+        (0.034, -0.0169, ((1.43, 1), (1.09, 4))),
+        (23.8, 27.9, ((1.43, 4), (0.989, 4))),
+    ),
+}
+
+
+@pytest.mark.parametrize("how", [{}, {"rtol": 1e-10, "atol": 1e-12}], ids=["plain", "atol"])
+@pytest.mark.parametrize("bodies", ROOTS.values(), ids=ROOTS)
+def test_a_multiplier_lets_go_where_it_becomes_less_than_zero_and_where_it_touches_zero_not(
+    bodies: tuple[Body, ...], how: dict[str, float]
+) -> None:
+    lines = ["lagcli: 1", "particles:"]
+    lines += [f"  p{i}: {{mass: {m}, position: [0, 0, 0]}}" for i, (m, _, _) in enumerate(bodies)]
+    lines.append("forces:")
+    for i, (_, c, roots) in enumerate(bodies):
+        factors = "*".join(f"(t - {a})**{k}" for a, k in roots)
+        lines.append(f'  f{i}: {{to: p{i}, force: "[0, 0, -({c})*{factors}]"}}')
+    lines.append("inequality:")
+    lines += [f'  c{i}: {{condition: "p{i}.z >= 0", restitution: 0.5}}' for i in range(len(bodies))]
+    found = lagcli.simulate(
+        lagcli.loads("\n".join([*lines, "simulation: {duration: 3, samples: 31}"])), **how
+    )
+    expected = []
+    for i, (m, c, roots) in enumerate(bodies):
+        push = c * np.polynomial.Polynomial.fromroots([a for a, k in roots for _ in range(k)])
+        ways = [(a, k) for a, k in roots if k % 2]
+        assert len(ways) <= 1
+        let_go = ways[0][0] if ways else 4.0
+        z = -push.integ(2, lbnd=let_go)(found.t) / m
+        z = np.where(found.t > let_go, z, 0.0)
+        np.testing.assert_allclose(found[f"p{i}.z"], z, rtol=1e-8, atol=1e-11 + 1e-10 * np.abs(z).max())
+        lam = np.where(found.t < let_go, push(found.t), 0.0)
+        np.testing.assert_allclose(found[f"lambda.c{i}"], lam, rtol=0, atol=1e-8 * np.abs(lam).max())
+        expected += [(let_go, "release", f"c{i}", k) for _, k in ways]
+    told = sorted(incidents(found), key=lambda each: each[2])
+    assert [each[1:] for each in told] == [each[1:3] for each in sorted(expected, key=lambda each: each[2])]
+    # Where a force vanishes as t^3 it is none about its root.
+    for (t, _, _), (at, _, _, k) in zip(told, sorted(expected, key=lambda each: each[2]), strict=True):
+        assert t == pytest.approx(at, abs=1e-9 if k == 1 else 2e-3)

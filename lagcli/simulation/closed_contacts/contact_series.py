@@ -19,7 +19,7 @@ from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, SeriesFunction
 from lagcli.linear.metric_rows import Sparse, sparse, stacked
 from lagcli.simulation.closed_contacts.contact_change import ContactForces
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Floats, Numbers
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
 
 
 class ContactSeriesParameters:
@@ -135,12 +135,13 @@ class ContactOrders:
         self._series, self._here = series, here
         self._rounding = max(PARAMETERS.roundings * EPS, known)
 
-    def decided(self, forces: ContactForces, level: Numbers) -> ContactForces:
-        """The contacts that press among those that are closed and neither approach nor part, `level`."""
+    def decided(self, forces: ContactForces, level: Numbers, crossing: Flags) -> ContactForces:
+        """The contacts that press among those that are closed and neither approach nor part, `level`; crossing (K,):
+        those whose forces are zero there, as far as the instant is known."""
         here = self._here
-        closed, squares = list(forces.closed), here.squares(level)
+        closed, squares = [j for j in forces.closed if not crossing[j]], here.squares(level)
         none = here.least_forces(level, forces.x) * squares
-        is_open = forces.accelerations[level] > none
+        is_open = (forces.accelerations[level] > none) & ~crossing[level]
         left = [j for j, parts in zip(level.tolist(), is_open, strict=True) if not parts and j not in closed]
         if not left:
             return forces
@@ -158,7 +159,7 @@ class ContactOrders:
             found = self._order(series, (a, equal, pushes), (closed, left))
             if found is None:
                 break
-            pressing, leaving = found
+            pressing, leaving = found if k else ([j for j in each if not crossing[j]] for each in found)
             closed = sorted({*closed, *pressing})
             left = [j for j in left if j not in {*pressing, *leaving}]
             if not left:

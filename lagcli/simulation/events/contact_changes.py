@@ -104,7 +104,9 @@ class ContactChanges:
         here, there = self.here(), self._instant(run.found.reached, run.bound.new)
         found, self._lowest = np.fmax(here.noise, there.noise), here.lowest
         touching = list(run.contacts.touching)
-        found[touching] = here.touching_gap[touching]
+        # Steps are held no closer than to their absolute tolerance.
+        known = here.sizes_of_changes(np.full(here.state.q.size, float(run.tolerance[1])))
+        found[touching] = (here.touching_gap + known)[touching]
         if run.contacts.again == 0:
             self._require_apart(here, 2.0)
         if self.closed:
@@ -224,9 +226,13 @@ class ContactChanges:
         look = after
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
-            look = self._instant(ahead.t, ahead.y)
+            # Where the instant itself has no values, or rows depend on each other, a state beyond it decides.
+            if ahead.before is not None or self.idle or after.few(np.flatnonzero(level)) is None:
+                look = self._instant(ahead.t, ahead.y)
         sunk = _sunk(run, here) if switch is None else None
-        mode = self._mode((after, look), level, sunk, is_start)
+        crossing = np.zeros(self._count, dtype=bool)
+        crossing[[i - self._rows for i in hits if i - self._rows in lying_before]] = True
+        mode = self._mode((after, look), level, (sunk, crossing), is_start)
         closed = set(mode.closed)
         lying = closed | {dependency[0] - self._rows for dependency in mode.selection.idle}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in closed)
@@ -266,11 +272,15 @@ class ContactChanges:
         return True
 
     def _mode(
-        self, sides: tuple[ContactInstant, ContactInstant], level: Flags, sunk: Flags | None, is_start: bool
+        self,
+        sides: tuple[ContactInstant, ContactInstant],
+        level: Flags,
+        at_zero: tuple[Flags | None, Flags],
+        is_start: bool,
     ) -> ContactMode:
         """The rows beyond an instant; sides: the instant, and the one by which forces are judged; level: contacts that
-        may press there."""
-        after, look = sides
+        may press there; at_zero: those that creep in, and those whose multipliers are zero there."""
+        (after, look), (sunk, crossing) = sides, at_zero
         if not level.any():
             return ContactMode(self._open, ())
         numbers = np.flatnonzero(level)
@@ -278,7 +288,7 @@ class ContactChanges:
         if look is after:
             # The start is known exactly, other states to the tolerance.
             known = 0.0 if is_start else float(self._run.tolerance[0])
-            forces = ContactOrders(self._series, after, known).decided(forces, numbers)
+            forces = ContactOrders(self._series, after, known).decided(forces, numbers, crossing)
         return self._decided(
             lambda: contact_mode.mode(self._open, after, forces, numbers.tolist(), self._rows)
         )

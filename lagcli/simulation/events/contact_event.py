@@ -41,7 +41,8 @@ LONGER = 16.0
 BEYOND, FARTHER = 1e-5, 4.0
 # Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
 NOISE = 64 * float(np.finfo(float).eps)
-# A step is shortened to this part at the least.
+# A step is shortened to this part at the least. One in which a contact lets go soon is, to `FARTHER` of that time:
+# what is no force beside those at the end of so long a step may be much there.
 LEAST = 1e-3
 
 
@@ -60,10 +61,8 @@ class ContactEvent(Event):
         # Of the step that was found: functions that cross zero at its end, a state beyond it.
         self._hits: tuple[int, ...] = ()
         self._ahead: StateAhead | None = None
-        # Numbers of declared events at the end of it, where no search ends it.
-        self._at_end: list[int] = []
-        # Numbers of declared events that are at zero at a switch, where they are decided.
-        self._touched: list[int] = []
+        # Declared events at its end, where no search ends it, and those at zero at a switch, where they are decided.
+        self._at_end, self._touched = list[int](), list[int]()
         # The near side of a switch of functions of t, beyond which the contacts are decided anew.
         self._before: SwitchSide | None = None
         # Declared events that cross zero in the step, with the rounding of their values.
@@ -313,11 +312,15 @@ class ContactEvent(Event):
     def _end_at(self, watch: StepWatch, x: float, rows: Indices) -> None:
         """End the step where watched functions cross zero."""
         run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
-        taken = found.taken
+        if LEAST < x < 0.5 / FARTHER and (~watch.are_gaps & ~watch.functions.kinds.is_event)[rows].any():
+            self._shorten(FARTHER * x)
+            run.make_dense()
+            self._search(watch, 1.0)
+            return
+        taken, found.barrier = found.taken, None
         slopes = watch.inside(x)[1][rows] / taken
         self._ahead = Ahead(run, min(1.0, x + BEYOND * FARTHER**run.contacts.again))
         self._hits = tuple(watch.functions.kinds.numbers[rows].tolist())
-        found.barrier = None
         steepest = int(np.argmax(np.abs(slopes)))
         index, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * taken, math.inf
