@@ -46,6 +46,8 @@ COLUMNS = (
 )  # fmt: skip
 # Numbers of a run: rtol, span, size, speed and since.
 CHOSEN = 5
+# What stands at the end of `function`, beside the units: four numbers of the motion.
+LAST = 4
 
 
 def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
@@ -53,13 +55,14 @@ def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
     so that of thousands the numbers between are not all kept at once."""
     K, count = pattern.size1(), len(COLUMNS)
     rows = np.asarray(pattern.row(), dtype=np.intp)
-    contact = np.concatenate([np.tile(np.arange(K), count), rows, [K, K, K]])
+    contact = np.concatenate([np.tile(np.arange(K), count), rows, np.full(LAST + pattern.size2(), K)])
     return np.argsort(contact, kind="stable")
 
 
 def function(parts: Parts) -> ca.Function:
-    """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, the accelerations
-    that are rounding of the forces, size and speed, all of them in the `order` of contacts.
+    """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, the units (n,) of
+    `parts.Sizes`, the largest acceleration, those that are rounding of the forces, size and speed, all of them in the
+    `order` of contacts.
 
     chosen (5,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
     are none the smaller here; the time since the start. A contact without a gradient at the point has rates of 0.
@@ -81,10 +84,9 @@ def function(parts: Parts) -> ca.Function:
     has = ca.fabs(total) <= LARGEST
     entries = ca.if_else(ca.vec(has[rows]), ca.vec(G.nz[:]), 0) if rows else ca.SX(0, 1)
     G = ca.SX(G.sparsity(), entries)
-    inputs = [t, q, v, parts.p]
-    g_off, g_t_off, gamma_off = (
-        ca.if_else(has, operation_rules.roundings(x, inputs), 0) for x in (g, g_t, gamma)
-    )
+    K, values = g.numel(), ca.vertcat(g, g_t, gamma, ca.densify(parts.h))
+    off = operation_rules.roundings(values, [t, q, v, parts.p])
+    g_off, g_t_off, gamma_off = (ca.if_else(has, off[i * K : (i + 1) * K], 0) for i in range(3))
     g_t, gamma = (ca.if_else(has, x, 0) for x in (g_t, gamma))
     own = shared.sizes(parts, v, parts.h, parts.M)
     speed = ca.fmax(own.v, least_speed)
@@ -97,7 +99,7 @@ def function(parts: Parts) -> ca.Function:
     extent, terms = in_units * size, largest(v) + ca.fabs(g_t)
     speeds = ca.densify(G @ v) + g_t
     local = largest(q) + ca.fabs(g) + span * terms
-    forces_off = shared.sizes(parts, v, operation_rules.roundings(ca.densify(parts.h), inputs), parts.M).a
+    forces_off = shared.sizes(parts, v, off[3 * K :], parts.M).a
     # All that forces have made so far, where they are the rounding of terms that cancel.
     made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
     # A gap is a sum of its coordinates, or of terms that cancel, whose roundings are counted.
@@ -108,9 +110,8 @@ def function(parts: Parts) -> ca.Function:
     slow = ca.fmax(slow, ROUNDINGS * EPS * g_t_off)
     blurred = ROUNDINGS * EPS * gamma_off
     columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull, blurred]
-    packed = ca.densify(ca.vertcat(*columns, entries, ROUNDINGS * EPS * forces_off, size, speed))[
-        order(G.sparsity()).tolist()
-    ]
+    of_motion = own.a, ROUNDINGS * EPS * forces_off, size, speed
+    packed = ca.densify(ca.vertcat(*columns, entries, own.units, *of_motion))[order(G.sparsity()).tolist()]
     return SizedFunction("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
 
 

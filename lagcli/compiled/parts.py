@@ -377,20 +377,21 @@ def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
     makes of the former two, and it and that of h of the latter, in units of rounding; inputs: t, q, v, p."""
     from lagcli.equations import operation_rules
 
-    h = operation_rules.roundings(ca.densify(parts.h), inputs)
     own, every = sizes(parts, parts.v, parts.h, parts.M), [*range(parts.B.shape[0]), *parts.closed]
-    found = [ca.SX(0), ca.SX(0), sizes(parts, parts.v, h, parts.M).a]
-    if every:
-        contacts = parts.acting
-        lengths = _row_norms(parts.of(every, parts.B, contacts.G), own.units)
-        f = ca.vertcat(parts.f, ca.SX(parts.B.shape[0] - parts.f.numel(), 1))
-        columns = ((f, contacts.g), (parts.b, contacts.g_t), (parts.gamma, contacts.gamma))
-        for i, (of_rows, of_contacts) in enumerate(columns):
-            value = ca.densify(parts.of(every, of_rows, of_contacts))
-            moved = np.flatnonzero(ca.which_depends(value, parts.t, 1, True)).tolist()
-            if moved:
-                off = operation_rules.roundings(value[moved], inputs) / lengths[moved]
-                found[i] = ca.fmax(found[i], ca.mmax(off))
+    contacts, n = parts.acting, parts.v.numel()
+    lengths = _row_norms(parts.of(every, parts.B, contacts.G), own.units) if every else ca.SX(0, 1)
+    f = ca.vertcat(parts.f, ca.SX(parts.B.shape[0] - parts.f.numel(), 1))
+    columns = ((f, contacts.g), (parts.b, contacts.g_t), (parts.gamma, contacts.gamma))
+    values = [ca.densify(parts.of(every, *each)) for each in columns]
+    moved = [np.flatnonzero(ca.which_depends(x, parts.t, 1, True)).tolist() if every else [] for x in values]
+    of_rows = [x[rows] for x, rows in zip(values, moved, strict=True) if rows]
+    terms = ca.vertcat(ca.densify(parts.h), *of_rows)
+    off = ca.vertsplit(operation_rules.roundings(terms, inputs), np.cumsum([0, n, *map(len, moved)]).tolist())
+    found = [
+        ca.mmax(ca.vertcat(0, x / lengths[rows])) if rows else ca.SX(0)
+        for x, rows in zip(off[1:], moved, strict=True)
+    ]
+    found[2] = ca.fmax(found[2], sizes(parts, parts.v, off[0], parts.M).a)
     return ca.densify(ca.blockcat([[own.q, own.v, own.a], found]))
 
 

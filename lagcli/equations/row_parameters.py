@@ -55,7 +55,8 @@ def _rows(system: System) -> list[ca.SX]:
 
 def _occurring(system: System, expressions: Iterable[ca.SX]) -> Indices:
     """The indices of symbols that occur: a number that only decides between pieces occurs too, without a derivative."""
-    entries = ca.vertcat(*(ca.vec(each) for each in expressions))
+    # Of matrices the entries alone: columns of all their zeros would take memory by the square of a model.
+    entries = ca.vertcat(ca.SX(0, 1), *(ca.vec(each.nz[:]) for each in expressions if each.nnz()))
     found = {symbol.element_hash() for symbol in ca.symvar(entries)}
     p = ca.vertsplit(system.p) if system.p.numel() else []
     return np.array([k for k, symbol in enumerate(p) if symbol.element_hash() in found], dtype=np.intp)

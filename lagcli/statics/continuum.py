@@ -199,5 +199,7 @@ def _without_side(G: Floats) -> list[bool]:
     weights that are not negative (Farkas)."""
     sizes = np.linalg.norm(G, axis=1)
     rows = G / np.where(sizes > PARAMETERS.no_side, sizes, 1.0)[:, None]
+    if (rows @ rows.sum(axis=0) > PARAMETERS.no_side).all():  # one direction leaves all of them
+        return [False] * len(rows)
     left = (least_distance.residual(rows.T, -row) for row in rows)
     return [rest is not None and float(np.linalg.norm(rest)) <= PARAMETERS.no_side for rest in left]

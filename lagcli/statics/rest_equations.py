@@ -7,7 +7,9 @@ Forces are measured in units of the largest there is, conditions by their gradie
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -157,8 +159,6 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
 
     Raises `diagnostics.ModelError` where their squares are no doubles: all norms here are made of them.
     """
-    from scipy.sparse import csgraph
-
     random = np.random.default_rng(1)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     forces, stiffnesses, linked = np.zeros(q.size), np.zeros(q.size), np.eye(q.size, dtype=bool)
@@ -178,11 +178,10 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
     conditions[~(conditions > 0)], contacts[~(contacts > 0)] = 1.0, 1.0
     force = float(forces.max(initial=0.0)) or float(stiffnesses.max(initial=0.0)) * size or 1.0
     own = np.maximum(forces, stiffnesses * size)
-    count, group = csgraph.connected_components(linked, directed=False)
-    together = np.array(
-        [float(forces[group == k].max()) or float(own[group == k].max()) for k in range(count)]
-    )
-    together = np.where(together > 0, together, force)[group] if count > 1 else np.full(q.size, force)
+    count, order, ends = ca.sparsify(ca.DM(linked.astype(float))).sparsity().scc()
+    groups, together = [order[a:b] for a, b in itertools.pairwise(ends)], np.full(q.size, force)
+    for group in groups if count > 1 else ():
+        together[group] = float(forces[group].max()) or float(own[group].max()) or force
     found = Scales(force, size, conditions, contacts, together, own)
     _require_squares(problem, found)
     return found

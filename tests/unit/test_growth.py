@@ -10,6 +10,7 @@ import lagcli
 from lagcli.api.models import cache
 from lagcli.compiled import factored
 from lagcli.compiled.selection import Selection
+from lagcli.equations import row_parameters
 from lagcli.errors import diagnostics
 from lagcli.linear import metric, metric_rows, rank
 from lagcli.linear.metric import Metric
@@ -230,3 +231,15 @@ def test_the_names_of_many_columns_are_collected_once(monkeypatch):
     p = initial.declared(ready.system).p
     table_columns.Floors(ready.system, ready.numeric, p, ("t", *ready.system.columns))
     assert 0 < sum(collected) <= 10 * 1200
+
+
+def test_parameters_are_looked_for_in_the_entries_of_matrices_and_not_in_their_zeros(monkeypatch):
+    links = "  link[i]: {for: 'i = 2..30', equation: 'distance(p[i], p[i-1]) = 1'}\n"
+    particles = "particles:\n  p[i]: {for: 'i = 1..30', mass: 1, position: [i, 0, 0]}\n"
+    model = lagcli.loads(f"lagcli: 1\n{particles}holonomic:\n  hook: norm(p[1]) = 1\n{links}")
+    seen, symvar = [], ca.symvar
+    monkeypatch.setattr(row_parameters.ca, "symvar", lambda x: seen.append(x.numel()) or symvar(x))
+    system = cache.compiled(model).system
+    row_parameters.of_start(system)
+    assert seen
+    assert max(seen) < system.symbols.q.numel() ** 2

@@ -272,8 +272,14 @@ def instant(**more):
     values = SimpleNamespace(
         count=1, row=np.zeros(1, dtype=int), column=np.zeros(1, dtype=int), numeric=numeric
     )
-    given = {"state": state(), "size": 1.0, "_speed": 1.0, "_units": (np.ones(1), 1.0), "_values": values}
-    given |= {"_entries": np.ones(1), "g": np.zeros(1), "touching_gap": np.ones(1), "slow": np.ones(1)}
+    given = {"state": state(), "size": 1.0, "_speed": 1.0, "units": np.ones(1), "_acceleration": 1.0}
+    given |= {
+        "_values": values,
+        "_entries": np.ones(1),
+        "g": np.zeros(1),
+        "touching_gap": np.ones(1),
+        "slow": np.ones(1),
+    }
     given |= {"speeds": np.zeros(1), "pull": np.zeros(1), "_few": {}}
     given |= {"_blurred": np.zeros(1), "_forces_blurred": 0.0}
     found.__dict__.update({**given, **more})

@@ -128,8 +128,8 @@ class ContactRowValues:
 class ContactInstant:
     """All K contacts at a state, with the numbers of `compiled.contact_values`.
 
-    has_gradient (K,): contacts whose gradient has a value there, as others have none until they are closed. size: of
-    the motion, as `parts.Sizes.q`, or the largest so far.
+    has_gradient (K,): contacts whose gradient has a value there, as others have none until they are closed. units
+    (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or the largest so far.
     """
 
     def __init__(self, values: ContactRowValues, state: State, chosen: ContactParameters) -> None:
@@ -140,8 +140,9 @@ class ContactInstant:
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
         self.noise, self.touching_gap, self.slow, self.lowest, self.pull, self._blurred = columns[5:]
         self.has_gradient: Flags = has_gradient > 0
-        self._entries = packed[count * K : -3]
-        self._forces_blurred, self.size, self._speed = packed[-3:].tolist()
+        first, last = count * K + values.row.size, packed.size - contact_values.LAST
+        self._entries, self.units = packed[count * K : first], packed[first:last]
+        self._acceleration, self._forces_blurred, self.size, self._speed = packed[last:].tolist()
         # Of contacts that were asked for together; None of those that are not few, or not apart.
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
 
@@ -182,7 +183,7 @@ class ContactInstant:
     def reach(self, x: Floats, part: float) -> tuple[float, float]:
         """The time in which the motion with accelerations x (n,) goes this part of its size, and that way; 0 where it
         does not move."""
-        units, acceleration = self._units
+        units, acceleration = self.units, self._acceleration
         speed = float(np.abs(self.state.v / units).max(initial=0.0))
         rate = float(np.abs(x / units).max(initial=0.0))
         # Below this the rounding of forces that balance moves it.
@@ -196,18 +197,13 @@ class ContactInstant:
     def gap_changes(self, way: float) -> Floats:
         """Changes of g (K,) that a displacement by this way makes, which is counted as the size."""
         values = self._values
-        moved = np.abs(self._entries * self._units[0][values.column]) * way
+        moved = np.abs(self._entries * self.units[values.column]) * way
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
     @property
     def speed_roundoff(self) -> Floats:
         """Speeds (K,) that are rounding of those of the motion."""
         return PARAMETERS.creeping * self.gap_changes(self._speed)
-
-    @property
-    def units(self) -> Floats:
-        """Units (n,) of `parts.Sizes`."""
-        return self._units[0]
 
     def entries(self, contact: int) -> Floats:
         """The entries of the gradient of one contact."""
@@ -223,13 +219,6 @@ class ContactInstant:
         if slope > 0:
             way[columns] = steepness / slope * self.units[columns]
         return way, slope
-
-    @cached_property
-    def _units(self) -> tuple[Floats, float]:
-        """Units (n,) of `parts.Sizes`, and the largest acceleration in them."""
-        s = self.state
-        packed = np.array(self._values.numeric.sizes(s.t, s.q, s.v, s.p)).ravel()
-        return packed[: s.q.size], float(packed[-1])
 
     @property
     def holonomic(self) -> tuple[Floats, Sparse]:
