@@ -22,6 +22,7 @@ from lagcli.statics import (
     newton,
     point_type,
     polynomial_equations,
+    power_signs,
     refine,
     rest_equations,
     surface_descent,
@@ -194,9 +195,9 @@ def flat_verdict(build: Build, *at: float, forces: Build | None = None) -> FlatV
     return flat_directions.judged(problem, point, UNITS, np.eye(n), np.zeros((n, 0)))
 
 
-def test_a_power_of_eight_decides_and_one_of_nine_does_not() -> None:
-    assert flat_verdict(lambda q: q**8, 0.0).order == 8
-    assert flat_verdict(lambda q: q**9, 0.0).order == 0
+def test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not() -> None:
+    assert flat_verdict(lambda q: q**16, 0.0).order == 16
+    assert flat_verdict(lambda q: q**17, 0.0).order == 0
 
 
 @pytest.mark.parametrize(("part", "flat"), [(2e-13, 0), (6e-15, 1)])
@@ -225,10 +226,32 @@ def test_three_flat_directions_decide_and_four_do_not(count: int, order: int) ->
     assert flat_verdict(lambda q: ca.sum1(q**3), *np.zeros(count)).order == order
 
 
-@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.98, True), (-1.999, False)])
-def test_a_form_is_definite_where_its_least_is_a_part_of_its_largest(mixed: float, is_strict: bool) -> None:
-    found = flat_verdict(lambda q: q[0] ** 4 + mixed * (q[0] * q[1]) ** 2 + q[1] ** 4, 0.0, 0.0)
-    assert found.is_strict is is_strict
+@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.98, True), (-1.996, False)])
+def test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest(
+    mixed: float, is_strict: bool
+) -> None:
+    x, y, z = rays = np.random.default_rng(1).standard_normal((3, 40))
+    form = x**4 + y**4 + z**4 + mixed * (x * y) ** 2
+    found = power_signs.of_powers(rays.T, np.column_stack([0 * form] * 3 + [form]), np.zeros((40, 4)), 4)[0]
+    assert (found.rises, found.falls, found.is_decided) == (True, False, is_strict)
+
+
+@pytest.mark.parametrize(("part", "is_clear"), [(1e-14, False), (2e-13, True)])
+def test_a_branch_is_zero_within_sixty_roundings(part: float, is_clear: bool) -> None:
+    square = {(0, 2): 1.0, (1, 1): -2.0, (2, 0): 1.0 + part}  # (b - a)^2 with b = a + b'
+    terms = {(Fraction(i), j): (value, 0.0) for (i, j), value in square.items()}
+    value, rounding = power_signs._shifted(terms, 1.0, Fraction(1))[Fraction(2), 0]
+    assert (abs(value) > rounding) is is_clear
+
+
+@pytest.mark.parametrize(("apart", "count"), [(6e-4, 1), (6e-3, 3)])
+def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    branches: list[object] = []
+    both = power_signs.Signs(False, False, True)
+    monkeypatch.setattr(power_signs, "_signs", lambda *given: branches.append(given) or both)
+    edge = np.vstack([np.polynomial.polynomial.polyfromroots([1, 1, 1 + apart, 1 + apart]), np.full(5, 1e-9)])
+    power_signs._on_edge({}, edge, 0, (Fraction(1), Fraction(4)), 8)
+    assert len(branches) == count
 
 
 @pytest.fixture
