@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -254,6 +254,23 @@ def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: py
     assert len(branches) == count
 
 
+@pytest.mark.parametrize(("part", "count"), [(3e-7, 1), (3e-6, 0)])
+def test_a_form_that_hardly_depends_on_a_direction_is_one_that_does_not(
+    part: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    axes: list[np.ndarray] = []
+    monkeypatch.setattr(flat_directions, "_moved_along", lambda _, begin, axis: axes.append(axis) or begin)
+    assert flat_verdict(lambda q: q[0] ** 4 + part * q[1] ** 4, 0.0, 0.0).is_strict
+    assert len(axes) == count
+
+
+@pytest.mark.parametrize(("part", "is_kept"), [(0.05, True), (0.3, False)])
+def test_a_curvature_beside_a_double_zero_is_none(part: float, is_kept: bool) -> None:
+    problem = problem_of(lambda q: part / 1.5 * q + q**2 + q**3, 1)
+    equations = FlatEquations(problem, (), UNITS, np.eye(1), np.zeros((1, 0)))
+    assert flat_directions._keeps(equations, (np.zeros(1), np.zeros(0)), np.ones(1)) is is_kept
+
+
 @pytest.fixture
 def doubted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many directions are looked at again, for each point."""
@@ -295,14 +312,54 @@ def search_at_kinks(build: Build, count: int = 1) -> SimpleNamespace:
         problem=problem_of(build, count),
         scales=UNITS,
         points=[],
-        options=SimpleNamespace(seed=0),
+        options=SimpleNamespace(seed=0, has_potential=True),
         apart=lambda a, b: float(np.abs(a - b).max()),
     )
 
 
+def extremes_of(search: SimpleNamespace) -> Iterator[KinkPoint]:
+    return kink_points.extremes(search, kink_points.kinks(search.problem.laws))
+
+
+def beside(build: Build) -> str:
+    """What is said of a function beside zero."""
+    search = search_at_kinks(build)
+    kink = kink_points.kinks(search.problem.laws)[0]
+    laws = kink_points._on_kink(search.problem.laws, kink)
+    on_pole = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    return kink_points._beside(search, on_pole, np.zeros(1), "value")
+
+
+@pytest.mark.parametrize(("width", "is_bounded"), [(3e-5, True), (3e-6, False)])
+def test_a_step_that_is_wide_is_no_pole(width: float, is_bounded: bool) -> None:
+    assert ("without bound" not in beside(lambda q: ca.log(ca.fabs(q) + width))) is is_bounded
+
+
+def test_a_value_that_grows_less_and_less_is_bounded() -> None:
+    assert "may sit" in beside(lambda q: ca.fabs(q) ** 0.25)
+    assert "falls without bound" in beside(lambda q: ca.log(ca.fabs(q)))
+
+
+@pytest.mark.parametrize(("power", "kind"), [(1 / 50, "minimum"), (1 / 500, None)])
+def test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none(
+    power: float, kind: str | None
+) -> None:
+    search = search_at_kinks(lambda q: ca.fabs(q) ** power)
+    kink = kink_points.kinks(search.problem.laws)[-1]
+    laws = kink_points._on_kink(search.problem.laws, kink)
+    on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+
+
+def test_kinks_are_looked_at_among_three_contacts() -> None:
+    three, four = (SimpleNamespace(times=(0.0,), K=count, n=2) for count in (3, 4))
+    assert kink_points._beyond(three, []) is None
+    assert "inequalities" in str(kink_points._beyond(four, []))
+
+
 @pytest.mark.parametrize(("count", "sentences"), [(12, 0), (13, 1)])
 def test_twelve_kinks_are_looked_at(count: int, sentences: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kink_points, "extremes", lambda _: [])
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: [])
     search = search_at_kinks(lambda q: sum((ca.fabs(q - k) for k in range(count)), ca.SX(0)))
     assert len(kink_points.notes(search, ["x"], "value")) == sentences
 
@@ -311,7 +368,7 @@ def test_twelve_kinks_are_looked_at(count: int, sentences: int, monkeypatch: pyt
 def test_kinks_are_looked_at_among_twelve_coordinates(
     count: int, sentences: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kink_points, "extremes", lambda _: [])
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: [])
     search = search_at_kinks(lambda q: ca.fabs(q[0]), count)
     assert len(kink_points.notes(search, ["x"] * count, "value")) == sentences
 
@@ -319,7 +376,7 @@ def test_kinks_are_looked_at_among_twelve_coordinates(
 def test_kinks_are_sought_from_six_starts_beside_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     begins: list[np.ndarray] = []
     monkeypatch.setattr(surface_descent, "onto", lambda problem, begin, *_: begins.append(begin))
-    assert not list(kink_points.extremes(search_at_kinks(ca.fabs)))
+    assert not list(extremes_of(search_at_kinks(ca.fabs)))
     assert len(begins) == 7
 
 
@@ -339,7 +396,7 @@ def test_kinks_closer_than_five_digits_are_one(
 ) -> None:
     monkeypatch.setattr(kink_points, "_candidates", lambda *_: [np.zeros(1), np.full(1, apart)])
     monkeypatch.setattr(kink_points, "_kind", lambda *_: "minimum")
-    assert len(list(kink_points.extremes(search_at_kinks(ca.fabs)))) == count
+    assert len(list(extremes_of(search_at_kinks(ca.fabs)))) == count
 
 
 def candidates_at(q: list[float], monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
@@ -386,7 +443,7 @@ def test_an_exact_point_keeps_its_curvature_where_another_has_none(away: float, 
 
 def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
     many = [KinkPoint("abs", np.full(1, float(k)), "minimum") for k in range(9)]
-    monkeypatch.setattr(kink_points, "extremes", lambda _: many)
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: many)
     assert len(kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")) == 4
 
 
