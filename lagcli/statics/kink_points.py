@@ -229,8 +229,8 @@ def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]
                 if q is None:
                     continue
                 values = on_kink.at(on_kink.t, q, on_kink.nothing)
-                row, held = values.dc[-1], on_kink.laws.c.numel() + size
-                if np.linalg.norm(row) <= PARAMETERS.isolated * scales.conditions[-1] or problem.n <= held:
+                row, count = values.dc[-1], on_kink.laws.c.numel() + size
+                if np.linalg.norm(row) <= PARAMETERS.isolated * scales.conditions[-1] or problem.n <= count:
                     q = np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
                 else:
                     point = refine.reached(on_kink, q, closed, scales)
@@ -316,7 +316,7 @@ def _on_surface(search: PointSearch, on_pole: StaticProblem) -> Iterator[Floats]
 
 
 def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) -> str:
-    """What the function does beside a place where it has no value."""
+    """A sentence on the function beside a place where it has no value."""
     problem, length = search.problem, search.scales.length
     ways = _drawn(point_type.kernel(point_type.unit(on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1])))
     ways = np.vstack([ways, -ways])
@@ -382,7 +382,7 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
 
 
 def _beyond(problem: StaticProblem, known: Sequence[Kink]) -> str | None:
-    """Why kinks are not looked at; None where they are."""
+    """The reason that kinks are not looked at; None where they are."""
     if len(problem.times) > 1:
         return "are not looked for where equations hold t"
     if PARAMETERS.most_contacts < problem.K:

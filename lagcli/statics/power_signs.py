@@ -50,32 +50,32 @@ PARAMETERS = SignParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Signs:
-    """Whether a function rises and falls from zero, and whether no direction is left open."""
+class PowerSigns:
+    """True for each: a function rises from zero, falls from zero, and no direction is left open."""
 
     rises: bool
     falls: bool
     is_decided: bool
 
-    def __or__(self, other: Signs) -> Signs:
-        return Signs(
+    def __or__(self, other: PowerSigns) -> PowerSigns:
+        return PowerSigns(
             self.rises or other.rises, self.falls or other.falls, self.is_decided and other.is_decided
         )
 
 
-def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[Signs, Signs]:
+def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
     """The signs on both sides of zero of a function with the powers s, s^2, ... `forms` (rays, orders) on rays (rays,
     k), those below `power` zero."""
     k, form, rounding = rays.shape[1], forms[:, power - 1], roundings[:, power - 1]
-    seen = Signs(bool((form > rounding).any()), bool((form < -rounding).any()), k == 1)
+    seen = PowerSigns(bool((form > rounding).any()), bool((form < -rounding).any()), k == 1)
     if power % 2 or (seen.rises and seen.falls):
-        seen = Signs(True, True, True)
+        seen = PowerSigns(True, True, True)
     if seen.is_decided or len(rays) <= power:
         return seen, seen
     return _of_two(rays, forms, roundings, power) if k == 2 else (_of_three(rays, form, rounding, power),) * 2
 
 
-def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[Signs, Signs]:
+def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
     """The signs by Newton's polygon, with b along the ray on which the first form is largest."""
     b = rays[int(np.argmax(np.abs(forms[:, power - 1])))]
     turned = rays @ np.column_stack([[b[1], -b[0]], b])
@@ -90,10 +90,10 @@ def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple
     return above, below
 
 
-def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> Signs:
+def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> PowerSigns:
     """The signs of a form of one sign on rays: decided where it has the other one elsewhere, or is zero nowhere."""
     rises = bool((forms > rounding).any())
-    seen = Signs(rises, not rises, False)
+    seen = PowerSigns(rises, not rises, False)
     exponents, values, floors = _coefficients(rays, forms, rounding, power)
     if len(exponents) > len(rays):
         return seen
@@ -106,7 +106,7 @@ def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> Sign
     powers = _sphere()[:, None, :] ** np.array(exponents)
     all_values = np.prod(powers, axis=2) @ (sign * values * units)
     if all_values.min() < -float(floors @ units):
-        return Signs(True, True, True)
+        return PowerSigns(True, True, True)
     change = (power**2) * (4 * np.pi / PARAMETERS.directions) / 2
     is_definite = bool(all_values.min() * (1 - change) > change * all_values.max())
     return dataclasses.replace(seen, is_decided=is_definite)
@@ -137,23 +137,23 @@ def _coefficients(
     return exponents, inverse @ form, np.abs(inverse) @ rounding
 
 
-def _signs(terms: Terms, slope: Fraction, orders: int) -> Signs:
+def _signs(terms: Terms, slope: Fraction, orders: int) -> PowerSigns:
     """The signs on branches with slopes above this one."""
     clear = {at for at, (value, rounding) in terms.items() if abs(value) > rounding}
     if not clear:
-        return Signs(False, False, False)
+        return PowerSigns(False, False, False)
     i, j = min(clear, key=lambda at: (at[0] + slope * at[1], at[1]))
     if not j or (j % 2 and slope):
-        return Signs(False, False, False)  # what was taken for zero is none
-    found = Signs(False, False, True)
+        return PowerSigns(False, False, False)  # what was taken for zero is none
+    found = PowerSigns(False, False, True)
     while j:
         below = {at: (at[0] - i) / (j - at[1]) for at in clear if at[1] < j and at[0] > i}
         if not below:
-            return found | Signs(False, False, False)
+            return found | PowerSigns(False, False, False)
         slope = min(below.values())
         weight = i + slope * j
         if weight >= orders + 1:  # powers that are not known may be as large
-            return found | Signs(False, False, False)
+            return found | PowerSigns(False, False, False)
         on_edge = {at[1]: terms[at] for at in terms if at[0] + slope * at[1] == weight and at[1] <= j}
         first = min(at[1] for at, each in below.items() if each == slope)
         edge = np.zeros((2, j + 1))
@@ -167,19 +167,21 @@ def _signs(terms: Terms, slope: Fraction, orders: int) -> Signs:
     return found
 
 
-def _on_edge(terms: Terms, edge: Floats, first: int, line: tuple[Fraction, Fraction], orders: int) -> Signs:
+def _on_edge(
+    terms: Terms, edge: Floats, first: int, line: tuple[Fraction, Fraction], orders: int
+) -> PowerSigns:
     """The signs on the branches of one edge, sum c_j s^j with the least power `first`, where it touches zero those of
     the branches beyond."""
     if first % 2 or edge.shape[1] % 2 == 0:
-        return Signs(True, True, True)
+        return PowerSigns(True, True, True)
     c, e = edge[:, first:]
-    found = Signs(bool(c[0] > 0 or c[-1] > 0), bool(c[0] < 0 or c[-1] < 0), True)
+    found = PowerSigns(bool(c[0] > 0 or c[-1] > 0), bool(c[0] < 0 or c[-1] < 0), True)
     touched: list[float] = []
     for s in _extremes(c):
         powers = s ** np.arange(c.size)
         value, floor = float(c @ powers), float(e @ np.abs(powers))
         if abs(value) > floor:
-            found |= Signs(value > 0, value < 0, True)
+            found |= PowerSigns(value > 0, value < 0, True)
         elif not any(abs(s - other) <= PARAMETERS.same * abs(s) for other in touched):
             touched.append(s)
             found |= _signs(_shifted(terms, s, line[0]), line[0], orders)

@@ -247,7 +247,7 @@ def test_a_branch_is_zero_within_sixty_roundings(part: float, is_clear: bool) ->
 @pytest.mark.parametrize(("apart", "count"), [(6e-4, 1), (6e-3, 3)])
 def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     branches: list[object] = []
-    both = power_signs.Signs(False, False, True)
+    both = power_signs.PowerSigns(False, False, True)
     monkeypatch.setattr(power_signs, "_signs", lambda *given: branches.append(given) or both)
     edge = np.vstack([np.polynomial.polynomial.polyfromroots([1, 1, 1 + apart, 1 + apart]), np.full(5, 1e-9)])
     power_signs._on_edge({}, edge, 0, (Fraction(1), Fraction(4)), 8)
