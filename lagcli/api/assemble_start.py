@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from lagcli.analysis.classification import classify
 from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.start import consistent_start, initial
+from lagcli.start import assembly_moves, consistent_start, initial
 from lagcli.start.assembly import Assembly
+
+if TYPE_CHECKING:
+    from lagcli.output.runs.simulation_run import SimulationRun
 
 
 def assembled(model: Model) -> tuple[Model, Assembly]:
@@ -24,6 +29,14 @@ def assembled(model: Model) -> tuple[Model, Assembly]:
         case = classify.classified(built, numeric).case
         found = consistent_start.nearest(case.system, case.numeric)
     return system.started_at(model, found.state.q, found.state.v), found
+
+
+def of_run(run: SimulationRun) -> tuple[str, ...]:
+    """Sentences on how far the start of a run was moved onto its rows; none where it was not."""
+    if run.assembly is None:
+        return ()
+    moved = assembly_moves.moves(run.model, run.assembly)
+    return tuple(moved.lines(run.model.units)) if moved.positions or moved.velocities else ()
 
 
 def notes(ready: CompiledModel, done: str) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.api import assemble_start
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
@@ -77,17 +78,20 @@ def compare(
     first = _table(formulation_plan.declared(model, len(run.built.rows.rows)), run)
     kinds = comparison.kinds(model, [first.columns[i] for i in column_choice.select(first.columns, columns)])
     left_out: list[str] = []
+    moved = [f"{model.path}, {line}" for line in assemble_start.of_run(run)]
     if second is None:
         formulations = _reformulated(run, first, vakonomic)
         others = [(one, formulation_plan.comparable(model, one, kinds)) for one in formulations]
     else:
-        beside, shared, left_out = _beside(run, second, kinds)
+        beside, shared, left_out, moved_too = _beside(run, second, kinds)
+        moved += moved_too
         others = [(beside, shared)]
     near = np.zeros(len(first.table), dtype=bool)
     if run.stats.singular_times:
         states = table_columns.States(model, run.columns)(first.table)
         near = formulation_plan.singular(run.numeric, states, run.parameters, run.rank)
     found = formulation_plan.compared(model, first, others, tolerance, near)
+    found = dataclasses.replace(found, notes=(*moved, *found.notes))
     if vakonomic and len(first.table):
         found = _with_principles(found, run, kinds, mu or {})
     if not left_out:
@@ -148,8 +152,9 @@ def _settings(model: Model, other: Model | None, changes: Mapping[str, object]) 
 
 def _beside(
     run: SimulationRun, other: Model, kinds: Mapping[str, str]
-) -> tuple[Formulation, dict[str, str], list[str]]:
-    """Another model as it stands, the columns that it shares with a run, and those that are not unique in one of them.
+) -> tuple[Formulation, dict[str, str], list[str], list[str]]:
+    """Another model as it stands, the columns that it shares with a run, those that are not unique in one of them, and
+    how far its start was moved.
 
     Raises `ValueError` where they share none.
     """
@@ -163,7 +168,8 @@ def _beside(
         raise ValueError(f"{run.model.path} and {other.path} share none of these columns")
     loose = {f"lambda.{name}" for one in (run, beside) for name in one.stats.indeterminate}
     unique = {name: kind for name, kind in shared.items() if name not in loose}
-    return second, unique, [name for name in shared if name in loose]
+    moved = [f"{other.path}, {line}" for line in assemble_start.of_run(beside)]
+    return second, unique, [name for name in shared if name in loose], moved
 
 
 def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> Iterator[Formulation]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.api import assemble_start
 from lagcli.api.runs import prepare_run
 from lagcli.errors import diagnostics
 from lagcli.formulations import stiff_start, stiff_system
@@ -70,7 +71,8 @@ def constrained(
     _require_no_inequality(model)
     first = prepare_run.start(model, chosen)
     index = _row_index(first, plan.constraint)
-    chosen, notes = _until_stopped(model, chosen, first)
+    chosen, stops = _until_stopped(model, chosen, first)
+    notes = [*assemble_start.of_run(first), *stops]
     return _constrained(model, chosen, index, plan), first.built.rows.rows[index].name, notes
 
 

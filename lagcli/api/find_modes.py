@@ -62,7 +62,7 @@ def modes(
     Raises `ModelError`, `ValueError` for bad options, `NoEquilibriumError`, `SimulationStopped`.
     """
     # Other commands linearize nothing.
-    from lagcli.linearization import assembled_modes, reference
+    from lagcli.linearization import assembled_modes
 
     wanted = assembled_modes.WANTED if lowest is None else lowest
     if wanted < 1:
@@ -73,9 +73,19 @@ def modes(
     seconds = run_settings.seconds(limit)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
     ready = cache.compiled(model)
-    here, closed = linear_point.start(ready, seconds)
+    here, closed, moved = linear_point.start(ready, seconds)
+    found = _about(ready, here, closed, about, wanted, seconds)
+    return dataclasses.replace(found, notes=(*moved, *found.notes))
+
+
+def _about(
+    ready: CompiledModel, here: Reference, closed: tuple[int, ...], about: str, wanted: int, seconds: float
+) -> Modes:
+    """The modes about a start or the nearest equilibrium. Raises `NoEquilibriumError`."""
+    from lagcli.linearization import reference
+
     functions = _functions(ready, closed, seconds)
-    found = _of_start(ready, functions, here, about, wanted)
+    found = _of_start(ready, functions, here, about, wanted, seconds)
     if found is not None:
         return found
     if about == "start":
@@ -87,14 +97,14 @@ def modes(
         raise NoEquilibriumError(f"{NO_MOTION}, and does not come back")
     is_followed = here.q.size <= MOST_FOLLOWED and not closed
     if about == "auto" and not reference.is_at_rest(here.q, here.v, _duration(ready)):
-        raise NoEquilibriumError(_of_moving(model, is_followed))
+        raise NoEquilibriumError(_of_moving(ready.system.model, is_followed))
     note = AS_ASKED if about == "equilibrium" else NEAREST + (FOLLOW if is_followed else "")
     here, closed = _nearest(ready, seconds)
     functions = _functions(ready, closed, seconds)
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
     notes = (note, *_contacts(ready, closed))
     if there.kind != "varying":
-        return _steady(ready, functions, there, notes, wanted)
+        return _steady(ready, functions, there, notes, wanted, seconds)
     again = _varying(ready, functions, there, notes)
     if again is None:
         raise NoEquilibriumError(
@@ -118,7 +128,12 @@ def _duration(ready: CompiledModel) -> float:
 
 
 def _of_start(
-    ready: CompiledModel, functions: LinearizedFunctions, here: Reference, about: str, wanted: int
+    ready: CompiledModel,
+    functions: LinearizedFunctions,
+    here: Reference,
+    about: str,
+    wanted: int,
+    seconds: float,
 ) -> Modes | None:
     """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
     from lagcli.linearization import assembled_modes, floquet, reference
@@ -127,7 +142,7 @@ def _of_start(
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
     if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
         if found.kind != "varying":
-            return _steady(ready, functions, found, _notes(ready, found, closed), wanted)
+            return _steady(ready, functions, found, _notes(ready, found, closed), wanted, seconds)
         notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
         return _varying(ready, functions, found, notes)
     if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
@@ -153,6 +168,7 @@ def _steady(
     found: Steady,
     notes: tuple[str, ...],
     wanted: int,
+    limit: float,
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
     looked at where the linear equations do not decide."""
@@ -161,7 +177,7 @@ def _steady(
 
     if found.kind != "equilibrium" or found.here.q.size > assembled_modes.DENSE:
         return assembled_modes.modes(functions, found, notes, wanted)
-    point = rest_point.typed(ready, found.here.q, functions.closed)
+    point = rest_point.typed(ready, found.here.q, functions.closed, limit)
     if point is None or point.type.kind is None:
         return assembled_modes.modes(functions, found, notes, wanted)
     if not point.type.is_regular:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.api import assemble_start
 from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run, run_settings
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 COORDINATE_ROUNDOFF = 1e-14
 
 
-def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...]]:
-    """The state at the start with its multipliers, and the contacts that press there.
+def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...], tuple[str, ...]]:
+    """The state at the start with its multipliers, the contacts that press there, and how far it was moved.
 
     limit: seconds for the first integrals of differential rows, for which whoever asks `ready` again asks no second
     time. Raises `ModelError`, `SimulationStopped`.
@@ -37,13 +38,14 @@ def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...
     built = ready.system
     model, known = built.model, ready.examined_start(limit=limit).known
     chosen = run_settings.chosen(model, {"duration": 0.0, "samples": 2})
-    run = run_in_memory.in_memory(prepare_run.start(model, chosen, known), "*", None, 0.0)
+    prepared = prepare_run.start(model, chosen, known)
+    run = run_in_memory.in_memory(prepared, "*", None, 0.0)
     (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[:1])
     lam = np.array([run[f"lambda.{row.name}"][0] for row in built.multiplier_rows])
     p = initial.declared(built).p
     rows = len(built.rows.rows)
     closed = tuple(j for j in range(built.contacts.count) if lam[rows + j] > 0)
-    return Reference(float(t), q, v, np.zeros_like(q), lam, p), closed
+    return Reference(float(t), q, v, np.zeros_like(q), lam, p), closed, assemble_start.of_run(prepared)
 
 
 def of_start(model: Model) -> LinearPoint:
@@ -57,7 +59,7 @@ def of_start(model: Model) -> LinearPoint:
     if count > MOST:
         return LinearPoint(reason=f"there are {count} coordinates, and they are written out for up to {MOST}")
     try:
-        here, closed = start(ready, settings.LIMIT)
+        here, closed, _ = start(ready, settings.LIMIT)
     except (diagnostics.ModelError, SimulationStopped):
         return LinearPoint(reason="the declared start is not one that `simulate` begins at")
     functions = LinearizedFunctions(ready.system, closed)

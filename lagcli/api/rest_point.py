@@ -118,10 +118,13 @@ def nearest(ready: CompiledModel, limit: float | None = None) -> EquilibriumPoin
     return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
 
 
-def typed(ready: CompiledModel, q: Floats, closed: tuple[int, ...]) -> FoundPoint | None:
+def typed(
+    ready: CompiledModel, q: Floats, closed: tuple[int, ...], limit: float | None = None
+) -> FoundPoint | None:
     """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; closed: the
-    contacts that press there. None where it is none, and where numbers are too large or too small to look at it."""
-    start = begin(ready)
+    contacts that press there; limit: seconds for first integrals. None where it is none, and where numbers are too
+    large or too small to look at it."""
+    start = begin(ready, limit)
     asked = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start)
     try:
         scales = rest_equations.scales(asked, start.state.q)

@@ -65,9 +65,7 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     if not whole.proved and not whole.final:
         search.run(starts)
     columns = PointColumns(ready.system, problem.t, problem.p)
-    kinks: list[str] = []
-    if source != "none":
-        kinks = kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
+    kinks = kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
     are_unique = all(point.unique_multipliers for point in points)
     notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]

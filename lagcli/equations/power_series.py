@@ -171,11 +171,14 @@ def _shifted(a: PowerSeries, value: float) -> PowerSeries:
 
 
 def product(a: PowerSeries, b: PowerSeries) -> PowerSeries:
-    """a b."""
+    """a b. Each factor's rounding counts as often as the other: a difference that is nearly zero makes its square
+    exact, and not as coarse as the squares of its terms."""
     n = min(a.known, b.known)
     if not n:
         return NOTHING
-    return PowerSeries(np.convolve(a.c[:n], b.c[:n])[:n], np.convolve(a.size[:n], b.size[:n])[:n])
+    c, sizes = a.c[:n], a.size[:n]
+    size = np.convolve(np.abs(c), b.size[:n])[:n] + np.convolve(sizes, np.abs(b.c[:n]))[:n]
+    return PowerSeries(np.convolve(c, b.c[:n])[:n], size)
 
 
 def _made(n: int, coefficient: Callable[[int, Floats, Floats], tuple[float, float]]) -> PowerSeries:
@@ -194,7 +197,8 @@ def _quotient(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
         back, divisor = slice(k, 0, -1), float(b.c[0])
         value = (a.c[k] - c[:k] @ b.c[back]) / divisor
-        return value, (a.size[k] + size[:k] @ b.size[back] + abs(value) * b.size[0]) / abs(divisor)
+        rounding = a.size[k] + size[:k] @ np.abs(b.c[back]) + np.abs(c[:k]) @ b.size[back]
+        return value, (rounding + abs(value) * b.size[0]) / abs(divisor)
 
     return _made(n, coefficient)
 
@@ -219,9 +223,9 @@ def _exponential(a: PowerSeries) -> PowerSeries:
             value = float(np.exp(a.c[0]))
             return value, value * (1.0 + float(a.size[0]))
         weights = np.arange(1, k + 1) / k
-        return float((weights * a.c[1 : k + 1]) @ c[:k][::-1]), float(
-            (weights * a.size[1 : k + 1]) @ size[:k][::-1]
-        )
+        slope, rounding = weights * a.c[1 : k + 1], weights * a.size[1 : k + 1]
+        before, sizes = c[:k][::-1], size[:k][::-1]
+        return float(slope @ before), float(np.abs(slope) @ sizes + rounding @ np.abs(before))
 
     return _made(a.known, coefficient)
 
@@ -288,17 +292,13 @@ def _power(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     if not (a.known and b.known):
         return NOTHING
     exponent = float(b.c[0])
-    if not b.c[1:].any():
-        if exponent == int(exponent) and abs(exponent) <= a.known:
-            made = constant(1.0, a.known)
-            for _ in range(abs(int(exponent))):
-                made = product(made, a)
-            return made if exponent >= 0 else _inverse(made)
-        if a.c[0] == 0.0 and exponent == int(exponent) > 0 and a.known:
-            return PowerSeries(np.zeros(a.known), np.zeros(a.known))
-    if a.c[0] < 0.0 and exponent == int(exponent) and not b.c[1:].any():
-        made = _exponential(product(_logarithm(_scaled(a, -1.0)), b))
-        return _scaled(made, -1.0) if int(exponent) % 2 else made
+    if not b.c[1:].any() and exponent == int(exponent):
+        # By products: a logarithm of what is nearly zero would lose all digits.
+        made, square, left = constant(1.0, a.known), a, abs(int(exponent))
+        while left:
+            made, left = product(made, square) if left % 2 else made, left // 2
+            square = product(square, square) if left else square
+        return made if exponent >= 0 else _inverse(made)
     return _exponential(product(_logarithm(a), b))
 
 

@@ -81,23 +81,29 @@ def directions(equations: RestEquations, x: Floats) -> Floats:
 def tangent(equations: RestEquations, x: Floats) -> Floats:
     """An orthonormal basis (n, d) of the directions of the continuum through a point, d = 0 for a point alone.
 
-    A flat direction counts where a step along it ends at another point of rest, and there are as many there.
+    They are those in which steps along flat directions end at other points of rest, and there are as many there.
     """
     basis = directions(equations, x)
     n, length = equations.problem.n, PARAMETERS.step * equations.scales.length
-    least, passed = basis.shape[1], []
-    for k, direction in enumerate(basis.T):
-        ends = (stepped(equations, x, sign * length * direction) for sign in (1, -1))
-        end = next((one for one in ends if one is not None), None)
-        if end is None or not PARAMETERS.off * length < np.linalg.norm(end[:n] - x[:n]):
+    least, moved = basis.shape[1], []
+    for direction in basis.T:
+        both = (stepped(equations, x, sign * length * direction, 1.0) for sign in (1, -1))
+        ends = [end for end in both if end is not None]
+        if not ends or not PARAMETERS.off * length < np.linalg.norm(ends[0][:n] - x[:n]):
             continue
-        passed.append(k)
-        least = min(least, directions(equations, end).shape[1])
-    return np.asarray(basis[:, passed[:least]])
+        # Across a continuum curvatures may vanish too, and a step on a slant comes back onto it.
+        moved.append((ends[0] - ends[1])[:n] / 2 if len(ends) == 2 else ends[0][:n] - x[:n])
+        least = min(least, directions(equations, ends[0]).shape[1])
+    if not moved:
+        return np.zeros((n, 0))
+    left, sizes, _ = np.linalg.svd(basis.T @ np.array(moved).T / length)
+    return np.asarray(basis @ left[:, : min(least, int((sizes > PARAMETERS.off).sum()))])
 
 
-def stepped(equations: RestEquations, x: Floats, change: Floats) -> Floats | None:
-    """The point of rest next to x with q changed; None where there is none near."""
+def stepped(
+    equations: RestEquations, x: Floats, change: Floats, off: float = PARAMETERS.off
+) -> Floats | None:
+    """The point of rest next to x with q changed; None where there is none within a part of the change."""
     n = equations.problem.n
     predicted = x.copy()
     predicted[:n] += change
@@ -105,7 +111,7 @@ def stepped(equations: RestEquations, x: Floats, change: Floats) -> Floats | Non
     if begun is None or equations(begun) is None:
         return None
     end = newton.refined(equations, begun)
-    near = np.linalg.norm(end.x[:n] - predicted[:n]) <= PARAMETERS.off * np.linalg.norm(change)
+    near = np.linalg.norm(end.x[:n] - predicted[:n]) <= off * np.linalg.norm(change)
     settled = (
         end.step <= refine.PARAMETERS.settled and equations.unbalanced(end.x) <= refine.PARAMETERS.balanced
     )

@@ -1,13 +1,16 @@
-"""Points where the function has a kink: there it may have an extreme that no lambda balances.
+"""Points where the function has a kink, or a pole: there it may have an extreme that no lambda balances.
 
 The shortest sum of distances to the corners of an obtuse triangle is that from the corner itself; |x - 1| + x^2/4 is
 least at 1. Where u vanishes in sqrt(u), |u|, u^(1/3) or the difference u of min and max, the stationary points on the
-surface u = 0 are candidates; whether the function rises from one of them, or falls, its slopes on both sides say.
+surface u = 0 are candidates, with some inequalities closed; whether the function rises from one of them, or falls, its
+slopes say on all sides that are open. Where a divisor vanishes, or what a logarithm is taken of, there is no value:
+such a place is named, with what the function does beside it.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -56,6 +59,18 @@ class KinkSearchParameters:
     slope: float = 1e-6
     """Slopes beside a kink of this part of the forces are none.
     `test_a_slope_of_six_digits_less_is_none` fails at 1e-7 and 1e-5."""
+    continuous: float = 0.9
+    """Differences of values from that at a kink, a thousand times nearer, that are more than this part of them: it is
+    a pole. `test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none` fails at 0.09 and 9."""
+    around: tuple[float, ...] = (1e-2, 1e-4, 1e-6)
+    """Distances from a pole at which values are compared. `test_a_step_that_is_wide_is_no_pole` fails at a tenth and
+    at ten times of it."""
+    unbounded: float = 0.5
+    """Of the changes of the value from one of these distances to the next: a logarithm's are equal.
+    `test_a_value_that_grows_less_and_less_is_bounded` fails at 0.05 and 5."""
+    most_contacts: int = 3
+    """Inequalities, every set of which is closed in turn; of more a note says that none is.
+    `test_kinks_are_looked_at_among_three_contacts` fails at 0 and 30."""
     most_named: int = 4
     """Points that notes name; `test_notes_name_four_kinks` fails at 0 and 40."""
 
@@ -66,21 +81,30 @@ WORDS = {
     ca.OP_SQRT: "sqrt",
     ca.OP_FMIN: "min",
     ca.OP_FMAX: "max",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
     ca.OP_POW: "**",
     ca.OP_CONSTPOW: "**",
+    ca.OP_DIV: "/",
+    ca.OP_INV: "/",
+    ca.OP_LOG: "log",
+    ca.OP_SIGN: "sign",
 }
+_POLES = (ca.OP_DIV, ca.OP_INV, ca.OP_LOG)
+# What is zero, or not, where the argument is: the argument of these stands for them.
+_INNER = (ca.OP_SQRT, ca.OP_SQ, ca.OP_FABS, ca.OP_NEG, ca.OP_TWICE)
 
 
 class Kink(NamedTuple):
-    """A kink where `argument` (1, 1) is zero; value: the function as it is there; word: what makes it."""
+    """A kink where `argument` (1, 1) is zero; value: the function as it is there, None at a pole; word: what makes
+    it."""
 
     word: str
     argument: ca.SX
-    value: ca.SX
+    value: ca.SX | None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class KinkPoint:
+class KinkPoint(NamedTuple):
     """An extreme at a kink."""
 
     word: str
@@ -89,20 +113,21 @@ class KinkPoint:
 
 
 def kinks(laws: StaticLaws) -> list[Kink]:
-    """The kinks of the function, by its operations; none of those whose arguments do not vary."""
+    """The kinks and poles of the function, by its operations; none of those whose arguments do not vary."""
     inputs, value = [laws.q, laws.t, laws.p], ca.densify(laws.value)
-    found: list[tuple[str, ca.SX]] = []
+    found: list[tuple[int, ca.SX, bool]] = []
 
     def look(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        argument = _argument(op, parts)
-        if argument is not None and ca.depends_on(argument, laws.q):
-            found.append((WORDS[op], argument))
+        for argument, is_pole in ((_argument(op, parts), False), (_divisor(op, parts), True)):
+            if argument is not None and ca.depends_on(argument, laws.q):
+                found.append((op, argument, is_pole))
         return result
 
     operation_graph.replayed(value, inputs, look)
+    numbers = itertools.count()
     return [
-        Kink(word, argument, _with_kink(laws, value, inputs, number))
-        for number, (word, argument) in enumerate(found)
+        Kink(WORDS[op], argument, None if is_pole else _with_kink(laws, value, inputs, next(numbers)))
+        for op, argument, is_pole in found
     ]
 
 
@@ -118,6 +143,10 @@ def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int)
         passed += 1
         if passed - 1 != number:
             return result
+        if op == ca.OP_ASIN:
+            return np.pi / 2 * ca.sign(parts[0])
+        if op == ca.OP_ACOS:
+            return np.pi / 2 * (1 - ca.sign(parts[0]))
         return parts[0] if op in (ca.OP_FMIN, ca.OP_FMAX) else ca.SX(0)
 
     return operation_graph.replayed(value, inputs, put)
@@ -129,28 +158,44 @@ def _argument(op: int, parts: list[ca.SX]) -> ca.SX | None:
         return parts[0]
     if op in (ca.OP_FMIN, ca.OP_FMAX):
         return parts[0] - parts[1]
+    if op in (ca.OP_ASIN, ca.OP_ACOS):
+        return 1 - parts[0] ** 2
     if op in (ca.OP_POW, ca.OP_CONSTPOW) and parts[1].is_constant():
         power = float(parts[1])
         return parts[0] if 0 < power != round(power) else None
     return None
 
 
+def _divisor(op: int, parts: list[ca.SX]) -> ca.SX | None:
+    """Return what is zero at the pole of an operation, as simple as it is; None where it has none."""
+    if op in (ca.OP_POW, ca.OP_CONSTPOW):
+        divisor = parts[0] if not parts[1].is_constant() or float(parts[1]) < 0 else None
+    else:
+        divisor = parts[-1] if op in _POLES else None
+    while divisor is not None and any(divisor.is_op(inner) for inner in _INNER):
+        divisor = divisor.dep(0)
+    return divisor
+
+
 def _on_kink(laws: StaticLaws, kink: Kink) -> StaticLaws:
     """The problem on the surface u = 0."""
+    value = laws.value if kink.value is None else kink.value
     return dataclasses.replace(
         laws,
-        F=ca.densify(-ca.gradient(kink.value, laws.q)),
+        F=ca.densify(laws.driving - ca.gradient(value, laws.q)),
         B=ca.vertcat(laws.B, ca.jacobian(kink.argument, laws.q)),
         c=ca.densify(ca.vertcat(laws.c, kink.argument)),
-        value=kink.value,
+        value=value,
     )
 
 
-def extremes(search: PointSearch) -> Iterator[KinkPoint]:
+def extremes(search: PointSearch, known: Sequence[Kink]) -> Iterator[KinkPoint]:
     """Extremes at kinks, as far as they are found."""
     problem = search.problem
     found: list[Floats] = []
-    for kink in kinks(problem.laws):
+    for kink in known:
+        if kink.value is None:
+            continue
         laws = _on_kink(problem.laws, kink)
         on_kink = StaticProblem(laws, problem.p, (problem.t, problem.begin), 0.0)
         for q in _candidates(search, on_kink):
@@ -162,51 +207,70 @@ def extremes(search: PointSearch) -> Iterator[KinkPoint]:
                 yield KinkPoint(kink.word, q, kind)
 
 
-def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]:
-    """Stationary points on the surface of a kink: points on it where its gradient vanishes, as that of a distance
-    does, and points in balance."""
+def _begins(search: PointSearch) -> list[Floats]:
     problem, random = search.problem, np.random.default_rng(search.options.seed + 2)
-    length = search.scales.length
     begins = [problem.begin]
-    begins += [problem.begin + length * random.standard_normal(problem.n) for _ in range(PARAMETERS.tries)]
+    length = search.scales.length
+    return begins + [
+        problem.begin + length * random.standard_normal(problem.n) for _ in range(PARAMETERS.tries)
+    ]
+
+
+def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]:
+    """Stationary points on the surface of a kink, with each set of contacts closed: points on it where its gradient
+    vanishes, as that of a distance does, and points in balance."""
+    problem, length = search.problem, search.scales.length
     scales = rest_equations.scales(on_kink, problem.begin)
-    for begin in begins:
-        q = surface_descent.onto(on_kink, begin, (), scales)
-        if q is None:
-            continue
-        row = on_kink.at(on_kink.t, q, on_kink.nothing).dc[-1]
-        if (
-            np.linalg.norm(row) <= PARAMETERS.isolated * scales.conditions[-1]
-            or problem.n == on_kink.laws.c.numel()
-        ):
-            yield np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
-            continue
-        point = refine.reached(on_kink, q, (), scales)
-        if isinstance(point, refine.EquilibriumPoint):
-            yield point.q
+    begins = _begins(search)
+    for size in range(problem.K + 1):
+        for closed in itertools.combinations(range(problem.K), size):
+            for begin in begins:
+                q = surface_descent.onto(on_kink, begin, closed, scales)
+                if q is None:
+                    continue
+                values = on_kink.at(on_kink.t, q, on_kink.nothing)
+                row, count = values.dc[-1], on_kink.laws.c.numel() + size
+                if np.linalg.norm(row) <= PARAMETERS.isolated * scales.conditions[-1] or problem.n <= count:
+                    q = np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
+                else:
+                    point = refine.reached(on_kink, q, closed, scales)
+                    if not isinstance(point, refine.EquilibriumPoint):
+                        continue
+                    q = point.q
+                g = on_kink.at(on_kink.t, q, on_kink.nothing).g
+                if (g >= -refine.PARAMETERS.closed * search.scales.contacts * length).all():
+                    yield q
 
 
 def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
-    """`minimum` or `maximum` at a kink, by the slopes beside it; None where it is none, or open."""
+    """`minimum` or `maximum` at a kink, by the slopes beside it on all sides that are open; None where it is none, or
+    undecided."""
     problem, h = search.problem, PARAMETERS.beside * search.scales.length
     here = problem.value(q)
     if not np.isfinite(here):
         return None
     values = on_kink.at(on_kink.t, q, on_kink.nothing)
-    rows = point_type.unit(values.dc[:-1])
-    Z = point_type.kernel(rows)
+    near = values.g <= refine.PARAMETERS.closed * search.scales.contacts * search.scales.length
+    Z = point_type.kernel(point_type.unit(values.dc[:-1]))
     normal = Z.T @ values.dc[-1]
     size = float(np.linalg.norm(normal))
     along = "isolated"
-    if size > PARAMETERS.isolated * max(1.0, float(np.linalg.norm(values.dc[-1]))) and Z.shape[1] > 1:
+    is_surface = size > PARAMETERS.isolated * max(1.0, float(np.linalg.norm(values.dc[-1])))
+    if is_surface and Z.shape[1] > 1:
+        along = str(_along(on_kink, q, tuple(np.flatnonzero(near).tolist())))
+    if is_surface and not near.any():
         ways = (Z @ normal / size)[None]
-        along = str(_along(on_kink, q))
     else:
-        drawn = np.random.default_rng(5).standard_normal((8 * Z.shape[1], Z.shape[1]))
-        ways = (drawn / np.linalg.norm(drawn, axis=1, keepdims=True)) @ Z.T
-    slopes = np.array(
-        [(problem.value(q + sign * h * way) - here) / h for way in ways for sign in (1.0, -1.0)]
-    )
+        ways = _drawn(Z)
+    sides = np.vstack([ways, -ways])
+    sides = sides[(values.G[near] @ sides.T >= 0.0).all(axis=0)]
+    changes = np.array(
+        [[problem.value(q + part * h * way) - here for way in sides] for part in (1.0, 1e-3)]
+    ).reshape(2, len(sides))
+    changes = changes[:, np.isfinite(changes).all(axis=0)]  # beyond the domain of a root there is nothing
+    if not changes.size or np.abs(changes[1]).max() > PARAMETERS.continuous * np.abs(changes[0]).max():
+        return None
+    slopes = changes[0] / h
     floor = PARAMETERS.slope * max(float(np.abs(slopes).max()), search.scales.force)
     if (slopes > floor).all() and along in ("isolated", "minimum"):
         return "minimum"
@@ -215,32 +279,94 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     return None
 
 
-def _along(on_kink: StaticProblem, q: Floats) -> str | None:
-    """The type of a point on the surface of a kink."""
+def _drawn(Z: Floats) -> Floats:
+    """Directions (8 k, n) of length one of a space (n, k)."""
+    drawn = np.random.default_rng(5).standard_normal((8 * Z.shape[1], Z.shape[1]))
+    return np.asarray((drawn / np.linalg.norm(drawn, axis=1, keepdims=True)) @ Z.T)
+
+
+def pole_sentences(search: PointSearch, known: Sequence[Kink], names: Sequence[str], value: str) -> list[str]:
+    """Sentences on places where the function has no value, one for each operation that makes them."""
+    problem, sentences, found = search.problem, [], list[Floats]()
+    for pole in known:
+        if pole.value is not None:
+            continue
+        on_pole = StaticProblem(_on_kink(problem.laws, pole), problem.p, (problem.t, problem.begin), 0.0)
+        for q in _on_surface(search, on_pole):
+            if not any(search.apart(q, other) <= PARAMETERS.same for other in found):
+                found.append(q)
+                where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
+                what = _beside(search, on_pole, q, value)
+                sentences.append(f"at {where} the {value} is not defined, by `{pole.word}`: {what}")
+            break
+    return sentences[: PARAMETERS.most_named]
+
+
+def _on_surface(search: PointSearch, on_pole: StaticProblem) -> Iterator[Floats]:
+    """Points where a divisor vanishes, within the inequalities."""
+    length = search.scales.length
+    scales = rest_equations.scales(on_pole, search.problem.begin)
+    for begin in _begins(search):
+        q = surface_descent.onto(on_pole, begin, (), scales)
+        if q is None:
+            continue
+        g = on_pole.at(on_pole.t, q, on_pole.nothing).g
+        if not (g < -refine.PARAMETERS.closed * search.scales.contacts * length).any():
+            yield np.where(np.abs(q) <= PARAMETERS.same * length, 0.0, q)
+
+
+def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) -> str:
+    """A sentence on the function beside a place where it has no value."""
+    problem, length = search.problem, search.scales.length
+    ways = _drawn(point_type.kernel(point_type.unit(on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1])))
+    ways = np.vstack([ways, -ways])
+    far, middle, near = (
+        np.array([problem.value(q + part * length * way) for way in ways]) for part in PARAMETERS.around
+    )
+    first, then = middle - far, near - middle
+    is_known = np.isfinite(then) & np.isfinite(first)
+    wild = (
+        is_known
+        & (np.abs(then) > PARAMETERS.unbounded * np.abs(first))
+        & (np.abs(then) > PARAMETERS.slope * np.abs(near))
+    )
+    rises, falls = bool((wild & (then > 0)).any()), bool((wild & (then < 0)).any())
+    if rises and falls:
+        return f"beside it the {value} grows and falls without bound"
+    if rises or falls:
+        return f"beside it the {value} {'grows' if rises else 'falls'} without bound"
+    if not is_known.any():
+        return "an extreme may sit there"
+    return f"an extreme may sit there, where the {value} beside it is {near[is_known].mean():.6g}"
+
+
+def _along(on_kink: StaticProblem, q: Floats, closed: tuple[int, ...]) -> str | None:
+    """The type of a point on the surface of a kink, with these contacts closed."""
     scales = rest_equations.scales(on_kink, q)
-    x = refine.begun(RestEquations(on_kink, (), scales), q)
+    x = refine.begun(RestEquations(on_kink, closed, scales), q)
     if x is None:
         return None
-    point = refine.settled(RestEquations(on_kink, (), scales), newton.NewtonEnd(x, 0.0, 0.0))
+    point = refine.settled(RestEquations(on_kink, closed, scales), newton.NewtonEnd(x, 0.0, 0.0))
     if not isinstance(point, refine.EquilibriumPoint):
         return None
     return point_type.classify(on_kink, point, scales, True)[0].kind
 
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
-    """Sentences on extremes at kinks; `value`: the function that is asked for. Points of another type that the search
-    has listed there are none."""
+    """Sentences on extremes at kinks and poles; `value`: the function that is asked for. Points of another type that
+    the search has listed there are none."""
     problem = search.problem
-    if problem.K or len(problem.times) > 1:
-        return []
-    known = kinks(problem.laws)
+    jumps = _jumps(problem.laws)
+    sentences = [f"{jumps} make forces jump: points of rest at a jump are not looked for"] if jumps else []
+    known = kinks(problem.laws) if search.options.has_potential else []
     if not known:
-        return []
-    if len(known) > PARAMETERS.most_kinks or problem.n > PARAMETERS.most_coordinates:
+        return sentences
+    why = _beyond(problem, known)
+    if why:
         words = ", ".join(f"`{word}`" for word in dict.fromkeys(kink.word for kink in known))
-        return [f"{words} may have kinks: extremes there have no lambda, and are not looked for"]
-    sentences = []
-    for point in extremes(search):
+        return [*sentences, f"{words} may have kinks or poles: extremes there have no lambda, and {why}"]
+    sentences += pole_sentences(search, known, names, value)
+    for point in itertools.islice(extremes(search, known), PARAMETERS.most_named):
         # There derivatives are those of sign(0) = 0 and tell nothing.
         search.points = [
             known
@@ -252,4 +378,27 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
             f"at {where} `{point.word}` makes a kink, and no lambda is needed for the {point.kind} of the {value}"
             f" there ({value} = {problem.value(point.q):.9g})"
         )
-    return sentences[: PARAMETERS.most_named]
+    return sentences
+
+
+def _beyond(problem: StaticProblem, known: Sequence[Kink]) -> str | None:
+    """The reason that kinks are not looked at; None where they are."""
+    if len(problem.times) > 1:
+        return "are not looked for where equations hold t"
+    if PARAMETERS.most_contacts < problem.K:
+        return "are not looked for among so many inequalities"
+    is_large = len(known) > PARAMETERS.most_kinks or problem.n > PARAMETERS.most_coordinates
+    return "are not looked for" if is_large else None
+
+
+def _jumps(laws: StaticLaws) -> str:
+    """The words that make forces without a declared potential jump."""
+    words: list[str] = []
+
+    def look(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+        if op in (ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX) and ca.depends_on(result, laws.q):
+            words.append(f"`{WORDS[op]}`")
+        return result
+
+    operation_graph.replayed(ca.densify(laws.driving), [laws.q, laws.t, laws.p], look)
+    return ", ".join(dict.fromkeys(words))

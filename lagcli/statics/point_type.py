@@ -125,7 +125,7 @@ def classify(
     verdict = _of_doubtful(problem, bare, scales, ways[:, is_doubtful], along, signs[is_doubtful])
     if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
         verdict = _of_signs(bare, signs[is_doubtful])
-    if idle and verdict.order % 2:  # along one of two opposite directions a contact is in the way
+    if idle and verdict.is_odd:  # along one of two opposite directions a contact is in the way
         verdict = dataclasses.replace(verdict, rises=False, falls=False)
     sure = curvatures[~is_doubtful]
     up, down = int((sure > 0).sum()) + verdict.up, int((sure < 0).sum()) + verdict.down

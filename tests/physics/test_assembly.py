@@ -485,3 +485,27 @@ def test_a_minimum_that_several_searches_come_to_is_refined_once(monkeypatch):
     assert 1 <= len(brief) <= 8
     apart = [float(np.abs(one - other).max()) for one, other in itertools.combinations(brief, 2)]
     assert min(apart, default=1.0) > 1e-7
+
+
+OFF_THE_ROD = """lagcli: 1
+particles: {b: {mass: 1, position: [0.01, 0, -0.99]}}
+holonomic: {rod: norm(b) = 1, plane: b.y = 0}
+forces: {weight: {to: b, force: [0, 0, -9.81*m]}}
+simulation: {duration: 0.1, samples: 5}
+"""
+
+
+def test_answers_about_a_start_that_was_moved_say_so():
+    model = lagcli.loads(OFF_THE_ROD)
+    moved = lagcli.loads(OFF_THE_ROD.replace("0.99", "1.01").replace("samples", "assemble: true, samples"))
+    answers = [
+        lagcli.modes(model, assemble=True, about="equilibrium"),
+        lagcli.compare(model, assemble=True),
+        lagcli.compare(model, moved, assemble=True),
+        lagcli.limit(model, "rod", stiffness="1e3", assemble=True),
+    ]
+    for answer in answers:
+        assert any("assembled: moved by" in note for note in answer.notes)
+        assert any("assembled: moved by" in note for note in answer.as_json()["notes"])
+    unmoved = lagcli.loads(OFF_THE_ROD.replace("[0.01, 0, -0.99]", "[0, 0, -1]"))
+    assert not any("moved" in note for note in lagcli.modes(unmoved, assemble=True).notes)

@@ -94,7 +94,7 @@ def numbers(text: str) -> dict[str, np.ndarray]:
 def test_the_matrices_are_those_of_modes(name: str) -> None:
     model = lagcli.loads(HEAD + MODELS[name])
     ready = cache.compiled(model)
-    here, closed = linear_point.start(ready, 1.0)
+    here, closed, _ = linear_point.start(ready, 1.0)
     there = reference.classified(LinearizedFunctions(ready.system, closed), ready.numeric, here, 1.0)
     assert there is not None
     linear, whole = there.linear, ready.system.holonomic_count

@@ -83,7 +83,7 @@ def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
     text = RODS.replace("N: 250", "N: 12") + "  again: 2*norm(p[1]) = 2*l\n"
     model = lagcli.loads(text)
     ready = cache.compiled(model)
-    here, closed = linear_point.start(ready, 1.0)
+    here, closed, _ = linear_point.start(ready, 1.0)
     found = reference.classified(find_modes._functions(ready, closed, 1.0), ready.numeric, here, 1.0)
     assert found is not None
     linear: Linear = found.linear

@@ -149,3 +149,76 @@ def test_on_a_row_the_ends_of_a_distance_are_named():
     found = stationary("x: {value: 0.6}, y: {value: 0.8}", "abs(x) + 2*y", "x**2 + y**2 = 1")
     notes = [note for note in found.notes if "makes a kink" in note]
     assert any("x = 0, y = -1 " in note and "minimum" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("of", "wall", "where", "kind"),
+    [
+        ("abs(x) + y**2", "y >= -1", "x = 0, y = 0 ", "minimum"),
+        ("abs(x) + y", "y >= 0", "x = 0, y = 0 ", "minimum"),
+        ("-abs(x) - y", "y >= 0", "x = 0, y = 0 ", "maximum"),
+        ("abs(x - y) + (x - 1)**2 + y**2", "x + y >= 3", "x = 1.5, y = 1.5 ", "minimum"),
+        ("sqrt(x**2 + y**2) - y/2", "y >= 0", "x = 0, y = 0 ", "minimum"),
+        ("sqrt(x) + (y - 1)**2", "x >= 0", "x = 0, y = 1 ", "minimum"),
+        ("abs(x) - y", "y >= 0", "", ""),
+    ],
+)
+def test_a_kink_is_looked_at_among_inequalities(of, wall, where, kind):
+    text = f"coordinates: {{x: {{value: 0.3}}, y: {{value: 0.2}}}}\ninequality: {{wall: {wall}}}\n"
+    notes = [
+        note for note in lagcli.stationary(lagcli.loads(HEAD + text), of=of, starts=1).notes if "kink" in note
+    ]
+    assert bool(notes) is bool(where)
+    assert not where or any(f"at {where}" in note and f"the {kind} of" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        (
+            "1/(x**2 + y**2)",
+            "x = 0, y = 0 the value is not defined, by `/`: beside it the value grows without bound",
+        ),
+        (
+            "-1/sqrt((x - 1)**2 + (y - 2)**2) + x**2",
+            "x = 1, y = 2 the value is not defined",
+        ),
+        ("x/y**2 + y", "y = 0 the value is not defined, by `/`"),
+        ("exp(-1/(x**2 + y**2))", "x = 0, y = 0 the value is not defined, by `/`: an extreme may sit there"),
+        ("x*log(x) + y**2", "by `log`: an extreme may sit there"),
+        (
+            "log(x**2 + y**2)",
+            "not defined, by `log`: beside it the value falls without bound",
+        ),
+        ("asin(x) + y**2", "x = 1, y = 0 `asin` makes a kink"),
+        ("1/(1 + x**2 + y**2)", None),
+    ],
+)
+def test_a_pole_where_an_extreme_may_sit_is_named(of, said):
+    notes = stationary("x: {value: 0.3}, y: {value: 0.2}", of, starts=1).notes
+    if said is None:
+        assert not any("not defined" in note for note in notes)
+    elif "asin" in of:
+        assert not any(said in note and "minimum" in note for note in notes)
+    else:
+        assert any(said in note for note in notes)
+    assert not any("makes a kink" in note and "e+1" in note for note in notes)
+
+
+def test_kinks_are_named_where_they_are_not_looked_for():
+    moving = """
+coordinates: {x: {value: 0.3}}
+lagrangian: rate(x)**2/2
+forces: {s: {potential: "abs(x - sin(t)) + x**2"}}
+"""
+    sliding = """
+coordinates: {x: {value: 0.3}, y: {value: 0.1}}
+lagrangian: rate(x)**2/2 + rate(y)**2/2
+forces: {s: {to: x, force: "-sign(x - 1) - x + y"}, r: {to: y, force: "-y - x"}}
+"""
+    for text, words in ((moving, "where equations hold t"), (sliding, "`sign` make forces jump")):
+        try:
+            notes = lagcli.equilibrium(lagcli.loads(HEAD + text), starts=1).notes
+        except lagcli.ModelError as error:
+            notes = [str(error)]
+        assert any(words in note for note in notes), notes

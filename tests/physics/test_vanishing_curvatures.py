@@ -113,6 +113,44 @@ def test_a_curvature_that_is_small_is_one(of, kinds):
     assert not any(p.dimension for p in found)
 
 
+@pytest.mark.parametrize(
+    ("of", "kind"),
+    [
+        ("x**9", "saddle"),
+        ("-x**12", "maximum"),
+        ("x**4 + y**6", "minimum"),
+        ("x**4 + y**5", "saddle"),
+        ("(3*x + 4*y)**4 - (x - y)**6", "saddle"),
+        ("-x**2*y**2 - x**6 - y**6", "maximum"),
+        ("x**2*y**2 - x**6 + y**6", "saddle"),
+        ("(y - x**2)**4 + x**10", "minimum"),
+        ("(y - x**2)**2*(x**2 + y**2) + x**8", "minimum"),
+        ("(y - x**2)**2 + x**7", "saddle"),
+        ("x**4 + x**2*y**3 + y**6", "minimum"),
+        ("x**4 - 3*x**2*y**3 + y**6", "saddle"),
+        ("x**4 - 1.9999*(x*y)**2 + y**4", "minimum"),
+        ("x**4 + y**4 + z**4 + x*y*z*(x + y + z)/2", "minimum"),
+        ("x**4 + y**4 + z**4 + 3*x*y*z*(x + y + z)", "saddle"),
+        ("x**2 + y**4 + z**6", "minimum"),
+    ],
+)
+def test_what_the_first_form_leaves_open_the_next_ones_decide(of, kind):
+    values = {"x": 0.3, "y": 0.2, "z": 0.1}
+    names = [name for name in values if name in of]
+    given = ", ".join(f"{name}: {{value: {values[name]}}}" for name in names)
+    point = at_zero(stationary(f"coordinates: {{{given}}}\n", of), *names)
+    assert (point.type, point.dimension) == (kind, 0)
+
+
+@pytest.mark.parametrize(
+    ("of", "wall", "kind"),
+    [("x**4 + y**5", "y >= 0", "degenerate"), ("x**4 - y**6", "y >= 0", "saddle")],
+)
+def test_a_wall_in_the_way_of_one_of_two_sides_leaves_it_open(of, wall, kind):
+    text = f"coordinates: {{x: {{value: 0.3}}, y: {{value: 0.2}}}}\ninequality: {{wall: {wall}}}\n"
+    assert {p.type for p in stationary(text, of) if abs(p.at["x"]) < 1e-3} == {kind}
+
+
 WIRE = """
 particles: {{b: {{mass: {mass!r}, position: [{start!r}, 0, 0]}}}}
 holonomic: {{wire: "b.z = {wire}", plane: b.y = 0}}

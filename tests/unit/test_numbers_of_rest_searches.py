@@ -213,7 +213,7 @@ def along_x(monkeypatch):
     """One flat direction; each step along it is recorded and ends this part of the way."""
     steps = SimpleNamespace(lengths=[], part=1.0)
 
-    def stepped(equations, x, change):
+    def stepped(equations, x, change, off=0.3):
         steps.lengths.append(float(np.linalg.norm(change)))
         return x + steps.part * change
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -22,6 +22,7 @@ from lagcli.statics import (
     newton,
     point_type,
     polynomial_equations,
+    power_signs,
     refine,
     rest_equations,
     surface_descent,
@@ -194,9 +195,9 @@ def flat_verdict(build: Build, *at: float, forces: Build | None = None) -> FlatV
     return flat_directions.judged(problem, point, UNITS, np.eye(n), np.zeros((n, 0)))
 
 
-def test_a_power_of_eight_decides_and_one_of_nine_does_not() -> None:
-    assert flat_verdict(lambda q: q**8, 0.0).order == 8
-    assert flat_verdict(lambda q: q**9, 0.0).order == 0
+def test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not() -> None:
+    assert flat_verdict(lambda q: q**16, 0.0).order == 16
+    assert flat_verdict(lambda q: q**17, 0.0).order == 0
 
 
 @pytest.mark.parametrize(("part", "flat"), [(2e-13, 0), (6e-15, 1)])
@@ -225,10 +226,49 @@ def test_three_flat_directions_decide_and_four_do_not(count: int, order: int) ->
     assert flat_verdict(lambda q: ca.sum1(q**3), *np.zeros(count)).order == order
 
 
-@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.98, True), (-1.999, False)])
-def test_a_form_is_definite_where_its_least_is_a_part_of_its_largest(mixed: float, is_strict: bool) -> None:
-    found = flat_verdict(lambda q: q[0] ** 4 + mixed * (q[0] * q[1]) ** 2 + q[1] ** 4, 0.0, 0.0)
-    assert found.is_strict is is_strict
+@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.98, True), (-1.996, False)])
+def test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest(
+    mixed: float, is_strict: bool
+) -> None:
+    x, y, z = rays = np.random.default_rng(1).standard_normal((3, 40))
+    form = x**4 + y**4 + z**4 + mixed * (x * y) ** 2
+    found = power_signs.of_powers(rays.T, np.column_stack([0 * form] * 3 + [form]), np.zeros((40, 4)), 4)[0]
+    assert (found.rises, found.falls, found.is_decided) == (True, False, is_strict)
+
+
+@pytest.mark.parametrize(("part", "is_clear"), [(1e-14, False), (2e-13, True)])
+def test_a_branch_is_zero_within_sixty_roundings(part: float, is_clear: bool) -> None:
+    square = {(0, 2): 1.0, (1, 1): -2.0, (2, 0): 1.0 + part}  # (b - a)^2 with b = a + b'
+    terms = {(Fraction(i), j): (value, 0.0) for (i, j), value in square.items()}
+    value, rounding = power_signs._shifted(terms, 1.0, Fraction(1))[Fraction(2), 0]
+    assert (abs(value) > rounding) is is_clear
+
+
+@pytest.mark.parametrize(("apart", "count"), [(6e-4, 1), (6e-3, 3)])
+def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    branches: list[object] = []
+    both = power_signs.PowerSigns(False, False, True)
+    monkeypatch.setattr(power_signs, "_signs", lambda *given: branches.append(given) or both)
+    edge = np.vstack([np.polynomial.polynomial.polyfromroots([1, 1, 1 + apart, 1 + apart]), np.full(5, 1e-9)])
+    power_signs._on_edge({}, edge, 0, (Fraction(1), Fraction(4)), 8)
+    assert len(branches) == count
+
+
+@pytest.mark.parametrize(("part", "count"), [(3e-7, 1), (3e-6, 0)])
+def test_a_form_that_hardly_depends_on_a_direction_is_one_that_does_not(
+    part: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    axes: list[np.ndarray] = []
+    monkeypatch.setattr(flat_directions, "_moved_along", lambda _, begin, axis: axes.append(axis) or begin)
+    assert flat_verdict(lambda q: q[0] ** 4 + part * q[1] ** 4, 0.0, 0.0).is_strict
+    assert len(axes) == count
+
+
+@pytest.mark.parametrize(("part", "is_kept"), [(0.05, True), (0.3, False)])
+def test_a_curvature_beside_a_double_zero_is_none(part: float, is_kept: bool) -> None:
+    problem = problem_of(lambda q: part / 1.5 * q + q**2 + q**3, 1)
+    equations = FlatEquations(problem, (), UNITS, np.eye(1), np.zeros((1, 0)))
+    assert flat_directions._keeps(equations, (np.zeros(1), np.zeros(0)), np.ones(1)) is is_kept
 
 
 @pytest.fixture
@@ -272,14 +312,54 @@ def search_at_kinks(build: Build, count: int = 1) -> SimpleNamespace:
         problem=problem_of(build, count),
         scales=UNITS,
         points=[],
-        options=SimpleNamespace(seed=0),
+        options=SimpleNamespace(seed=0, has_potential=True),
         apart=lambda a, b: float(np.abs(a - b).max()),
     )
 
 
+def extremes_of(search: SimpleNamespace) -> Iterator[KinkPoint]:
+    return kink_points.extremes(search, kink_points.kinks(search.problem.laws))
+
+
+def beside(build: Build) -> str:
+    """What is said of a function beside zero."""
+    search = search_at_kinks(build)
+    kink = kink_points.kinks(search.problem.laws)[0]
+    laws = kink_points._on_kink(search.problem.laws, kink)
+    on_pole = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    return kink_points._beside(search, on_pole, np.zeros(1), "value")
+
+
+@pytest.mark.parametrize(("width", "is_bounded"), [(3e-5, True), (3e-6, False)])
+def test_a_step_that_is_wide_is_no_pole(width: float, is_bounded: bool) -> None:
+    assert ("without bound" not in beside(lambda q: ca.log(ca.fabs(q) + width))) is is_bounded
+
+
+def test_a_value_that_grows_less_and_less_is_bounded() -> None:
+    assert "may sit" in beside(lambda q: ca.fabs(q) ** 0.25)
+    assert "falls without bound" in beside(lambda q: ca.log(ca.fabs(q)))
+
+
+@pytest.mark.parametrize(("power", "kind"), [(1 / 50, "minimum"), (1 / 500, None)])
+def test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none(
+    power: float, kind: str | None
+) -> None:
+    search = search_at_kinks(lambda q: ca.fabs(q) ** power)
+    kink = kink_points.kinks(search.problem.laws)[-1]
+    laws = kink_points._on_kink(search.problem.laws, kink)
+    on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+
+
+def test_kinks_are_looked_at_among_three_contacts() -> None:
+    three, four = (SimpleNamespace(times=(0.0,), K=count, n=2) for count in (3, 4))
+    assert kink_points._beyond(three, []) is None
+    assert "inequalities" in str(kink_points._beyond(four, []))
+
+
 @pytest.mark.parametrize(("count", "sentences"), [(12, 0), (13, 1)])
 def test_twelve_kinks_are_looked_at(count: int, sentences: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kink_points, "extremes", lambda _: [])
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: [])
     search = search_at_kinks(lambda q: sum((ca.fabs(q - k) for k in range(count)), ca.SX(0)))
     assert len(kink_points.notes(search, ["x"], "value")) == sentences
 
@@ -288,7 +368,7 @@ def test_twelve_kinks_are_looked_at(count: int, sentences: int, monkeypatch: pyt
 def test_kinks_are_looked_at_among_twelve_coordinates(
     count: int, sentences: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(kink_points, "extremes", lambda _: [])
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: [])
     search = search_at_kinks(lambda q: ca.fabs(q[0]), count)
     assert len(kink_points.notes(search, ["x"] * count, "value")) == sentences
 
@@ -296,7 +376,7 @@ def test_kinks_are_looked_at_among_twelve_coordinates(
 def test_kinks_are_sought_from_six_starts_beside_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     begins: list[np.ndarray] = []
     monkeypatch.setattr(surface_descent, "onto", lambda problem, begin, *_: begins.append(begin))
-    assert not list(kink_points.extremes(search_at_kinks(ca.fabs)))
+    assert not list(extremes_of(search_at_kinks(ca.fabs)))
     assert len(begins) == 7
 
 
@@ -316,7 +396,7 @@ def test_kinks_closer_than_five_digits_are_one(
 ) -> None:
     monkeypatch.setattr(kink_points, "_candidates", lambda *_: [np.zeros(1), np.full(1, apart)])
     monkeypatch.setattr(kink_points, "_kind", lambda *_: "minimum")
-    assert len(list(kink_points.extremes(search_at_kinks(ca.fabs)))) == count
+    assert len(list(extremes_of(search_at_kinks(ca.fabs)))) == count
 
 
 def candidates_at(q: list[float], monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
@@ -363,7 +443,7 @@ def test_an_exact_point_keeps_its_curvature_where_another_has_none(away: float, 
 
 def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
     many = [KinkPoint("abs", np.full(1, float(k)), "minimum") for k in range(9)]
-    monkeypatch.setattr(kink_points, "extremes", lambda _: many)
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: many)
     assert len(kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")) == 4
 
 

@@ -1,0 +1,208 @@
+"""The signs of a function about zero, by the powers that are known of it on rays.
+
+Of one variable the first power decides. Of two Newton's polygon does, so that what the first form leaves open the next
+ones decide: on a branch b = s a^w, a > 0, the terms of least weight i + w j of sum C_ij a^i b^j decide; the slopes w
+are those of the polygon's edges, and the terms on an edge are a polynomial of s. Where this touches zero, the branch
+b = s a^w + b' goes on with the slopes beyond w (Newton, Puiseux). A function that is positive on all edges has a strict
+minimum. Of three variables the first form is looked at in all directions: between them it changes by no more than a
+part of its degree (Bernstein).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.contact.least_distance import EPS
+
+Floats = npt.NDArray[np.float64]
+# (i, j) -> the coefficient of a^i b^j and its rounding.
+Terms = Mapping[tuple[Fraction, int], tuple[float, float]]
+
+
+class SignParameters:
+    """Numbers of signs; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_statics.py`.
+    """
+
+    __slots__ = ()
+
+    roundings: float = 64.0
+    """The rounding of a coefficient in units of the last digit of its terms.
+    `test_a_branch_is_zero_within_sixty_roundings` fails at 6.4 and 640."""
+    same: float = 1e-3
+    """Points at which a polynomial touches zero that are one: of a multiple zero the highest derivative tells it.
+    `test_a_fourfold_zero_is_one_branch` fails at 1e-4 and 1e-2."""
+
+    directions: int = 40_000
+    """Directions of three variables at which a form is looked at.
+    `test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest` fails at 4000 and 400000."""
+
+
+PARAMETERS = SignParameters()
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PowerSigns:
+    """True for each: a function rises from zero, falls from zero, and no direction is left open."""
+
+    rises: bool
+    falls: bool
+    is_decided: bool
+
+    def __or__(self, other: PowerSigns) -> PowerSigns:
+        return PowerSigns(
+            self.rises or other.rises, self.falls or other.falls, self.is_decided and other.is_decided
+        )
+
+
+def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
+    """The signs on both sides of zero of a function with the powers s, s^2, ... `forms` (rays, orders) on rays (rays,
+    k), those below `power` zero."""
+    k, form, rounding = rays.shape[1], forms[:, power - 1], roundings[:, power - 1]
+    seen = PowerSigns(bool((form > rounding).any()), bool((form < -rounding).any()), k == 1)
+    if power % 2 or (seen.rises and seen.falls):
+        seen = PowerSigns(True, True, True)
+    if seen.is_decided or len(rays) <= power:
+        return seen, seen
+    return _of_two(rays, forms, roundings, power) if k == 2 else (_of_three(rays, form, rounding, power),) * 2
+
+
+def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
+    """The signs by Newton's polygon, with b along the ray on which the first form is largest."""
+    b = rays[int(np.argmax(np.abs(forms[:, power - 1])))]
+    turned = rays @ np.column_stack([[b[1], -b[0]], b])
+    orders = forms.shape[1]
+    sides: list[dict[tuple[Fraction, int], tuple[float, float]]] = [{}, {}]
+    for order in range(power, orders + 1):
+        exponents, values, floors = _coefficients(turned, forms[:, order - 1], roundings[:, order - 1], order)
+        for (i, j), value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True):
+            sides[0][Fraction(i), j] = value, floor
+            sides[1][Fraction(i), j] = value * (-1) ** i, floor
+    above, below = (_signs(terms, Fraction(0), orders) for terms in sides)
+    return above, below
+
+
+def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> PowerSigns:
+    """The signs of a form of one sign on rays: decided where it has the other one elsewhere, or is zero nowhere."""
+    rises = bool((forms > rounding).any())
+    seen = PowerSigns(rises, not rises, False)
+    exponents, values, floors = _coefficients(rays, forms, rounding, power)
+    if len(exponents) > len(rays):
+        return seen
+    sign = 1.0 if seen.rises else -1.0
+    axes = np.array([sign * values[exponents.index(each)] for each in _axes(rays.shape[1], power)])
+    if not (axes > 0).all():
+        return seen
+    # Each variable is measured by its own power.
+    units = np.prod(axes ** (-np.array(exponents) / power), axis=1)
+    powers = _sphere()[:, None, :] ** np.array(exponents)
+    all_values = np.prod(powers, axis=2) @ (sign * values * units)
+    if all_values.min() < -float(floors @ units):
+        return PowerSigns(True, True, True)
+    change = (power**2) * (4 * np.pi / PARAMETERS.directions) / 2
+    is_definite = bool(all_values.min() * (1 - change) > change * all_values.max())
+    return dataclasses.replace(seen, is_decided=is_definite)
+
+
+def _axes(k: int, power: int) -> list[tuple[int, ...]]:
+    return [tuple(power * (i == j) for j in range(k)) for i in range(k)]
+
+
+def _sphere() -> Floats:
+    """Directions in space that lie evenly (Fibonacci), no farther from any other than the root of their part of the
+    sphere."""
+    count = np.arange(PARAMETERS.directions) + 0.5
+    z, angles = 1 - 2 * count / PARAMETERS.directions, np.pi * (1 + np.sqrt(5.0)) * count
+    around = np.sqrt(1 - z**2)
+    return np.column_stack([around * np.cos(angles), around * np.sin(angles), z])
+
+
+def _coefficients(
+    rays: Floats, form: Floats, rounding: Floats, power: int
+) -> tuple[list[tuple[int, ...]], Floats, Floats]:
+    """The exponents of a form's monomials, their coefficients and the rounding of these, by its values on rays."""
+    exponents = [
+        each for each in itertools.product(range(power + 1), repeat=rays.shape[1]) if sum(each) == power
+    ]
+    monomials = np.prod(rays[:, None, :] ** np.array(exponents), axis=2)
+    inverse = np.linalg.pinv(monomials)
+    return exponents, inverse @ form, np.abs(inverse) @ rounding
+
+
+def _signs(terms: Terms, slope: Fraction, orders: int) -> PowerSigns:
+    """The signs on branches with slopes above this one."""
+    clear = {at for at, (value, rounding) in terms.items() if abs(value) > rounding}
+    if not clear:
+        return PowerSigns(False, False, False)
+    i, j = min(clear, key=lambda at: (at[0] + slope * at[1], at[1]))
+    if not j or (j % 2 and slope):
+        return PowerSigns(False, False, False)  # what was taken for zero is none
+    found = PowerSigns(False, False, True)
+    while j:
+        below = {at: (at[0] - i) / (j - at[1]) for at in clear if at[1] < j and at[0] > i}
+        if not below:
+            return found | PowerSigns(False, False, False)
+        slope = min(below.values())
+        weight = i + slope * j
+        if weight >= orders + 1:  # powers that are not known may be as large
+            return found | PowerSigns(False, False, False)
+        on_edge = {at[1]: terms[at] for at in terms if at[0] + slope * at[1] == weight and at[1] <= j}
+        first = min(at[1] for at, each in below.items() if each == slope)
+        edge = np.zeros((2, j + 1))
+        for power, pair in on_edge.items():
+            if power >= first:
+                edge[:, power] = pair
+        found |= _on_edge(terms, edge, first, (slope, weight), orders)
+        if found.rises and found.falls:
+            return found
+        i, j = weight - slope * first, first
+    return found
+
+
+def _on_edge(
+    terms: Terms, edge: Floats, first: int, line: tuple[Fraction, Fraction], orders: int
+) -> PowerSigns:
+    """The signs on the branches of one edge, sum c_j s^j with the least power `first`, where it touches zero those of
+    the branches beyond."""
+    if first % 2 or edge.shape[1] % 2 == 0:
+        return PowerSigns(True, True, True)
+    c, e = edge[:, first:]
+    found = PowerSigns(bool(c[0] > 0 or c[-1] > 0), bool(c[0] < 0 or c[-1] < 0), True)
+    touched: list[float] = []
+    for s in _extremes(c):
+        powers = s ** np.arange(c.size)
+        value, floor = float(c @ powers), float(e @ np.abs(powers))
+        if abs(value) > floor:
+            found |= PowerSigns(value > 0, value < 0, True)
+        elif not any(abs(s - other) <= PARAMETERS.same * abs(s) for other in touched):
+            touched.append(s)
+            found |= _signs(_shifted(terms, s, line[0]), line[0], orders)
+    return found
+
+
+def _extremes(c: Floats) -> Iterator[float]:
+    """The zeros of the odd derivatives of a polynomial, of the highest first: where it touches zero to the fourth power
+    the third derivative has a single zero."""
+    for order in range(c.size - 1 - c.size % 2, 0, -2):
+        slope = np.polynomial.polynomial.polyder(c, order)
+        yield from np.polynomial.polynomial.polyroots(slope).real.tolist() if slope.size > 1 else []
+
+
+def _shifted(terms: Terms, s: float, slope: Fraction) -> Terms:
+    """The terms with b = s a^slope + b'."""
+    found: dict[tuple[Fraction, int], list[float]] = {}
+    for (i, j), (value, rounding) in terms.items():
+        for k in range(j + 1):
+            factor = comb(j, k) * s ** (j - k)
+            entry = found.setdefault((i + slope * (j - k), k), [0.0, 0.0])
+            entry[0] += value * factor
+            entry[1] += (rounding + PARAMETERS.roundings * EPS * abs(value)) * abs(factor)
+    return {at: (value, rounding) for at, (value, rounding) in found.items()}
