@@ -256,6 +256,38 @@ class MetricRows:
         across = np.sqrt(self.count - rest.size)  # as long as X is at most, of rows of length one
         return float(1.0 / ((1.0 + across / least) / own[hanging].min() + 1.0 / least))
 
+    @cached_property
+    def hang_in_blocks(self) -> bool:
+        """True if the rows are independent by their pattern, however small their least singular value is: again and
+        again some of them hang on coordinates that no other row is left with, and are independent on these alone. So
+        a long truss is built, joint by joint, whose bending moves its rods by next to nothing.
+        """
+        entries = self._entries
+        by_row: list[dict[int, float]] = [{} for _ in range(self.count)]
+        by_column: list[set[int]] = [set() for _ in range(int(self.unit.shape[1]))]
+        for i, j, value in zip(
+            entries.row.tolist(), entries.column.tolist(), entries.values.tolist(), strict=True
+        ):
+            by_row[i][j] = value
+            by_column[j].add(i)
+        left, waiting = self.count, list(range(len(by_column)))
+        while waiting:
+            some = by_column[waiting.pop()]
+            if not 0 < len(some) <= PARAMETERS.few:
+                continue
+            block, touched = sorted(some), dict.fromkeys(j for i in sorted(some) for j in by_row[i])
+            own = [j for j in touched if by_column[j] <= some]
+            if len(own) < len(block):
+                continue
+            dense = np.array([[by_row[i].get(j, 0.0) for j in own] for i in block])
+            least = np.linalg.svd(dense, compute_uv=False)[-1] if len(block) > 1 else np.linalg.norm(dense)
+            if least > PARAMETERS.hanging:
+                left -= len(block)
+                for j in touched:
+                    by_column[j] = by_column[j].difference(block)
+                waiting += touched
+        return left == 0
+
     @property
     def _is_filled(self) -> bool:
         """True if the Gram matrix is better looked at densely."""
