@@ -62,29 +62,43 @@ class Locality:
     def is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
         """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
         where something that algebra divided by vanishes, and of those that do not."""
-        own = special_points.distinct(special_points.of(flagged.flag.divisors, [self._start.point]))
-        among = set(own)
+        own = self._own_factors(flagged.flag.divisors)
+        if own is None:
+            return False
         for some in itertools.chain.from_iterable(
             itertools.combinations(own, k) for k in range(1, len(own) + 1)
         ):
             there = self._flagged(block, some)
             if there is None or there.flag.conditions != flagged.flag.conditions:
                 return False
-            divisors = there.flag.divisors
-            if None in divisors or not among.issuperset(special_points.of(divisors, [self._start.point])):
+            others = self._own_factors(there.flag.divisors)
+            if others is None or not set(own).issuperset(others):
                 return False
-        return None not in flagged.flag.divisors
+        return True
 
     def is_left(self, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
         """True if motions from the start come to where nothing that algebra divided by vanishes.
 
         What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
         """
-        points = self._points(numbers)[1:]
-        return not any(
-            e is None or (self.is_at_start(e) and special_points.vanishes(e, points))
-            for e in flagged.flag.divisors
-        )
+        own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)[1:]
+        return own is not None and not any(special_points.vanishes(e, points) for e in own)
+
+    def _own_factors(self, divisors: Sequence[Expression | None]) -> list[Expression] | None:
+        """The factors of divisors that vanish at the start; None where they are not known.
+
+        Of a product that vanishes there another factor may be small wherever motions come to.
+        """
+        vanishing = [e for e in divisors if e is None or self.is_at_start(e)]
+
+        def work() -> list[Expression]:
+            return special_points.distinct(special_points.of(vanishing, [self._start.point]))
+
+        try:
+            own = time_limit.run(self._deadline, work, BUDGET) if vanishing else []
+        except time_limit.NO_ANSWER:
+            return None
+        return None if None in vanishing or (vanishing and not own) else own
 
     def is_at_start(self, expression: Expression) -> bool:
         """True if an expression is zero at the start to all digits, or has no value there."""
@@ -233,7 +247,7 @@ class Locality:
         for _ in range(MOST_LISTED):
             if self.is_left(found, numbers):
                 return equations, found
-            own = special_points.of(found.flag.divisors, [self._start.point])
+            own = self._own_factors(found.flag.divisors) or []
             new = [e for e in own if self._on(block, [*equations, e], numbers, is_proved=True) is not None]
             there = self._on(block, [*equations, *new], numbers, is_proved=True) if new else None
             if there is None:
