@@ -39,6 +39,9 @@ class MetricRowsParameters:
     shift: float = 1e-14
     """It is added to the diagonal of a Gram matrix of which rows may be the same: far below what is asked
     for. `test_rows_that_are_the_same_leave_what_is_added_to_their_gram_matrix` fails at 1e-15 and 1e-13."""
+    pivot_shift: float = 1e-13
+    """It is added to the diagonal of the Gram matrix of many rows, whose largest pivots are those of independent rows.
+    `test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added` fails at 1e-14 and 1e-12."""
     gram_roundoff: float = 1e-12
     """Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
     `test_eigenvalues_of_the_gram_matrix_are_rounding_below_twelve_digits` fails at 1e-13 and 1e-11."""
@@ -255,6 +258,13 @@ class MetricRows:
                 return 0.0
         across = np.sqrt(self.count - rest.size)  # as long as X is at most, of rows of length one
         return float(1.0 / ((1.0 + across / least) / own[hanging].min() + 1.0 / least))
+
+    def largest_pivots(self, count: int) -> list[int]:
+        """`count` independent rows of many: those with the largest pivots in the sparse factors of the Gram matrix.
+        The others are left what is added to its diagonal, times the squared length of their null vectors."""
+        D, _, order = ca.ldl(self._gram + PARAMETERS.pivot_shift * self._identity)
+        largest = np.argsort(-np.array(D).ravel(), kind="stable")[:count]
+        return sorted(np.asarray(order)[largest].tolist())
 
     @cached_property
     def hang_in_blocks(self) -> bool:

@@ -71,11 +71,9 @@ def estimate(rows: MetricRows) -> Rank:
     plain = _rank(without_masses)
     found = plain if plain.low > found.low else found
     if found.value is None and rows.is_large:
-        from lagcli.linear import independent_rows  # here, as it asks for ranks itself
-
         # The least singular value of a long structure falls with the square of its length. Rows that hang are
         # independent however small it is, and above a gap there are no more.
-        among = independent_rows.independent(without_masses, found.high)
+        among = without_masses.largest_pivots(found.high)
         if (
             without_masses.above(PARAMETERS.apart * PARAMETERS.small) == found.high
             and without_masses.take(among).hang_in_blocks
