@@ -39,9 +39,6 @@ class MetricRowsParameters:
     shift: float = 1e-14
     """It is added to the diagonal of a Gram matrix of which rows may be the same: far below what is asked
     for. `test_rows_that_are_the_same_leave_what_is_added_to_their_gram_matrix` fails at 1e-15 and 1e-13."""
-    pivot_shift: float = 1e-13
-    """It is added to the diagonal of the Gram matrix of many rows, whose largest pivots are those of independent rows.
-    `test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added` fails at 1e-14 and 1e-12."""
     gram_roundoff: float = 1e-12
     """Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
     `test_eigenvalues_of_the_gram_matrix_are_rounding_below_twelve_digits` fails at 1e-13 and 1e-11."""
@@ -258,45 +255,6 @@ class MetricRows:
                 return 0.0
         across = np.sqrt(self.count - rest.size)  # as long as X is at most, of rows of length one
         return float(1.0 / ((1.0 + across / least) / own[hanging].min() + 1.0 / least))
-
-    def largest_pivots(self, count: int) -> list[int]:
-        """`count` independent rows of many: those with the largest pivots in the sparse factors of the Gram matrix.
-        The others are left what is added to its diagonal, times the squared length of their null vectors."""
-        D, _, order = ca.ldl(self._gram + PARAMETERS.pivot_shift * self._identity)
-        largest = np.argsort(-np.array(D).ravel(), kind="stable")[:count]
-        return sorted(np.asarray(order)[largest].tolist())
-
-    @cached_property
-    def hang_in_blocks(self) -> bool:
-        """True if the rows are independent by their pattern, however small their least singular value is: again and
-        again some of them hang on coordinates that no other row is left with, and are independent on these alone. So
-        a long truss is built, joint by joint, whose bending moves its rods by next to nothing.
-        """
-        entries = self._entries
-        by_row: list[dict[int, float]] = [{} for _ in range(self.count)]
-        by_column: list[set[int]] = [set() for _ in range(int(self.unit.shape[1]))]
-        for i, j, value in zip(
-            entries.row.tolist(), entries.column.tolist(), entries.values.tolist(), strict=True
-        ):
-            by_row[i][j] = value
-            by_column[j].add(i)
-        left, waiting = self.count, list(range(len(by_column)))
-        while waiting:
-            some = by_column[waiting.pop()]
-            if not 0 < len(some) <= PARAMETERS.few:
-                continue
-            block, touched = sorted(some), dict.fromkeys(j for i in sorted(some) for j in by_row[i])
-            own = [j for j in touched if by_column[j] <= some]
-            if len(own) < len(block):
-                continue
-            dense = np.array([[by_row[i].get(j, 0.0) for j in own] for i in block])
-            least = np.linalg.svd(dense, compute_uv=False)[-1] if len(block) > 1 else np.linalg.norm(dense)
-            if least > PARAMETERS.hanging:
-                left -= len(block)
-                for j in touched:
-                    by_column[j] = by_column[j].difference(block)
-                waiting += touched
-        return left == 0
 
     @property
     def _is_filled(self) -> bool:

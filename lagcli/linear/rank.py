@@ -31,9 +31,6 @@ class RankParameters:
     small: float = 1e-7
     """Singular values below this are rounding; between the two is undecided.
     `test_singular_values_count_or_are_rounding_with_a_gap` fails at 1e-8 and 1e-6."""
-    apart: float = 5.0
-    """Of rows whose pattern shows that they are independent the singular values are only so many times above the
-    latter. `test_a_truss_is_rigid_however_little_its_bending_moves_its_rods` fails at 0.5 and 50."""
     weight: float = 1e-6
     """A row takes part in a dependence if its weight in the null vector is above this.
     `test_a_row_takes_part_in_a_dependence_with_six_digits` fails at 1e-7 and 1e-5."""
@@ -67,19 +64,8 @@ def estimate(rows: MetricRows) -> Rank:
     found = _rank(rows)
     if found.low == rows.count:
         return found
-    without_masses = rows.plain()
-    plain = _rank(without_masses)
-    found = plain if plain.low > found.low else found
-    if found.value is None and rows.is_large:
-        # The least singular value of a long structure falls with the square of its length. Rows that hang are
-        # independent however small it is, and above a gap there are no more.
-        among = without_masses.largest_pivots(found.high)
-        if (
-            without_masses.above(PARAMETERS.apart * PARAMETERS.small) == found.high
-            and without_masses.take(among).hang_in_blocks
-        ):
-            return Rank(found.high, found.high, found.dependences)
-    return found
+    plain = _rank(rows.plain())
+    return plain if plain.low > found.low else found
 
 
 def _rank(rows: MetricRows) -> Rank:

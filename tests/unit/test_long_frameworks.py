@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear import independent_rows, metric_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 
@@ -167,41 +167,3 @@ def test_weights_over_all_rows_are_found_for_forty_at_once(monkeypatch):
     rows = of_entries([*chained(200), *ends], 201)
     assert len(independent_rows.over(rows, tuple(range(200))).weights) == 90
     assert asked == [40, 40, 10]
-
-
-def truss(bays: int) -> MetricRows:
-    """The rows of a ladder in its plane with both diagonals in every bay."""
-    points, rods = ladder(bays)
-    points = np.array(points)
-    lines = np.array([points[i] - points[j] for i, j in rods])
-    lines /= np.linalg.norm(lines, axis=1)[:, None]
-    row, of = (
-        np.repeat(np.arange(len(rods)), 4),
-        np.array([[2 * i, 2 * i + 1, 2 * j, 2 * j + 1] for i, j in rods]),
-    )
-    B = metric_rows.sparse(row, of.ravel(), np.hstack([lines, -lines]).ravel(), (len(rods), points.size))
-    return MetricRows(B, Metric.unit(points.size))
-
-
-@pytest.mark.parametrize(("bays", "is_decided"), [(3000, True), (8000, False)])
-def test_a_truss_is_rigid_however_little_its_bending_moves_its_rods(bays: int, is_decided: bool) -> None:
-    """Of 3000 bays the least singular value is 8e-7, too small to be counted by itself; of 8000 it is 1e-7."""
-    rows, rank_there = truss(bays), 4 * (bays + 1) - 3
-    assert rows.above(rank.PARAMETERS.large) < rows.above(rank.PARAMETERS.small) == rank_there
-    assert rank.estimate(rows).value == (rank_there if is_decided else None)
-
-
-def test_rows_that_hang_on_next_to_nothing_do_not_hang() -> None:
-    """A chain of rows, each with an entry of its own: independent by their pattern unless that is small."""
-    n = 200
-    for entry, hang in ((1.0, True), (2e-2, True), (1e-3, False), (0.0, False)):
-        row = np.repeat(np.arange(n), 2)
-        column = np.column_stack([np.arange(n), np.arange(n) + 1]).ravel()
-        values = np.where(np.arange(2 * n) % 2, entry, 1.0)
-        closing = (
-            np.append(row, n),
-            np.append(column, 0),
-            np.append(values, 1.0),
-        )  # so that no first one is alone
-        rows = MetricRows(metric_rows.sparse(*closing, (n + 1, n + 1)), Metric.unit(n + 1))
-        assert rows.hang_in_blocks is hang

@@ -141,13 +141,9 @@ class _SparseLook:
 
 
 class Walked(abc.ABC):
-    """A F = 0 near z0, a manifold to walk on.
-
-    is_large: of many rows it is met as closely as can be, for what is left of them comes again in those that follow.
-    """
+    """A F = 0 near z0, a manifold to walk on."""
 
     rounding: float
-    is_large = False
 
     @abc.abstractmethod
     def look(self, z: Floats, t: float) -> Look:
@@ -155,16 +151,13 @@ class Walked(abc.ABC):
 
     def reached(self, z: Floats, t: float) -> Floats | None:
         """The point of the manifold that Newton's method reaches from z, or None."""
-        limit, before = PARAMETERS.solved + PARAMETERS.roundings * self.rounding, np.inf
+        limit = PARAMETERS.solved + PARAMETERS.roundings * self.rounding
         for _ in range(PARAMETERS.newton_steps):
             here = self.look(z, t)
             if not here.is_finite:
                 return None
-            left = np.abs(here.rest).max(initial=0.0)
-            is_falling = self.is_large and PARAMETERS.solved < left <= before / 2
-            if left <= limit and not is_falling:
+            if np.abs(here.rest).max(initial=0.0) <= limit:
                 return z
-            before = left
             step = here.shortest()
             if step is None:
                 return None
@@ -229,8 +222,6 @@ class Manifold(Walked):
 
 class LargeManifold(Walked):
     """Some of the rows of a large part, by their numbers there."""
-
-    is_large = True
 
     def __init__(self, part: ScaledPart, chosen: list[int]) -> None:
         self._part, self._chosen, self.rounding = part, chosen, part.rounding
