@@ -177,3 +177,9 @@ def test_bounds_allow_for_conditions_that_are_not_known_and_equal_ones_are_a_cou
     square += 'holonomic: {h: "x = 0.3"}\ndifferential: {n: "d(x) = (y**2 + z**2)*dt"}\n'
     assert lagcli.dof(lagcli.loads(square)).configuration_dof == 0
     assert lagcli.check(lagcli.loads(square)).dof.configuration_dof == 0
+
+
+def test_singular_values_that_are_neither_counted_nor_rounding_are_told() -> None:
+    found = counted({}, ["d(w)"], ["x + y = 3.3", "x + (1 + 1e-6)*y = 3.3000003"])
+    assert found.configuration_dof is None
+    assert "1 of them lie between 1e-07 and 3e-06" in found.reason
