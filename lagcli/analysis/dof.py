@@ -283,20 +283,38 @@ def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...
 
 
 def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[int]) -> str:
-    """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`), or nothing."""
+    """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`) or where they nearly
+    vanish, or nothing."""
     direction = generic_direction.direction(state.q.size, SEED)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
     gradients = metric_rows.LocalRows(numeric.holonomic(state.t, state.q, state.p)[1])
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(holonomic_rows)
-    for side in (-TIP, TIP):
-        there = dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
+    sides = [
+        dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
+        for side in (-TIP, TIP)
+    ]
+    for there in sides:
         if (
             sample_points.is_finite(numeric, there)
             and _normalized_rows(numeric, there).take(holonomic_rows).turned_from(here) > TURN
         ):
-            return "the gradient of a constraint jumps at the start, so the rank there does not prove the dimension"
+            what = "jumps at the start"
+            if _turns_smoothly(numeric, state, sides):
+                what = f"turns within {TIP:g} of the size of the start, as beside where it vanishes"
+            return f"the gradient of a constraint {what}, so the rank there does not prove the dimension"
     return ""
+
+
+def _turns_smoothly(numeric: NumericSystem, state: State, sides: list[State]) -> bool:
+    """True if gradients change as much from one side to the middle as from there to the other, as at y = 1 those of
+    (y - 1)^2 do and those of |y - 1| do not."""
+    one, here, other = (
+        metric_rows.LocalRows(numeric.holonomic(at.t, at.q, at.p)[1]).values
+        for at in (sides[0], state, sides[1])
+    )
+    bend, turn = np.abs(one + other - 2 * here), np.abs(other - one)
+    return bool(bend.max(initial=0.0) <= TURN * turn.max(initial=0.0))
 
 
 def _is_lost(found: Classification, on: _Ranks) -> bool:

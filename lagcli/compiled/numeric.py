@@ -14,7 +14,7 @@ S and M are factored as L D L^T with their sparsity: S by expanded graphs while 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache, wraps
+from functools import cached_property, wraps
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -318,9 +318,14 @@ class NumericSystem:
         return SizedFunction("terms", self._inputs, [shared.term_sizes(self._parts, self._inputs)])
 
     @cached_property
+    def row_terms(self) -> ca.Function:
+        """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
+        return SizedFunction("row_terms", self._inputs, shared.row_terms(self._parts, self._inputs))
+
+    @cached_property
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
-        return self._roundings("force_roundings", self._parts.h, self._parts.gamma)
+        return _roundings("force_roundings", self._inputs, self._parts.h, self._parts.gamma)
 
     @_of_steps
     def state_roundings(self) -> ca.Function:
@@ -331,13 +336,7 @@ class NumericSystem:
     @cached_property
     def energy_terms(self) -> ca.Function:
         """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
-        return self._roundings("energy_terms", self._system.dynamics.jacobi)
-
-    def _roundings(self, name: str, *values: ca.SX) -> ca.Function:
-        from lagcli.equations import operation_rules
-
-        units = [operation_rules.roundings(ca.densify(value), self._inputs) for value in values]
-        return SizedFunction(name, self._inputs, units)
+        return _roundings("energy_terms", self._inputs, self._system.dynamics.jacobi)
 
     @property
     def force(self) -> ca.Function:
@@ -362,14 +361,11 @@ class NumericSystem:
         return y
 
 
-@lru_cache(maxsize=4)
-def row_terms(numeric: NumericSystem) -> ca.Function:
-    """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
+def _roundings(name: str, inputs: list[ca.SX], *values: ca.SX) -> ca.Function:
     from lagcli.equations import operation_rules
 
-    parts, inputs = numeric._parts, numeric._inputs
-    found = [operation_rules.term_sizes(ca.densify(value), inputs) for value in (parts.f, parts.b)]
-    return SizedFunction("row_terms", inputs, found)
+    units = [operation_rules.roundings(ca.densify(value), inputs) for value in values]
+    return SizedFunction(name, inputs, units)
 
 
 def _inputs(function: ca.Function) -> list[ca.MX]:

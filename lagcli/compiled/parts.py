@@ -372,6 +372,13 @@ def term_sizes(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
     return sizes(parts, parts.v, terms, parts.M).packed
 
 
+def row_terms(parts: Parts, inputs: list[ca.SX]) -> list[ca.SX]:
+    """The sizes of the terms of f (s,) and of b (C,), which may cancel; inputs: t, q, v, p."""
+    from lagcli.equations import operation_rules
+
+    return [operation_rules.term_sizes(ca.densify(value), inputs) for value in (parts.f, parts.b)]
+
+
 def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
     """(2, 3): positions, velocities and accelerations, as `Sizes`, and what the rounding of the rows in which t occurs
     makes of the former two, and it and that of h of the latter, in units of rounding; inputs: t, q, v, p."""

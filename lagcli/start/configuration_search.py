@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.compiled import NumericSystem
-from lagcli.compiled import numeric as compiled_values
 from lagcli.compiled.parts import TINY
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
@@ -206,7 +205,7 @@ class Search:
         if not is_lower and not fades.any():
             return False
         given = (self.state.t, q, np.zeros(q.size), self.state.p)
-        terms = np.array(compiled_values.row_terms(self.numeric)(*given)[0]).ravel()[rows]
+        terms = np.array(self.numeric.row_terms(*given)[0]).ravel()[rows]
         roundings = initial.PARAMETERS.roundings * np.finfo(float).eps * terms
         ahead, _ = surface.values(q + PARAMETERS.ahead * (q - begin))
         if (fades & (np.abs(f) <= roundings) & (np.abs(ahead) <= roundings)).any():

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.compiled import numeric as compiled_values
 from lagcli.compiled.parts import TINY
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
@@ -208,9 +207,7 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     if not (velocity <= allowed_velocity).all():
         # What a row demands of velocities may be the rounding of terms that cancel, 100 (cos(x) - y/2) at x = pi/3; the
         # nearest velocity leaves a part of it to every row beside it.
-        terms = np.array(compiled_values.row_terms(numeric)(state.t, state.q, state.v, state.p)[1]).ravel()[
-            : norms.size
-        ]
+        terms = np.array(numeric.row_terms(state.t, state.q, state.v, state.p)[1]).ravel()[: norms.size]
         allowed_velocity += (
             PARAMETERS.roundings * np.finfo(float).eps * float((terms / norms).max(initial=0.0))
         )

@@ -73,6 +73,57 @@ def test_a_place_that_rows_keep_to_is_one_only_from_on_it(g: str, y: str, truth:
     assert counted({"y": y}, ["d(y)", f"d(w) - ({g})*u*d(z)"]).configuration_dof == truth
 
 
+@pytest.mark.parametrize(
+    ("nearly", "a"), [("log(1 + exp(-a))", "25"), ("sqrt(a**2 + 1e-26) - a", "0.4"), ("a - 1", "1 + 1e-12")]
+)
+@pytest.mark.parametrize(("g", "y"), [("y - 1", "1"), ("2*cos(y) - 1", "pi/3"), ("y**2 - 2", "sqrt(2)")])
+def test_a_place_that_rows_keep_to_is_one_beside_what_nearly_vanishes(
+    nearly: str, a: str, g: str, y: str
+) -> None:
+    """Numbers take both for zero; algebra knows that one of them is."""
+    values = {"y": y, "a": a, "b": "0.4", "c": "0", "e": "0.1"}
+    rows = ["d(y)", f"d(w) - ({g})*u*d(z)", f"d(b) - ({nearly})*c*d(e)"]
+    assert counted(values, rows).configuration_dof == 7
+
+
+@pytest.mark.parametrize("gain", ["1", "1e6"])
+def test_a_hidden_condition_is_demanded_where_another_row_keeps_to_a_place(gain: str) -> None:
+    values = {"x": "9/7", "y": "1/3", "z": "4/9", "w": "sqrt(2)", "v": "0.5", "p": "0.2"}
+    rows = [
+        "d(x)",
+        f"2*d(x) + {gain}*(y**2 - y - z)*dt",
+        "d(w)",
+        f"(x**2 + 2)*d(u) + v*(2 - w**2)*d(p) + (x**2 + 1)*{gain}*(y**2 - y - z)*dt",
+    ]
+    found = counted(values, rows)
+    assert found.configuration_dof == 3
+    assert any("hidden condition y**2 - y - z = 0" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("y", "is_beside"), [("1 + 1e-12", True), ("1 + 1e-30", True), ("1", False), ("1.01", False)]
+)
+def test_a_start_beside_a_special_place_says_that_it_is_judged_as_it_is_written(
+    y: str, is_beside: bool
+) -> None:
+    found = counted({"y": y}, ["d(y)", "d(w) - (y - 1)*u*d(z)"])
+    assert is_beside == any("the start lies beside y - 1 = 0 and not on it" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("row", "y", "what"),
+    [
+        ("(y - 1)**2 = 0", "1.000000000001", "turns within 2e-12"),
+        ("x*(y - 1)**2 = 0", "1.000000000001", "turns within 2e-12"),
+        ("sqrt(z**2 + (y - 0.3)**2) = 0", "0.3 + 1e-13", "jumps at the start"),
+    ],
+)
+def test_a_gradient_that_nearly_vanishes_does_not_jump(row: str, y: str, what: str) -> None:
+    found = counted({"y": y}, ["d(w)"], [row])
+    assert found.configuration_dof is None
+    assert what in found.reason
+
+
 @pytest.mark.parametrize(("g", "truth"), [("y**2 - 2", 3), ("y**2 - 2 - 1e-13", 4)])
 def test_a_start_that_is_moved_onto_its_rows_is_there_to_all_digits(g: str, truth: int) -> None:
     assert counted({"y": "0.5"}, [f"d(w) - ({g})*u*d(z)"], ["y**2 = 2"]).configuration_dof == truth
@@ -126,3 +177,9 @@ def test_bounds_allow_for_conditions_that_are_not_known_and_equal_ones_are_a_cou
     square += 'holonomic: {h: "x = 0.3"}\ndifferential: {n: "d(x) = (y**2 + z**2)*dt"}\n'
     assert lagcli.dof(lagcli.loads(square)).configuration_dof == 0
     assert lagcli.check(lagcli.loads(square)).dof.configuration_dof == 0
+
+
+def test_singular_values_that_are_neither_counted_nor_rounding_are_told() -> None:
+    found = counted({}, ["d(w)"], ["x + y = 3.3", "x + (1 + 1e-6)*y = 3.3000003"])
+    assert found.configuration_dof is None
+    assert "1 of them lie between 1e-07 and 3e-06" in found.reason

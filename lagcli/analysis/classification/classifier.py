@@ -159,7 +159,8 @@ class Classifier:
         except (function_field.NotDecidedError, time_limit.TimeUpError):
             return block, None
         if found.flag.contradiction:
-            if all(one.factors for one in found.flag.conditions) and not self._locality.is_regular(found):
+            may_hold = all(one.factors for one in found.flag.conditions)
+            if may_hold and not self._locality.is_demanded(block, found):
                 return block, None
             self._demand(group, found)
         return block, found
@@ -199,12 +200,18 @@ class Classifier:
         if found.exceptional:
             values = " or ".join(f"{notation.written(e)} = 0" for e in found.exceptional)
             remarks.append(f"shown for parameters in general; with {values} it may be another")
-        notes = tuple(
+        notes = [
             f"the start is a special configuration: {text} = 0 there; the rows lead away from it, and the count is that"
             " of the motions from it"
             for text, at in special.items()
             if at
-        )
+        ]
+        notes += [
+            f"the start lies beside {notation.written(e)} = 0 and not on it: it is judged as it is written, to 40"
+            " digits; on it the derived flag is different"
+            for e in found.special
+            if notation.written(e) in special and self._locality.is_beside(e)
+        ]
         proof: Proof = "symbolic" if found.is_exact else "numeric"
         vanishing = frozenset(names[i] for i in found.vanishing)
         inside = _picked(names, found.inside)
@@ -217,7 +224,7 @@ class Classifier:
             unsolved,
             proof,
             remarks=tuple(remarks),
-            notes=notes,
+            notes=tuple(notes),
             vanishing=vanishing,
             holonomic_rank=len(flagged.values) + found.holonomic_rank,
         )

@@ -9,6 +9,7 @@ keep to are sought, and the integrals on it.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 from lagcli.analysis.classification import exact_start
@@ -58,20 +59,54 @@ class Locality:
         """True if the ranks of exact algebra are those at the start: nothing that it divided by vanishes there."""
         return not any(e is None or self.is_at_start(e) for e in flagged.flag.divisors)
 
+    def is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
+        """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
+        where something that algebra divided by vanishes, and of those that do not."""
+        own = self._own_factors(flagged.flag.divisors)
+        if own is None:
+            return False
+        for some in itertools.chain.from_iterable(
+            itertools.combinations(own, k) for k in range(1, len(own) + 1)
+        ):
+            there = self._flagged(block, some)
+            if there is None or there.flag.conditions != flagged.flag.conditions:
+                return False
+            others = self._own_factors(there.flag.divisors)
+            if others is None or not set(own).issuperset(others):
+                return False
+        return True
+
     def is_left(self, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
         """True if motions from the start come to where nothing that algebra divided by vanishes.
 
         What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
         """
-        points = self._points(numbers)[1:]
-        return not any(
-            e is None or (self.is_at_start(e) and special_points.vanishes(e, points))
-            for e in flagged.flag.divisors
-        )
+        own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)[1:]
+        return own is not None and not any(special_points.vanishes(e, points) for e in own)
+
+    def _own_factors(self, divisors: Sequence[Expression | None]) -> list[Expression] | None:
+        """The factors of divisors that vanish at the start; None where they are not known.
+
+        Of a product that vanishes there another factor may be small wherever motions come to.
+        """
+        vanishing = [e for e in divisors if e is None or self.is_at_start(e)]
+
+        def work() -> list[Expression]:
+            return special_points.distinct(special_points.of(vanishing, [self._start.point]))
+
+        try:
+            own = time_limit.run(self._deadline, work, BUDGET) if vanishing else []
+        except time_limit.NO_ANSWER:
+            return None
+        return None if None in vanishing or (vanishing and not own) else own
 
     def is_at_start(self, expression: Expression) -> bool:
         """True if an expression is zero at the start to all digits, or has no value there."""
         return special_points.vanishes(expression, [self._start.point])
+
+    def is_beside(self, expression: Expression) -> bool:
+        """True if an expression that is not zero at the start is so near to zero that doubles cannot tell."""
+        return special_points.beside(expression, self._start.point)
 
     def has_sheets(self, block: PfaffianBlock, numbers: NumericFlag) -> bool:
         """True if a holonomic row has other factors than those that vanish along the motions from the start."""
@@ -115,7 +150,11 @@ class Locality:
         where, passing = self._set(block, candidates, numbers, of_rows)
         doubt = "" if where else self._doubt(flagged, numbers, together, single)
         if doubt:
-            return JointVerdict(block.names, (), (), frozenset(), (), (), "none", reason=doubt)
+            kept = None if flagged is None else self._kept(block, flagged, numbers)
+            if kept is None:
+                return JointVerdict(block.names, (), (), frozenset(), (), (), "none", reason=doubt)
+            where, passing = kept[0], self._integrals(kept[1], of_rows)
+            together = _exact(together, kept[1], numbers)
         lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
         known = {one.text for one in lasting}
         written_integrals = [
@@ -142,7 +181,7 @@ class Locality:
     ) -> str:
         """Say why numbers that took values for zero prove nothing, where no set was found that motions keep to."""
         divisors = () if flagged is None else flagged.flag.divisors
-        near = [e for e in divisors if e is not None and special_points.beside(e, self._start.point)]
+        near = [e for e in divisors if e is not None and self.is_beside(e)]
         if near:
             return (
                 f"the start lies so near {notation.written(near[0])} = 0, and not on it, that numbers cannot tell what"
@@ -197,6 +236,25 @@ class Locality:
                 equations, found = fewer, there
         return equations, found
 
+    def _kept(
+        self, block: PfaffianBlock, flagged: joint.Flagged, numbers: NumericFlag
+    ) -> tuple[Sequence[Expression], joint.Flagged] | None:
+        """Equations that hold at the start to all digits and that motions keep to, and the flag of exact algebra there,
+        which is that of the motions; None where it may be another. Nothing is taken from values of numbers, but ranks.
+        """
+        equations: list[Expression] = []
+        found = flagged
+        for _ in range(MOST_LISTED):
+            if self.is_left(found, numbers):
+                return equations, found
+            own = self._own_factors(found.flag.divisors) or []
+            new = [e for e in own if self._on(block, [*equations, e], numbers, is_proved=True) is not None]
+            there = self._on(block, [*equations, *new], numbers, is_proved=True) if new else None
+            if there is None:
+                return None
+            equations, found = [*equations, *new], there
+        return None
+
     def _points(self, numbers: NumericFlag) -> list[special_points.SpecialPoint]:
         """The start, and the other points of its motions that numbers have met."""
         return [self._start.point, *map(self._start.reached, numbers.states[1:])]
@@ -223,28 +281,38 @@ class Locality:
         return [own, [*own, *special_points.still(block, points, self._start.written(block.variables))]]
 
     def _on(
-        self, block: PfaffianBlock, equations: Sequence[Expression], numbers: NumericFlag
+        self,
+        block: PfaffianBlock,
+        equations: Sequence[Expression],
+        numbers: NumericFlag,
+        is_proved: bool = False,
     ) -> joint.Flagged | None:
-        """The block with some more equations, if its flag is that of numbers."""
+        """The block with some more equations that motions keep to, if its flag is that of numbers or `is_proved`."""
+        found = self._flagged(block, equations)
+        if found is None:
+            return None
+        holonomic_rank = len(found.values) + found.flag.holonomic_rank
+        dims, extra = found.flag.dims, numbers.extra
+        # The same rank with the equations and without: their differentials lie in the system, and motions keep to them.
+        is_kept = dims and holonomic_rank + dims[0] == numbers.surface + extra[0]
+        is_same = is_proved or holonomic_rank + dims[-1] == numbers.surface + extra[-1]
+        return found if is_kept and is_same else None
+
+    def _flagged(self, block: PfaffianBlock, equations: Sequence[Expression]) -> joint.Flagged | None:
+        """The flag of the block with some more equations, where algebra finds it."""
         if not equations:
             return None
         plain = block.with_values(self._translation.values)
         surface = (*plain.surface, *(e.xreplace(self._translation.values) for e in equations))
         there = dataclasses.replace(plain, surface=surface)
         try:
-            found = time_limit.run(
+            return time_limit.run(
                 self._deadline, lambda: joint.flagged(there, TIME, {}, self._deadline), BUDGET
             )
         except function_field.NotDecidedError:
             return None
         except time_limit.NO_ANSWER:
             return None
-        holonomic_rank = len(found.values) + found.flag.holonomic_rank
-        dims, extra = found.flag.dims, numbers.extra
-        # The same rank with the equations and without: their differentials lie in the system, and motions keep to them.
-        is_kept = dims and holonomic_rank + dims[0] == numbers.surface + extra[0]
-        is_same = is_kept and holonomic_rank + dims[-1] == numbers.surface + extra[-1]
-        return found if is_same else None
 
     def _integrals(
         self, found: joint.Flagged, single: Sequence[frobenius.FormVerdict | None]
@@ -257,6 +325,23 @@ class Locality:
             )
         except time_limit.NO_ANSWER:
             return ()
+
+
+def _exact(together: JointVerdict, found: joint.Flagged, numbers: NumericFlag) -> JointVerdict:
+    """The verdict with the flag of exact algebra on a set that motions keep to: the differentials of its equations lie
+    in the system, and count in each part of it."""
+    flag = found.flag
+    equations = len(found.values) + flag.holonomic_rank - numbers.surface
+    inside = frozenset(name for name, is_inside in zip(together.rows, flag.inside, strict=True) if is_inside)
+    return dataclasses.replace(
+        together,
+        flag=tuple(k + equations for k in flag.dims),
+        growth=flag.growth,
+        inside=inside,
+        integrals=tuple(one for one in together.integrals if inside.issuperset(one.rows)),
+        proof="symbolic" if flag.is_exact else "numeric",
+        remarks=(),
+    )
 
 
 def _vanishing(block: PfaffianBlock, points: Sequence[special_points.SpecialPoint]) -> frozenset[str]:

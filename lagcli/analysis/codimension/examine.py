@@ -89,7 +89,12 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         return Codimension("independent", rows.count, rows.count)
     if found.value is None:
         part = {i for vector in found.dependences for i in rank.participants(vector)}
-        reason = "no gap in the singular values of the constraint rows decides their rank"
+        limits = rank.PARAMETERS
+        reason = (
+            "no gap in the singular values of the constraint rows decides their rank:"
+            f" {found.high - found.low} of them lie between {limits.small:g} and {limits.large:g},"
+            " as those of a very long structure in bending do"
+        )
         return Codimension("undecided", found.low, None, tuple(sorted(part)), reason=reason)
     from lagcli.linear import independent_rows
 

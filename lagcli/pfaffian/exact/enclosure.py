@@ -267,6 +267,10 @@ def nearest(
 
     The points hold the symbols that may move; the inertia begins with them. Rows of the surface that depend on others
     there have no answer: None.
+
+    The steps are those that `points_on` takes. The brackets in many digits (`numeric_flag.precise_brackets`) refine
+    a point with factors of doubles: to some point of compiled rows. Here the rows are symbols, which have no compiled
+    form where conditions were added, and which point it is matters: what vanishes at the nearest one is judged.
     """
     gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
     with mpmath.workdps(DIGITS):
