@@ -103,7 +103,7 @@ def _rank_of_many(rows: MetricRows) -> Rank:
 
 
 def nearest_dependence(rows: MetricRows) -> tuple[float, Floats]:
-    """How far rows are from dependent ones, their smallest singular value in the clearer of two metrics, and the
+    """The smallest singular value of rows, their distance from dependent ones, in the clearer of two metrics, and the
     combination (C,) of rows of length one that comes closest to zero."""
     found = []
     for each in (rows, rows.plain()):

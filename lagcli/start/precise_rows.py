@@ -74,7 +74,9 @@ class PreciseRows:
             return None  # others are rounding: there is no doubt
         with decimal.localcontext(prec=PARAMETERS.digits):
             try:
-                point = _Point(self._program, self._state, numbers, self._numeric.holonomic.size1_out(0))
+                point = _RowsAtPoint(
+                    self._program, self._state, numbers, self._numeric.holonomic.size1_out(0)
+                )
                 B = (
                     point.rows()  # the same everywhere
                     if is_constant
@@ -111,7 +113,7 @@ class PreciseRows:
         return found
 
 
-class _Point:
+class _RowsAtPoint:
     """Some rows as functions of the coordinates, at the time and parameters of a state; s: the holonomic rows."""
 
     def __init__(self, written: Program, state: State, numbers: Sequence[int], s: int) -> None:

@@ -69,7 +69,7 @@ DOORS = {
     ),
     "mpmath": (
         "lagcli.pfaffian.",
-        "lagcli.analysis.numeric_flag.multiprecision",
+        "lagcli.compiled.multiprecision",
         "lagcli.statics.one_unknown",
     ),
     "casadi": (
@@ -78,6 +78,7 @@ DOORS = {
         "lagcli.linear.metric",
         "lagcli.linear.metric_rows",
         "lagcli.linear.independent_rows",
+        "lagcli.start.precise_rows",
         "lagcli.start.sample_points",
         "lagcli.formulations.dense_functions",
         "lagcli.formulations.stiff_system",
@@ -101,7 +102,6 @@ DOORS = {
     ),
     "distributed": ("lagcli.api.sweeps.dask_engine",),
     "scipy": (
-        "lagcli.statics.rest_equations",
         "lagcli.api.sweeps.drawn_points",
         "lagcli.contact.",
         "lagcli.formulations.stiff_ladder",
