@@ -14,12 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import pieces
-from lagcli.equations import energy, kinks, named_functions, operation_rules
+from lagcli.equations import energy, kinks, operation_rules
 from lagcli.equations.environment import Environment
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
+from lagcli.smoothness import named_functions
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 

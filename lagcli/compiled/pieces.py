@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import kinks, operation_graph
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.equations import kinks
+from lagcli.smoothness import operation_graph
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 

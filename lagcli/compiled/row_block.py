@@ -15,9 +15,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import kinks, operation_graph
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.equations import kinks
 from lagcli.equations.system import System
+from lagcli.smoothness import operation_graph
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:  # a count needs no pieces
     from lagcli.compiled.pieces import AnalyticPieces

@@ -15,15 +15,15 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import jump_search
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import column
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
+from lagcli.smoothness import jump_search
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 StateValues = jump_search.StateValues

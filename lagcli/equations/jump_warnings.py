@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 import casadi as ca
 import numpy as np
 
-from lagcli.equations import branch_cuts, energy_jumps, jump_search, named_functions
+from lagcli.equations import branch_cuts, energy_jumps
 from lagcli.equations import system as mechanics
 from lagcli.equations.rows import Row
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.smoothness import jump_search, named_functions
 
 # Angles have a warning of their own, `branch-cut`.
 _ANGLES = ("atan", "atan2")

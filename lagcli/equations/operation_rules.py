@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from lagcli.equations import operation_graph
-from lagcli.equations.operation_graph import Expression
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
+from lagcli.smoothness import operation_graph
+from lagcli.smoothness.operation_graph import Expression
+from lagcli.smoothness.sized_function import SizedFunction
 
 # A value and the size of its terms.
 Sized = tuple[ca.SX, ca.SX]

@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import generic_direction
 from lagcli.model import model as nouns
+from lagcli.smoothness import named_functions
 from lagcli.start import initial
 from lagcli.start.initial import State
 

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
+from lagcli.smoothness import operation_graph
 from lagcli.statics import newton, point_type, refine, rest_equations, surface_descent
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import RestEquations

@@ -82,7 +82,7 @@ def test_a_law_of_the_audit_has_its_name_alone() -> None:
 def test_few_packages_and_few_modules_beside_them() -> None:
     packages = [path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()]
     modules = [path for path in PACKAGE.glob("*.py") if path.stem != "__init__"]
-    assert len(packages) <= 20
+    assert len(packages) <= 21
     assert len(modules) <= 4
     assert len(FLOORS) <= 9
 

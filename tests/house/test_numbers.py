@@ -42,6 +42,7 @@ LOOSE = {
     "output": 155,
     "pfaffian": 64,
     "simulation": 94,
+    "smoothness": 6,
     "start": 1,
     "statics": 9,
 }

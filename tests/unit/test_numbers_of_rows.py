@@ -7,14 +7,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.equations import branch_cuts, jump_search
+from lagcli.equations import branch_cuts
 from lagcli.equations.branch_cuts import Cuts
-from lagcli.equations.jump_search import Local, Starts
 from lagcli.equations.kinks import Kinks
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.independent_rows import Dependence
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.smoothness import jump_search
+from lagcli.smoothness.jump_search import Local, Starts
 
 NOTHING = np.zeros(0)
 

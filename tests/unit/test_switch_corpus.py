@@ -8,10 +8,11 @@ import numpy as np
 
 import lagcli
 from lagcli.compiled import pieces
-from lagcli.equations import jump_search, kinks, named_functions, operation_rules, time_functions
+from lagcli.equations import kinks, operation_rules
 from lagcli.equations import system as mechanics
 from lagcli.simulation.stepping import timetable
 from lagcli.simulation.stepping.stop_reasons import Sides
+from lagcli.smoothness import jump_search, named_functions, time_functions
 from tests.helpers import switch_corpus
 from tests.helpers.switch_corpus import CUSP, END, FLAT, JUMP, KINK, NONE, POLE
 

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.force_switches import ForceSwitches
-from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.scheme.step_tolerance import UNIT
 from lagcli.simulation.stepping import stop_reasons
+from lagcli.smoothness import named_functions
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 import casadi as ca
 
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness.sized_function import SizedFunction
 
 # (operation, operands, value) -> what stands for the value from there on.
 Visit = Callable[[int, list[ca.SX], ca.SX], ca.SX]

@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
-from lagcli.equations.family_columns import taken
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.frozen import frozen
+from lagcli.smoothness import operation_graph
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 # t, q and v.
@@ -177,9 +176,9 @@ class Local:
     def __init__(self, value: ca.SX, inputs: list[ca.SX], with_slopes: bool = False) -> None:
         t, q, v, p = inputs
         self.moving, self._rates = (np.flatnonzero(ca.which_depends(value, x, 1, False)) for x in (q, v))
-        x = taken(q, self.moving)
+        x, rates = (ca.vec(y[of.tolist()]) for y, of in ((q, self.moving), (v, self._rates)))
         column = ca.vertcat(value, ca.gradient(value, x)) if with_slopes else value
-        self._function = SizedFunction("local", [t, x, taken(v, self._rates), p], [ca.densify(column)])
+        self._function = SizedFunction("local", [t, x, rates, p], [ca.densify(column)])
 
     def at(self, begin: Starts, x: Floats) -> Floats:
         """The column (k, S) at points x (m, S)."""
