@@ -32,7 +32,7 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
 
 def _of_cuts(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """One warning for each constraint with an angle that jumps, and one for the forces."""
-    if not any(named_functions.ANGLES.search(text) for text in named_functions.texts(built.model)):
+    if all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
         return ()
     found: dict[diagnostics.Location, diagnostics.Diagnostic] = {}
     for i, description in _cut_rows(built):
@@ -87,7 +87,7 @@ def _cut_forces(built: System) -> Iterator[diagnostics.Diagnostic]:
     expressions = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
     expressions += [definition.expression for definition in model.definitions]
     location = next(
-        (e.location for e in expressions if named_functions.ANGLES.search(e.text)),
+        (e.location for e in expressions if e.words & named_functions.ANGLES),
         diagnostics.Location(model.path, 1, 1),
     )
     message = (

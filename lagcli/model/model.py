@@ -9,6 +9,7 @@ converted.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator, Mapping
 from typing import Literal, Protocol
@@ -41,6 +42,11 @@ class Expression:
     def text(self) -> str:
         """The text as the user wrote it."""
         return self.origin.value.strip()
+
+    @functools.cached_property
+    def words(self) -> frozenset[str]:
+        """The words of its tree, as `tree.words` has them."""
+        return tree.words(self.tree)
 
     @property
     def location(self) -> diagnostics.Location:
