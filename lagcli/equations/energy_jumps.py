@@ -22,18 +22,13 @@ from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
-from lagcli.smoothness import jump_search
+from lagcli.smoothness import jump_search, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 StateValues = jump_search.StateValues
 
-PHRASES = {
-    "sign": "`sign` switches",
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
-    jump_search.QUOTIENT: "the divisor of a quotient goes through zero",
-}
+PHRASES = switches.PHRASES | {switches.QUOTIENT: "the divisor of a quotient goes through zero"}
 # A check looks at so many members of a family, evenly spread, and in each subject at so many switches of each word.
 MEMBERS, SWITCHES = 16, 32
 
@@ -129,12 +124,12 @@ class EnergyJumps:
         """The switches of all members, for a run; None where nothing can change its sign."""
         subjects: list[Subject] = []
         values: list[ca.SX] = []
-        found: list[tuple[int, jump_search.Switch]] = []
+        found: list[tuple[int, jump_search.Jumping]] = []
         for subject in self._subjects:
             value = subject.value(np.arange(subject.count))
-            switches = jump_search.switches(value, self._inputs)
-            if switches:
-                found += [(len(subjects), switch) for switch in switches]
+            jumping = jump_search.switches(value, self._inputs)
+            if jumping:
+                found += [(len(subjects), switch) for switch in jumping]
                 subjects.append(subject)
                 values.append(value)
         if not subjects:
@@ -158,9 +153,9 @@ class EnergyJumps:
         for subject in self._subjects:
             spread = np.linspace(0, subject.count - 1, min(subject.count, MEMBERS))
             value = subject.value(np.unique(spread.round().astype(np.int64)))
-            switches = jump_search.examples(jump_search.switches(value, self._inputs), SWITCHES)
-            whole = jump_search.Local(value, self._inputs) if switches else None
-            for switch in switches:
+            chosen = jump_search.examples(jump_search.switches(value, self._inputs), SWITCHES)
+            whole = jump_search.Local(value, self._inputs) if chosen else None
+            for switch in chosen:
                 if whole is not None and jump_search.jumps(whole, switch.argument, self._inputs, begin):
                     yield subject, switch.word
                     break

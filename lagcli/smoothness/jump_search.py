@@ -13,6 +13,7 @@ import numpy.typing as npt
 from lagcli.frozen import frozen
 from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
+from lagcli.smoothness.switches import KINDS
 
 Floats = npt.NDArray[np.float64]
 # t, q and v.
@@ -63,19 +64,12 @@ _RANGES: dict[int, Bounds] = {
     ca.OP_TANH: (-1.0, 1.0),
     ca.OP_SIGN: (-1.0, 1.0),
 }
-QUOTIENT = "a quotient"
-# The operation, with the operand that changes its sign.
-_WORDS = {
-    ca.OP_SIGN: ("sign", 0),
-    ca.OP_ATAN2: ("atan2", 0),
-    ca.OP_ATAN: ("atan", 0),
-    ca.OP_DIV: (QUOTIENT, 1),
-    ca.OP_INV: (QUOTIENT, 0),
-}
+# Of the operations that may jump the operand that changes its sign.
+_OPERANDS = {ca.OP_SIGN: 0, ca.OP_ATAN2: 0, ca.OP_ATAN: 0, ca.OP_DIV: 1, ca.OP_INV: 0}
 
 
 @frozen
-class Switch:
+class Jumping:
     """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
 
     watched: the same for a run, which passes the points where the sign does no harm; shape: a number, the same where
@@ -92,18 +86,18 @@ class Switch:
 _Known = tuple[int, Bounds, bool]
 
 
-def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
+def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Jumping]:
     """The switches of a column of `inputs`, the second of them q, in the order of its operations: those that depend on
     q and are not known to keep their sign. Those within the argument of another come first."""
     shapes: dict[tuple[object, ...], int] = {}
-    found: dict[tuple[str, int], Switch] = {}
+    found: dict[tuple[str, int], Jumping] = {}
 
     def known(key: tuple[object, ...], bounds: Bounds, is_moving: bool) -> _Known:
         return shapes.setdefault(key, len(shapes)), bounds, is_moving
 
     def visit(op: int, parts: list[_Known], expression: operation_graph.Expression) -> _Known:
-        if op in _WORDS:
-            word, index = _WORDS[op]
+        if op in _OPERANDS:
+            word, index = KINDS[op].word, _OPERANDS[op]
             if op == ca.OP_DIV and parts[1][2] and 0.0 in parts[1][1]:
                 index = 0  # of x/|x|, whose divisor touches zero on one side alone
             shape, bounds, is_moving = parts[index]
@@ -112,7 +106,7 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
                 argument = call.dep(index)
                 # The cut of `atan2` is on one side alone.
                 watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
-                found.setdefault((word, watched.element_hash()), Switch(word, argument, watched, shape))
+                found.setdefault((word, watched.element_hash()), Jumping(word, argument, watched, shape))
         key = (op, *(part[0] for part in parts))
         return known(key, bounds_of(op, [part[1] for part in parts]), any(part[2] for part in parts))
 
@@ -124,7 +118,7 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
     return list(found.values())
 
 
-def examples(found: Sequence[Switch], most: int) -> list[Switch]:
+def examples(found: Sequence[Jumping], most: int) -> list[Jumping]:
     """At most so many of each word: of every shape the first, then of every shape the second, and so on."""
     seen: collections.Counter[tuple[str, int]] = collections.Counter()
     ranked: dict[str, list[tuple[int, int]]] = {}

@@ -7,12 +7,11 @@ import casadi as ca
 import numpy as np
 
 import lagcli
-from lagcli.compiled import pieces
-from lagcli.equations import kinks, operation_rules
+from lagcli.equations import operation_rules
 from lagcli.equations import system as mechanics
 from lagcli.simulation.stepping import timetable
 from lagcli.simulation.stepping.stop_reasons import Sides
-from lagcli.smoothness import jump_search, named_functions, time_functions
+from lagcli.smoothness import jump_search, named_functions, switches, time_functions
 from tests.helpers import switch_corpus
 from tests.helpers.switch_corpus import CUSP, END, FLAT, JUMP, KINK, NONE, POLE
 
@@ -36,8 +35,9 @@ def functions():
     (built, values), found = rows(), []
     x = built.symbols.q[0]
     for value in values:
-        ends = [end for end, _ in pieces.ends(value, [x]) if ca.depends_on(end, x)]
-        lists = [value, ca.gradient(value, x)], ends, kinks.switch_arguments(value, [x])
+        arguments = [each.argument for each in switches.among(value, [x])]
+        ends = [end for end in arguments if end is not None and ca.depends_on(end, x)]
+        lists = [value, ca.gradient(value, x)], ends, switches.compared(value, [x])
         columns = [ca.densify(ca.vertcat(ca.SX(0, 1), *each)) for each in lists]
         found.append(ca.Function("corpus", [x], columns))
     return found

@@ -56,17 +56,6 @@ PARAMETERS = DiagnosisParameters()
 AT_CUT = 1.5 * np.pi
 THROUGH_ZERO = "both arguments of `atan2` go through zero"
 
-PHRASES = {
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
-    "asin": "`asin` comes to an end of its range",
-    "acos": "`acos` comes to an end of its range",
-    "sign": "`sign` switches",
-    "abs": "the argument of `abs` changes its sign",
-    "min": "`min` switches",
-    "max": "`max` switches",
-}
-
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Sides:
@@ -180,6 +169,7 @@ def _call(system: System, row: int, states: tuple[State, ...]) -> str:
     """Name the innermost function of a row whose value or slope jumps, ends or grows between the states, or
     nothing."""
     from lagcli.equations import operation_rules
+    from lagcli.smoothness import switches
 
     names, function = operation_rules.edge_calls(system, row)
     if not names:
@@ -192,6 +182,5 @@ def _call(system: System, row: int, states: tuple[State, ...]) -> str:
     call = int(np.argmax(hit))
     if names[call] == "atan2" and abs(values[2][call] - values[1][call]) < AT_CUT:
         return THROUGH_ZERO
-    return PHRASES.get(
-        names[call], names[call] if names[call] == operation_rules.QUOTIENT else f"`{names[call]}`"
-    )
+    word = names[call]
+    return switches.PHRASES.get(word, word if word == switches.QUOTIENT else f"`{word}`")
