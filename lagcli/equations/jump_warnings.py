@@ -145,24 +145,11 @@ def _jumping(built: System, rows: Sequence[Row], values: ca.SX) -> Iterator[tupl
     laws: dict[diagnostics.Location, list[int]] = {}
     for j, row in enumerate(rows):
         laws.setdefault(row.location, []).append(j)
+    s, t = built.symbols, built.model.simulation.start
+    near = (t, *mechanics.start(built.model)), mechanics.values(built)
     for members in laws.values():
-        spread = np.linspace(0, len(members) - 1, min(len(members), energy_jumps.MEMBERS))
-        for j in np.unique(spread.round().astype(int)).tolist():
-            word = next(_words(built, dense[members[j]]), None)
+        for j in (members[k] for k in jump_search.spread(len(members)).tolist()):
+            word = jump_search.word(dense[j], [s.t, s.q, s.v, built.p], near, _ANGLES)
             if word is not None:
-                yield rows[members[j]], word
+                yield rows[j], word
                 break
-
-
-def _words(built: System, value: ca.SX) -> Iterator[str]:
-    """The functions by which a gap or f (1, 1) jumps, as far as points where they do are come upon."""
-    s = built.symbols
-    inputs = [s.t, s.q, s.v, built.p]
-    switches = [one for one in jump_search.switches(value, inputs) if one.word not in _ANGLES]
-    if not switches:
-        return
-    state = built.model.simulation.start, *mechanics.start(built.model)
-    begin, whole = jump_search.starts(state, mechanics.values(built)), jump_search.Local(value, inputs)
-    for switch in jump_search.examples(switches, energy_jumps.SWITCHES):
-        if jump_search.jumps(whole, switch.argument, inputs, begin):
-            yield switch.word

@@ -14,7 +14,7 @@ from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
-from lagcli.smoothness import switches
+from lagcli.smoothness import sides, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
@@ -34,9 +34,6 @@ class KinkParameters:
     farther: float = 1e-5
     """And from farther off: what draws near as the distance shrinks is no jump.
     `test_a_jump_is_compared_with_what_changes_farther_off` fails at 1e-6 and 0.0001."""
-    jump: float = 1e-6
-    """The part of a gradient by which its sides must differ: a change that is only steep is no jump.
-    `test_a_gradient_jumps_by_a_millionth` fails at 1e-7 and 1e-5."""
 
 
 PARAMETERS = KinkParameters()
@@ -59,10 +56,8 @@ class Kinks:
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
             for h in (PARAMETERS.offset, PARAMETERS.farther)
         )
-        scale = np.abs(here).max(axis=1, initial=0.0) + far
-        # Where the slopes of both sides draw near as their distance shrinks there is no jump.
-        with np.errstate(invalid="ignore"):
-            jumps = np.isfinite(here).all(axis=1) & (near > PARAMETERS.jump * scale) & (near > 0.1 * far)
+        least = sides.PARAMETERS.slope * (np.abs(here).max(axis=1, initial=0.0) + far)
+        jumps = np.isfinite(here).all(axis=1) & sides.differ(near, far, least)
         return self.rows[int(np.argmax(jumps))] if jumps.any() else None
 
     def require_smooth(self, t: float, q: Floats, p: Floats) -> None:

@@ -10,8 +10,8 @@ import lagcli
 from lagcli.equations import operation_rules
 from lagcli.equations import system as mechanics
 from lagcli.simulation.stepping import timetable
-from lagcli.simulation.stepping.stop_reasons import Sides
 from lagcli.smoothness import jump_search, named_functions, switches, time_functions
+from lagcli.smoothness.sides import Sides
 from tests.helpers import switch_corpus
 from tests.helpers.switch_corpus import CUSP, END, FLAT, JUMP, KINK, NONE, POLE
 
