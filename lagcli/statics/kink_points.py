@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.smoothness import operation_graph
+from lagcli.smoothness import operation_graph, switches
 from lagcli.statics import newton, point_type, refine, rest_equations, surface_descent
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import RestEquations
@@ -61,14 +61,6 @@ class KinkSearchParameters:
 
 
 PARAMETERS = KinkSearchParameters()
-WORDS = {
-    ca.OP_FABS: "abs",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_FMIN: "min",
-    ca.OP_FMAX: "max",
-    ca.OP_POW: "**",
-    ca.OP_CONSTPOW: "**",
-}
 
 
 class Kink(NamedTuple):
@@ -91,15 +83,8 @@ class KinkPoint:
 def kinks(laws: StaticLaws) -> list[Kink]:
     """The kinks of the function, by its operations; none of those whose arguments do not vary."""
     inputs, value = [laws.q, laws.t, laws.p], ca.densify(laws.value)
-    found: list[tuple[str, ca.SX]] = []
-
-    def look(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        argument = _argument(op, parts)
-        if argument is not None and ca.depends_on(argument, laws.q):
-            found.append((WORDS[op], argument))
-        return result
-
-    operation_graph.replayed(value, inputs, look)
+    arguments = [(each.kind.word, _argument(each.op, each.parts)) for each in switches.among(value, inputs)]
+    found = [(word, u) for word, u in arguments if u is not None and ca.depends_on(u, laws.q)]
     return [
         Kink(word, argument, _with_kink(laws, value, inputs, number))
         for number, (word, argument) in enumerate(found)
@@ -123,7 +108,7 @@ def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int)
     return operation_graph.replayed(value, inputs, put)
 
 
-def _argument(op: int, parts: list[ca.SX]) -> ca.SX | None:
+def _argument(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
     """Return what is zero at the kink of an operation; None where it has none."""
     if op in (ca.OP_FABS, ca.OP_SQRT):
         return parts[0]
