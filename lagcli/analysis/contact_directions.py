@@ -22,12 +22,13 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.contact import impact_law, least_distance
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
-from lagcli.equations import kinks, named_functions
+from lagcli.equations import kinks
 from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.system import System
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
+from lagcli.smoothness import named_functions
 from lagcli.start import gaps, initial, sample_points
 from lagcli.start.gaps import Gaps, Side
 from lagcli.start.initial import State

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.linearization import freedoms, spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 from lagcli.linearization.reference import PATH_PARTS
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
