@@ -22,12 +22,13 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.contact import impact_law, least_distance
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
-from lagcli.equations import kinks, named_functions
+from lagcli.equations import kinks
 from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.system import System
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
+from lagcli.smoothness import named_functions
 from lagcli.start import gaps, initial, sample_points
 from lagcli.start.gaps import Gaps, Side
 from lagcli.start.initial import State
@@ -236,7 +237,7 @@ def _allowed(left: RowDisplacements, cone: _Cone, names: list[str]) -> tuple[Flo
 def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]:
     """The directions, displacements u (d,), and a note where not all rays are listed."""
     A = cone.A
-    found = [Direction("free", _signed(u)) for u in (rank.null_basis(A) if len(A) else np.eye(A.shape[1])).T]
+    found = [Direction("free", _signed(u)) for u in (rank.null_basis(A)).T]
     one_sided: list[Direction] = []
     blocked: list[Direction] = []
     notes = []
@@ -255,7 +256,7 @@ def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]
                 f"the rays beside {shown} are not listed, as they may be too many: one stands for them"
             )
         one_sided += [Direction("one-sided", ray, moved(ray, 1)) for ray in rays]
-        across = [_signed(u) for u in _basis(part[locked])]
+        across = [_signed(u) for u in rank.row_basis(part[locked])]
         for u in (*(-ray for ray in rays), *across, *(-u for u in across)):
             blocked.append(Direction("blocked", u, moved(u, -1)))
     return [*found, *one_sided, *blocked], notes
@@ -282,7 +283,7 @@ def _locked(A: Floats) -> list[int]:
     while True:
         free = _off(A, locked)
         rest = np.flatnonzero(free.any(axis=1))
-        if len(_basis(free[rest])) == rest.size:
+        if len(rank.row_basis(free[rest])) == rest.size:
             return sorted(locked)
         try:
             least_distance.shortest(free[rest], np.ones(rest.size))
@@ -296,19 +297,11 @@ def _locked(A: Floats) -> list[int]:
 
 def _off(A: Floats, locked: list[int]) -> Floats:
     """The part of unit rows (k, d) across some of them, of length one again; zero where none is left."""
-    basis = _basis(A[locked])
+    basis = rank.row_basis(A[locked])
     off = A - (A @ basis.T) @ basis
     lengths = np.linalg.norm(off, axis=1)
     is_left = lengths > rank.PARAMETERS.large
     return np.where(is_left[:, None], off / np.where(is_left, lengths, 1.0)[:, None], 0.0)
-
-
-def _basis(A: Floats) -> Floats:
-    """An orthonormal basis (r, d) of what unit rows span."""
-    if not len(A):
-        return np.zeros((0, A.shape[1]))
-    _, sigma, right = np.linalg.svd(A, full_matrices=False)
-    return np.asarray(right[: int((sigma > rank.PARAMETERS.large).sum())])
 
 
 def _rays(A: Floats) -> tuple[list[Floats], bool]:
@@ -317,7 +310,7 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
     Where they may be too many it is one ray, along which all open, and False.
     """
     A = A[A.any(axis=1)]
-    basis = _basis(A)
+    basis = rank.row_basis(A)
     needed = A if len(basis) == len(A) else A[_needed(A)]
     if len(needed) == len(basis):
         return [ray / np.linalg.norm(ray) for ray in np.linalg.pinv(needed).T], True

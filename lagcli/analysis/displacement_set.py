@@ -23,12 +23,12 @@ from lagcli.analysis import contact_directions, internal_forces
 from lagcli.analysis.contact_directions import ContactDirections
 from lagcli.analysis.internal_forces import Internal
 from lagcli.compiled import NumericSystem
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
+from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial, sample_points
 from lagcli.start.assembly_moves import Moves
 from lagcli.start.initial import State

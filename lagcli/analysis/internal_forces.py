@@ -16,11 +16,11 @@ import numpy.typing as npt
 
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, column, taken
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import tree
 from lagcli.model import model as nouns
+from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial
 from lagcli.start.initial import State
 

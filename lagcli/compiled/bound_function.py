@@ -40,7 +40,7 @@ def _with_full_results(function: ca.Function) -> ca.Function:
         # Loaded where there is a function of its own: this module is asked for before.
         import casadi as ca
 
-        from lagcli.equations.sized_function import SizedFunction
+        from lagcli.smoothness.sized_function import SizedFunction
 
         inputs = function.mx_in()
         results = [ca.densify(result) for result in function.call(inputs)]

@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
-from lagcli.equations import operation_graph, operation_rules
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.equations import operation_rules
+from lagcli.smoothness import operation_graph
+from lagcli.smoothness.sized_function import SizedFunction
 
 EPS = float(np.finfo(float).eps)
 LARGEST = float(np.finfo(float).max)

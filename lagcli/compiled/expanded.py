@@ -10,7 +10,7 @@ import casadi as ca
 from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
 from lagcli.compiled.parts import Parts
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness.sized_function import SizedFunction
 
 
 class Expanded:

@@ -14,7 +14,7 @@ import numpy as np
 
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness.sized_function import SizedFunction
 
 SOLVER = "ldl"
 # A fixed one: the numbers must not change from run to run.

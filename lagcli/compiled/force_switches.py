@@ -13,13 +13,13 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import pieces
-from lagcli.equations import energy, kinks, named_functions, operation_rules
+from lagcli.equations import energy, operation_rules
 from lagcli.equations.environment import Environment
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
+from lagcli.smoothness import named_functions, switches
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
@@ -49,11 +49,12 @@ def find(system: System) -> ForceSwitches | None:
     inputs = [s.t, s.q, s.v, p]
     unique: dict[int, ca.SX] = {}
     for _, Q in found:
-        unique.update((end.element_hash(), end) for end, _ in pieces.ends(Q, inputs))
+        ends = (each.argument for each in switches.among(Q, inputs))
+        unique.update((end.element_hash(), end) for end in ends if end is not None)
     if not unique:
         return None
-    ends = ca.vertcat(*unique.values())
-    u = ends[np.flatnonzero(ca.which_depends(ends, s.v, 1, True)).tolist()]
+    every = ca.vertcat(*unique.values())
+    u = every[np.flatnonzero(ca.which_depends(every, s.v, 1, True)).tolist()]
     if not u.numel():
         return None
     pattern = ca.jacobian_sparsity(u, s.v)
@@ -73,7 +74,7 @@ def at_contacts(system: System) -> tuple[list[int], ca.Function]:
     for j in range(contacts.count + 1):
         state = s.q if j < contacts.count else ca.vertcat(s.q, s.v)
         value = contacts.g[j] if j < contacts.count else system.dynamics.h
-        found = kinks.switch_arguments(value, inputs)
+        found = switches.compared(value, inputs)
         values.update({(j, u.element_hash()): u for u in found if ca.depends_on(u, state)})
     u = ca.densify(ca.vertcat(ca.SX(0, 1), *values.values()))
     rates = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, s.v, system.a))

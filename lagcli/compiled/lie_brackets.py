@@ -21,7 +21,7 @@ from typing import TypeVar
 import casadi as ca
 
 from lagcli.compiled.row_block import RowBlock
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness.sized_function import SizedFunction
 
 Shape = tuple["Shape", ...]  # () or (Shape, Shape)
 

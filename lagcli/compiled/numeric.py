@@ -26,9 +26,10 @@ from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
 from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
-from lagcli.equations import named_functions, narrow_functions
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.equations import narrow_functions
 from lagcli.equations.system import System
+from lagcli.smoothness import named_functions
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
     from lagcli.compiled.factored import Factored

@@ -15,8 +15,8 @@ from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
 from lagcli.equations.rows import ContactRows
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
     from lagcli.equations.level_functions import LevelExpression

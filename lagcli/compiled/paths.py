@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.compiled.bound_function import Buffer, buffer
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]

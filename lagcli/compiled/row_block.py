@@ -15,12 +15,12 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import kinks, operation_graph
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
+from lagcli.smoothness import operation_graph, switches
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:  # a count needs no pieces
-    from lagcli.compiled.pieces import AnalyticPieces
+    from lagcli.smoothness.pieces import AnalyticPieces
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class RowBlock:
         """The block with switches (abs, sign, min, max) as they are at a point; those within `near` of it stay."""
         if not self.has_kinks:
             return self
-        from lagcli.compiled import pieces
+        from lagcli.smoothness import pieces
 
         there = copy.copy(self)
         for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
@@ -101,12 +101,12 @@ class RowBlock:
     def has_kinks(self) -> bool:
         """True if abs, sign, min or max change how the rows are to be computed from point to point."""
         steps = (*operation_graph.instructions(self.along), *operation_graph.instructions(self.curl))
-        return any(step.op in kinks.ARGUMENTS for step in steps)
+        return any(switches.is_comparing(step.op) for step in steps)
 
     @cached_property
     def pieces(self) -> AnalyticPieces:
         """The pieces of space on which the rows are analytic."""
-        from lagcli.compiled import pieces
+        from lagcli.smoothness import pieces
 
         return pieces.AnalyticPieces(self.A, [self.x, self.p])
 

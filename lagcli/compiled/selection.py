@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import solvers
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.frozen import frozen_value
+from lagcli.smoothness.sized_function import SizedFunction
 
 # A row that vanishes has no length to divide by; its multiplier is 0.
 TINY = 1e-300

@@ -18,6 +18,7 @@ import numpy as np
 from lagcli.contact import complementarity, load_sharing
 from lagcli.contact.least_distance import EPS, ContradictoryRows, Floats, UndecidedRows
 from lagcli.contact.load_sharing import Flags
+from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked
 
@@ -221,7 +222,7 @@ class ContactBlock:
     def __init__(self, unit: Floats, equalities: int) -> None:
         self._unit, self._count = unit, equalities
         left, sigma, right = np.linalg.svd(unit[:equalities], full_matrices=False)
-        is_independent = sigma > load_sharing.PARAMETERS.dependent
+        is_independent = sigma > rank.PARAMETERS.large
         self._left, self._sigma, self._right = (
             left[:, is_independent],
             sigma[is_independent],
@@ -257,10 +258,7 @@ class ContactBlock:
         """mu with the rows that hold met to rounding: what they are missing is asked for again."""
         rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self._count))
         left, sigma, _ = np.linalg.svd(self._unit[rows], full_matrices=False)
-        left = (
-            left[:, sigma > load_sharing.PARAMETERS.dependent]
-            / sigma[sigma > load_sharing.PARAMETERS.dependent]
-        )
+        left = left[:, sigma > rank.PARAMETERS.large] / sigma[sigma > rank.PARAMETERS.large]
         mu = mu.copy()
         for _ in range(PARAMETERS.refinements):
             missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)

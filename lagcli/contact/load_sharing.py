@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lagcli.contact import least_distance
 from lagcli.contact.least_distance import EPS, Floats
+from lagcli.linear import rank
 
 Flags = npt.NDArray[np.bool_]
 
@@ -24,9 +25,6 @@ class LoadSharingParameters:
 
     __slots__ = ()
 
-    dependent: float = 3e-6
-    """Rows are dependent where a singular value is below this.
-    `test_loads_are_unique_where_rows_are_independent` fails at 3e-7 and 3e-5."""
     same: float = 1e-11
     """A load is only shared anew where a singular value is below this, for a share moved between rows must
     not be felt in the sum. `test_a_load_is_shared_anew_where_that_is_not_felt` fails at 1e-12 and 1e-10."""
@@ -45,12 +43,12 @@ def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
         return mu, np.ones(count, dtype=bool)
     left, sigma, _ = np.linalg.svd(A, full_matrices=A.shape[1] < count)
     sigma = np.concatenate([sigma, np.zeros(count - sigma.size)])
-    if sigma[-1] > PARAMETERS.dependent:
+    if sigma[-1] > rank.PARAMETERS.large:
         return mu, np.ones(count, dtype=bool)
     free = left[:, sigma <= PARAMETERS.same]
     if free.shape[1]:
         mu = _shortest(mu, free, pulling)
-    return mu, ~_varies(left[:, sigma <= PARAMETERS.dependent], mu, pulling)
+    return mu, ~_varies(left[:, sigma <= rank.PARAMETERS.large], mu, pulling)
 
 
 def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
@@ -90,10 +88,9 @@ def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
         # sum to minus this row (Farkas).
         zero = np.flatnonzero(~positive)
         left = least_distance.residual(free[zero].T, -free[row])
-        if left is not None and np.linalg.norm(left) > PARAMETERS.dependent:
+        if left is not None and np.linalg.norm(left) > rank.PARAMETERS.large:
             positive[zero] |= free[zero] @ -left > PARAMETERS.none
     rest = free[~positive]
     if rest.shape[0]:
-        _, sigma, Vt = np.linalg.svd(rest, full_matrices=True)
-        free = free @ Vt[int((sigma > PARAMETERS.dependent).sum()) :].T
-    return np.asarray(positive & (np.linalg.norm(free, axis=1) > PARAMETERS.dependent))
+        free = free @ rank.null_basis(rest)
+    return np.asarray(positive & (np.linalg.norm(free, axis=1) > rank.PARAMETERS.large))

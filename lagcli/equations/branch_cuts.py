@@ -14,10 +14,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.frozen import frozen
+from lagcli.smoothness import operation_graph
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T", npt.NDArray[np.float64], ca.SX)

@@ -15,27 +15,20 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import jump_search
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import column
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
+from lagcli.smoothness import jump_search, sides, switches
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 StateValues = jump_search.StateValues
 
-PHRASES = {
-    "sign": "`sign` switches",
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
-    jump_search.QUOTIENT: "the divisor of a quotient goes through zero",
-}
-# A check looks at so many members of a family, evenly spread, and in each subject at so many switches of each word.
-MEMBERS, SWITCHES = 16, 32
+PHRASES = switches.PHRASES | {switches.QUOTIENT: "the divisor of a quotient goes through zero"}
 
 
 @frozen
@@ -98,24 +91,14 @@ class Crossings:
         return None
 
     def _between(self, k: int, way: Way, ends: tuple[float, float]) -> Jump | None:
-        low, high = ends
-        side = _side(way.switches(low)[k])
-        for _ in range(jump_search.PARAMETERS.halvings):
-            middle = (low + high) / 2
-            if middle in (low, high):
-                break
-            if _side(way.switches(middle)[k]) == side:
-                low = middle
-            else:
-                high = middle
-        offset, owner = jump_search.PARAMETERS.offset, self.owners[k]
-        parts = low - 2 * offset, low - offset, high + offset, high + 2 * offset
-        values = np.array([way.values(part)[owner] for part in parts])
-        return Jump(low, self.subjects[owner], self.words[k]) if jump_search.is_jump(values) else None
+        side, owner = np.sign(way.switches(ends[0])[k]), self.owners[k]
 
+        def is_before(part: Floats) -> sides.Flags:
+            return np.asarray(np.sign(way.switches(float(part))[k]) == side)
 
-def _side(u: float) -> int:
-    return (u > 0.0) - (u < 0.0)
+        low, high = sides.bracket(is_before, *map(np.array, ends))
+        values = tuple(np.array(way.values(float(part))[owner]) for part in sides.beside(low, high))
+        return Jump(float(low), self.subjects[owner], self.words[k]) if sides.value_jumps(values) else None
 
 
 class EnergyJumps:
@@ -129,12 +112,12 @@ class EnergyJumps:
         """The switches of all members, for a run; None where nothing can change its sign."""
         subjects: list[Subject] = []
         values: list[ca.SX] = []
-        found: list[tuple[int, jump_search.Switch]] = []
+        found: list[tuple[int, jump_search.Jumping]] = []
         for subject in self._subjects:
             value = subject.value(np.arange(subject.count))
-            switches = jump_search.switches(value, self._inputs)
-            if switches:
-                found += [(len(subjects), switch) for switch in switches]
+            jumping = jump_search.switches(value, self._inputs)
+            if jumping:
+                found += [(len(subjects), switch) for switch in jumping]
                 subjects.append(subject)
                 values.append(value)
         if not subjects:
@@ -149,21 +132,12 @@ class EnergyJumps:
         )
 
     def anywhere(self, state: StateValues, p: Floats) -> Iterator[tuple[Subject, str]]:
-        """The jumps that are found across switches near a state, with their words, one for each subject at most.
-
-        MEMBERS of a family stand for all of it, for their text is the same, and SWITCHES of each word for all of a
-        sum, where some of every shape are taken: what this costs does not grow with their number.
-        """
-        begin = jump_search.starts(state, p)
+        """The jumps that are found across switches near a state, with their words, one for each subject at most."""
         for subject in self._subjects:
-            spread = np.linspace(0, subject.count - 1, min(subject.count, MEMBERS))
-            value = subject.value(np.unique(spread.round().astype(np.int64)))
-            switches = jump_search.examples(jump_search.switches(value, self._inputs), SWITCHES)
-            whole = jump_search.Local(value, self._inputs) if switches else None
-            for switch in switches:
-                if whole is not None and jump_search.jumps(whole, switch.argument, self._inputs, begin):
-                    yield subject, switch.word
-                    break
+            value = subject.value(jump_search.spread(subject.count))
+            word = jump_search.word(value, self._inputs, (state, p))
+            if word is not None:
+                yield subject, word
 
 
 def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps:

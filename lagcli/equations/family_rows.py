@@ -14,11 +14,11 @@ import numpy as np
 
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, rate, scattered
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.expression import evaluate, tree
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
+from lagcli.smoothness.sized_function import SizedFunction
 
 # Below this number of members the detour costs more than it saves.
 WORTH = 4

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 import casadi as ca
 import numpy as np
 
-from lagcli.equations import branch_cuts, energy_jumps, jump_search, named_functions
+from lagcli.equations import branch_cuts, energy_jumps
 from lagcli.equations import system as mechanics
 from lagcli.equations.rows import Row
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.smoothness import jump_search, named_functions
 
 # Angles have a warning of their own, `branch-cut`.
 _ANGLES = ("atan", "atan2")
@@ -31,7 +32,7 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
 
 def _of_cuts(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """One warning for each constraint with an angle that jumps, and one for the forces."""
-    if not any(named_functions.ANGLES.search(text) for text in named_functions.texts(built.model)):
+    if all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
         return ()
     found: dict[diagnostics.Location, diagnostics.Diagnostic] = {}
     for i, description in _cut_rows(built):
@@ -86,7 +87,7 @@ def _cut_forces(built: System) -> Iterator[diagnostics.Diagnostic]:
     expressions = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
     expressions += [definition.expression for definition in model.definitions]
     location = next(
-        (e.location for e in expressions if named_functions.ANGLES.search(e.text)),
+        (e.location for e in expressions if e.words & named_functions.ANGLES),
         diagnostics.Location(model.path, 1, 1),
     )
     message = (
@@ -144,24 +145,11 @@ def _jumping(built: System, rows: Sequence[Row], values: ca.SX) -> Iterator[tupl
     laws: dict[diagnostics.Location, list[int]] = {}
     for j, row in enumerate(rows):
         laws.setdefault(row.location, []).append(j)
+    s, t = built.symbols, built.model.simulation.start
+    near = (t, *mechanics.start(built.model)), mechanics.values(built)
     for members in laws.values():
-        spread = np.linspace(0, len(members) - 1, min(len(members), energy_jumps.MEMBERS))
-        for j in np.unique(spread.round().astype(int)).tolist():
-            word = next(_words(built, dense[members[j]]), None)
+        for j in (members[k] for k in jump_search.spread(len(members)).tolist()):
+            word = jump_search.word(dense[j], [s.t, s.q, s.v, built.p], near, _ANGLES)
             if word is not None:
-                yield rows[members[j]], word
+                yield rows[j], word
                 break
-
-
-def _words(built: System, value: ca.SX) -> Iterator[str]:
-    """The functions by which a gap or f (1, 1) jumps, as far as points where they do are come upon."""
-    s = built.symbols
-    inputs = [s.t, s.q, s.v, built.p]
-    switches = [one for one in jump_search.switches(value, inputs) if one.word not in _ANGLES]
-    if not switches:
-        return
-    state = built.model.simulation.start, *mechanics.start(built.model)
-    begin, whole = jump_search.starts(state, mechanics.values(built)), jump_search.Local(value, inputs)
-    for switch in jump_search.examples(switches, energy_jumps.SWITCHES):
-        if jump_search.jumps(whole, switch.argument, inputs, begin):
-            yield switch.word

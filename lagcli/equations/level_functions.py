@@ -10,13 +10,13 @@ import casadi as ca
 
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Value
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra
 from lagcli.equations.system import System
 from lagcli.expression import evaluate, integers, parser, tree
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import family, invariant
 from lagcli.model import model as nouns
+from lagcli.smoothness.sized_function import SizedFunction
 
 
 @frozen

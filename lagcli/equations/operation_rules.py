@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from lagcli.equations import operation_graph
-from lagcli.equations.operation_graph import Expression
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
+from lagcli.smoothness import operation_graph, switches
+from lagcli.smoothness.operation_graph import Expression
+from lagcli.smoothness.sized_function import SizedFunction
 
 # A value and the size of its terms.
 Sized = tuple[ca.SX, ca.SX]
@@ -33,24 +33,6 @@ TOTAL = frozenset(
 SQUARES = frozenset({ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT})
 # Those that make no negative numbers of such.
 KEEPING = frozenset({ca.OP_ASSIGN, ca.OP_ADD, ca.OP_MUL, ca.OP_TWICE, ca.OP_FMIN, ca.OP_FMAX})
-QUOTIENT = "a quotient"
-CALLS = {
-    ca.OP_ATAN2: "atan2",
-    ca.OP_ATAN: "atan",
-    ca.OP_ASIN: "asin",
-    ca.OP_ACOS: "acos",
-    ca.OP_FABS: "abs",
-    ca.OP_SIGN: "sign",
-    ca.OP_FMIN: "min",
-    ca.OP_FMAX: "max",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_LOG: "log",
-    ca.OP_TAN: "tan",
-    ca.OP_POW: "**",
-    ca.OP_CONSTPOW: "**",
-    ca.OP_DIV: QUOTIENT,
-    ca.OP_INV: QUOTIENT,
-}
 
 
 def term_sizes(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
@@ -172,17 +154,9 @@ def edge_calls(system: System, row: int) -> tuple[list[str], ca.Function]:
     """Names of K calls in a row, inner ones first; (t, q, v, p) -> their values, and rates at constant v (2 K,)."""
     s, is_holonomic = system.symbols, row < system.holonomic_count
     value = system.rows.f[row] if is_holonomic else system.rows.B[row, :] @ s.v + system.rows.b[row]
-    names: list[str] = []
-    nodes: list[ca.SX] = []
-
-    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op in CALLS:
-            names.append(CALLS[op])
-            nodes.append(result)
-        return result
-
     inputs = [s.t, s.q, s.v, system.p]
-    operation_graph.replayed(ca.densify(value), inputs, visit)
-    column, way = ca.vertcat(ca.SX(0, 1), *nodes), ca.vertcat(s.t, s.q)
+    named = [each for each in switches.among(value, inputs) if each.kind.word]
+    column, way = ca.vertcat(ca.SX(0, 1), *(each.value for each in named)), ca.vertcat(s.t, s.q)
     rate = ca.jtimes(column, way, ca.vertcat(1, s.v))
-    return names, SizedFunction("calls", inputs, [ca.densify(ca.vertcat(column, rate))])
+    words = [each.kind.word for each in named]
+    return words, SizedFunction("calls", inputs, [ca.densify(ca.vertcat(column, rate))])

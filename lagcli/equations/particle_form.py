@@ -20,8 +20,8 @@ import numpy.typing as npt
 
 from lagcli.equations import energy, family_columns, family_rows, rows, system
 from lagcli.equations.environment import Environment
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.model import model as nouns
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
+from lagcli.smoothness import operation_graph
 
 Floats = npt.NDArray[np.float64]
 

@@ -19,7 +19,6 @@ from lagcli.equations import (
     energy,
     explicit_gradient,
     family_columns,
-    named_functions,
     output_values,
     rows,
     symbols,
@@ -28,11 +27,12 @@ from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Columns
 from lagcli.equations.rows import ConstraintRows, ContactRows
 from lagcli.equations.rows import Row as ConstraintRow
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
+from lagcli.smoothness import named_functions
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:  # loaded where the model names a function that they look for
     from lagcli.equations.branch_cuts import Cuts

@@ -214,3 +214,34 @@ def names(node: Node) -> set[str]:
         elif isinstance(part, (Member, Index)):
             found.add(part.owner)
     return found
+
+
+def words(node: Node) -> frozenset[str]:
+    """The words of an expression: the names it refers to, `.member` and `function(`; `**` where a power is not known to
+    be whole, and `/` where something is divided by what is no number, or has a power below zero."""
+    found: set[str] = set()
+    for part in walk(node):
+        if isinstance(part, Name):
+            found.add(part.name)
+        elif isinstance(part, (Member, Index)):
+            found.update((part.owner, f".{part.member}"))
+        elif isinstance(part, Call):
+            found.add(f"{part.function}(")
+        elif isinstance(part, Power):
+            found.update(_of_power(part.exponent))
+        elif isinstance(part, Component):
+            found.add(f".{part.member}")
+        elif isinstance(part, Product) and any(
+            sign < 0 and not isinstance(factor, Number) for sign, factor in part.factors
+        ):
+            found.add("/")
+    return frozenset(found)
+
+
+def _of_power(exponent: Node) -> Iterator[str]:
+    terms = exponent.terms if isinstance(exponent, Sum) else ((1, exponent),)
+    sign, size = terms[0]
+    if len(terms) == 1 and sign < 0:
+        yield "/"
+    if len(terms) > 1 or not isinstance(size, Number) or not size.text.isdigit():
+        yield "**"

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import system
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 

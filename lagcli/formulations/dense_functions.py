@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from lagcli.compiled import numeric, parts
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.equations import time_functions
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.angle_turns import Turns
+from lagcli.smoothness import time_functions
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 

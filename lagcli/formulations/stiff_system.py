@@ -17,8 +17,8 @@ import numpy.typing as npt
 from lagcli.equations import energy, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.model import model as nouns
+from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]

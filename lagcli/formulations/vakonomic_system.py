@@ -24,10 +24,10 @@ from lagcli.compiled import solvers
 from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.expression import tree
 from lagcli.model import family
 from lagcli.model import model as nouns
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 

@@ -127,6 +127,14 @@ def null_basis(rows: Floats) -> Floats:
     return np.asarray(Vt[int((sigma > PARAMETERS.large).sum()) :].T)
 
 
+def row_basis(rows: Floats) -> Floats:
+    """An orthonormal basis (r, n) of what rows (C, n) of about length one span."""
+    if rows.shape[0] == 0:
+        return np.zeros((0, rows.shape[1]))
+    _, sigma, Vt = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(Vt[: int((sigma > PARAMETERS.large).sum())])
+
+
 def participants(null_vector: Floats) -> list[int]:
     """The rows that take part in a dependence."""
     weights = np.abs(null_vector)

@@ -18,10 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.linear import rank
 from lagcli.linearization import freedoms, spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 from lagcli.linearization.reference import PATH_PARTS
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -170,7 +171,7 @@ def _tangent(linear: Linear, T: float) -> Floats:
     nothing = np.zeros_like(B)
     positions = np.hstack([B, nothing])
     speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[:h], A]) / T])
-    basis = freedoms.null_basis(freedoms.unit(np.vstack([positions, speeds])))
+    basis = rank.null_basis(freedoms.unit(np.vstack([positions, speeds])))
     # In units of T speeds are of the size of positions.
     basis[n:] /= T
     basis, _ = np.linalg.qr(basis)

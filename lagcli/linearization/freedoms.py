@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import rank
 from lagcli.linearization.linearized import Linear
 
 Floats = npt.NDArray[np.float64]
@@ -90,7 +91,7 @@ def find(linear: Linear, terms: Floats) -> Freedoms:
     # In y = L^T dq the metric is the plain one.
     white = np.linalg.solve(L, B.T).T
     first = _cyclic_basis(linear.cyclic, B, L)
-    rest = null_basis(np.vstack([unit(white), first.T]))
+    rest = rank.null_basis(np.vstack([unit(white), first.T]))
     Z = np.linalg.solve(L.T, np.hstack([first, rest]))
     c = first.shape[1]
     K_Z, C_Z, A_Z, D_Z = Z.T @ K @ Z, Z.T @ C @ Z, A @ Z, D @ Z
@@ -134,7 +135,7 @@ def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats
     columns = np.flatnonzero(cyclic)
     if not columns.size:
         return np.zeros((L.shape[0], 0))
-    free = null_basis(unit(B[:, columns]))
+    free = rank.null_basis(unit(B[:, columns]))
     basis, _ = np.linalg.qr(L.T[:, columns] @ free)
     return np.asarray(basis)
 
@@ -144,11 +145,3 @@ def unit(rows: Floats) -> Floats:
     lengths = np.linalg.norm(rows, axis=1)
     is_nonzero = lengths > 0
     return np.asarray(rows[is_nonzero] / lengths[is_nonzero, None])
-
-
-def null_basis(rows: Floats) -> Floats:
-    """An orthonormal basis (n, n - rank) of the kernel of rows (k, n) of length one."""
-    if not rows.shape[0]:
-        return np.eye(rows.shape[1])
-    _, sigma, Vt = np.linalg.svd(rows)
-    return np.asarray(Vt[int((sigma > DEPENDENT).sum()) :].T)

@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import level_functions, operation_rules, system
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.invariant import FirstIntegral
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
     from scipy import sparse

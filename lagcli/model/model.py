@@ -9,6 +9,7 @@ converted.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator, Mapping
 from typing import Literal, Protocol
@@ -41,6 +42,11 @@ class Expression:
     def text(self) -> str:
         """The text as the user wrote it."""
         return self.origin.value.strip()
+
+    @functools.cached_property
+    def words(self) -> frozenset[str]:
+        """The words of its tree, as `tree.words` has them."""
+        return tree.words(self.tree)
 
     @property
     def location(self) -> diagnostics.Location:
@@ -164,6 +170,13 @@ class Potential:
 
 
 Force = ParticleForce | GeneralizedForce | Potential
+
+
+def expressions_of(force: Force) -> tuple[Expression, ...]:
+    """The expressions of a force."""
+    if isinstance(force, Potential):
+        return (force.expression,)
+    return force.force.parts if isinstance(force, ParticleForce) else (force.force,)
 
 
 @frozen
@@ -438,11 +451,7 @@ class Model:
 
     def force_expressions(self) -> Iterator[Expression]:
         """The expressions of all that is declared under `forces`."""
-        for force in self.forces:
-            if isinstance(force, ParticleForce):
-                yield from force.force.parts
-            else:
-                yield force.force if isinstance(force, GeneralizedForce) else force.expression
+        return (expression for force in self.forces for expression in expressions_of(force))
 
     @property
     def laws(self) -> tuple[Law, ...]:

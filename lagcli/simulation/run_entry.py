@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
-from lagcli.equations import level_functions, size_limits, time_functions
+from lagcli.equations import level_functions, size_limits
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
@@ -18,6 +18,7 @@ from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run.run_start import RunStart
 from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.scheme import invariants
+from lagcli.smoothness import time_functions
 from lagcli.start import initial
 
 if TYPE_CHECKING:

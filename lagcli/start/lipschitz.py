@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import generic_direction
-from lagcli.model import model as nouns
+from lagcli.smoothness import named_functions
 from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
-
-# What else an expression may hold is smooth wherever it has a value, whole powers too.
-_WORDS = re.compile(
-    r"\*\*(?!\s*[-+]?\d+(?![\w.]))|\b(sqrt|abs|norm|distance|sign|min|max|asin|acos|atan2|atan|log)\s*\("
-)
 
 
 class LipschitzParameters:
@@ -58,7 +50,8 @@ PARAMETERS = LipschitzParameters()
 
 def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diagnostics.Diagnostic, ...]:
     """A warning for the first force, inertia or row whose slope has no bound at a state, or nothing."""
-    if not state.q.size or not any(_WORDS.search(text) for text in named_functions.texts(system.model)):
+    named = (expression.words for expression in named_functions.expressions(system.model))
+    if not state.q.size or all(named_functions.NOT_SMOOTH.isdisjoint(words) for words in named):
         return ()
     n = state.q.size
     size = initial.size(state.q)
@@ -136,7 +129,7 @@ def _warning(system: System, numeric: NumericSystem, index: int) -> diagnostics.
     entries = [*M.row(), *(n + row for row in B.row()), *range(n, n + len(system.rows.rows))]
     if index < n:
         what, location = f"the force along `{names[index]}`", system.model.location(names[index])
-        expressions = [e for force in system.model.forces for e in _expressions(force)]
+        expressions = list(system.model.force_expressions())
         if len(expressions) == 1:
             location = expressions[0].location
     elif entries[index - n] < n:
@@ -151,11 +144,3 @@ def _warning(system: System, numeric: NumericSystem, index: int) -> diagnostics.
     )
     hint = "start beside that point, or write the law without the infinite slope"
     return diagnostics.Diagnostic("not-lipschitz", message, location, hint, "warning")
-
-
-def _expressions(
-    force: nouns.ParticleForce | nouns.GeneralizedForce | nouns.Potential,
-) -> list[nouns.Expression]:
-    if isinstance(force, nouns.Potential):
-        return [force.expression]
-    return [force.force] if isinstance(force, nouns.GeneralizedForce) else list(force.force.parts)

@@ -17,9 +17,9 @@ import numpy as np
 
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start.initial import State
 
 Numbers = list[Decimal]

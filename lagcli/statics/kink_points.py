@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
+from lagcli.smoothness import operation_graph, switches
 from lagcli.statics import newton, point_type, refine, rest_equations, surface_descent
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import RestEquations
@@ -76,20 +76,6 @@ class KinkSearchParameters:
 
 
 PARAMETERS = KinkSearchParameters()
-WORDS = {
-    ca.OP_FABS: "abs",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_FMIN: "min",
-    ca.OP_FMAX: "max",
-    ca.OP_ASIN: "asin",
-    ca.OP_ACOS: "acos",
-    ca.OP_POW: "**",
-    ca.OP_CONSTPOW: "**",
-    ca.OP_DIV: "/",
-    ca.OP_INV: "/",
-    ca.OP_LOG: "log",
-    ca.OP_SIGN: "sign",
-}
 _POLES = (ca.OP_DIV, ca.OP_INV, ca.OP_LOG)
 # What is zero, or not, where the argument is: the argument of these stands for them.
 _INNER = (ca.OP_SQRT, ca.OP_SQ, ca.OP_FABS, ca.OP_NEG, ca.OP_TWICE)
@@ -115,20 +101,25 @@ class KinkPoint(NamedTuple):
 def kinks(laws: StaticLaws) -> list[Kink]:
     """The kinks and poles of the function, by its operations; none of those whose arguments do not vary."""
     inputs, value = [laws.q, laws.t, laws.p], ca.densify(laws.value)
-    found: list[tuple[int, ca.SX, bool]] = []
-
-    def look(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        for argument, is_pole in ((_argument(op, parts), False), (_divisor(op, parts), True)):
-            if argument is not None and ca.depends_on(argument, laws.q):
-                found.append((op, argument, is_pole))
-        return result
-
-    operation_graph.replayed(value, inputs, look)
+    found = [
+        (each.op, argument, is_pole)
+        for each in switches.among(value, inputs)
+        for argument, is_pole in (
+            (_argument(each.op, each.parts), False),
+            (_divisor(each.op, each.parts), True),
+        )
+        if argument is not None and ca.depends_on(argument, laws.q)
+    ]
     numbers = itertools.count()
     return [
-        Kink(WORDS[op], argument, None if is_pole else _with_kink(laws, value, inputs, next(numbers)))
+        Kink(_word(op), argument, None if is_pole else _with_kink(laws, value, inputs, next(numbers)))
         for op, argument, is_pole in found
     ]
+
+
+def _word(op: int) -> str:
+    word = switches.KINDS[op].word
+    return "/" if word == switches.QUOTIENT else word
 
 
 def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int) -> ca.SX:
@@ -152,7 +143,7 @@ def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int)
     return operation_graph.replayed(value, inputs, put)
 
 
-def _argument(op: int, parts: list[ca.SX]) -> ca.SX | None:
+def _argument(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
     """Return what is zero at the kink of an operation; None where it has none."""
     if op in (ca.OP_FABS, ca.OP_SQRT):
         return parts[0]
@@ -166,7 +157,7 @@ def _argument(op: int, parts: list[ca.SX]) -> ca.SX | None:
     return None
 
 
-def _divisor(op: int, parts: list[ca.SX]) -> ca.SX | None:
+def _divisor(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
     """Return what is zero at the pole of an operation, as simple as it is; None where it has none."""
     if op in (ca.OP_POW, ca.OP_CONSTPOW):
         divisor = parts[0] if not parts[1].is_constant() or float(parts[1]) < 0 else None
@@ -393,12 +384,9 @@ def _beyond(problem: StaticProblem, known: Sequence[Kink]) -> str | None:
 
 def _jumps(laws: StaticLaws) -> str:
     """The words that make forces without a declared potential jump."""
-    words: list[str] = []
-
-    def look(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op in (ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX) and ca.depends_on(result, laws.q):
-            words.append(f"`{WORDS[op]}`")
-        return result
-
-    operation_graph.replayed(ca.densify(laws.driving), [laws.q, laws.t, laws.p], look)
+    words = [
+        f"`{each.kind.word}`"
+        for each in switches.among(laws.driving, [laws.q, laws.t, laws.p])
+        if each.op in (ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX) and ca.depends_on(each.value, laws.q)
+    ]
     return ", ".join(dict.fromkeys(words))

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import load_sharing
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
+from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]

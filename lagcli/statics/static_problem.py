@@ -15,7 +15,7 @@ from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
 from lagcli.equations.power_series import SeriesFunction
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.statics.static_laws import StaticLaws
 
 Floats = npt.NDArray[np.float64]

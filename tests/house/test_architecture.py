@@ -20,7 +20,7 @@ FLOORS = (
     ("frozen", "progress", "errors", "yaml_tree"),
     ("expression",),
     ("model", "input"),
-    ("equations",),
+    ("smoothness", "equations"),
     ("compiled", "linear"),
     ("contact", "start"),
     (
@@ -73,6 +73,7 @@ DOORS = {
         "lagcli.statics.one_unknown",
     ),
     "casadi": (
+        "lagcli.smoothness.",
         "lagcli.equations.",
         "lagcli.compiled.",
         "lagcli.linear.metric",

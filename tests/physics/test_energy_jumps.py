@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.equations import branch_cuts, jump_search, operation_graph
+from lagcli.equations import branch_cuts
 from lagcli.equations import system as mechanics
 from lagcli.simulation.events import impulse_event
+from lagcli.smoothness import jump_search, operation_graph
 
 POTENTIAL = """\
 lagcli: 1

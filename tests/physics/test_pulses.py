@@ -16,9 +16,9 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli.equations import time_functions
 from lagcli.simulation.stepping import timetable
 from lagcli.simulation.stepping.timetable import Timetable
+from lagcli.smoothness import time_functions
 from tests.helpers.in_process import command as command
 
 Floats = npt.NDArray[np.float64]

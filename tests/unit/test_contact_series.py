@@ -10,8 +10,8 @@ import sympy
 import lagcli
 from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, SeriesFunction
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.closed_contacts import contact_series
+from lagcli.smoothness.sized_function import SizedFunction
 
 pytestmark = pytest.mark.numeric
 

@@ -163,6 +163,24 @@ def test_members_indices_and_calls_are_told_apart() -> None:
     assert call == tree.Call(0, 4, "d", (tree.Name(2, 3, "d"),))
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x**2 + 3*x**-2", "/ x"),
+        ("x**2.0 + x**(2)", "** x"),
+        ("x**-n", "** / n x"),
+        ("x**(a - b)", "** a b x"),
+        ("-x/2 + 1/1e6", "x"),
+        ("1/-x", "/ x"),
+        ("b[i].vx*rate(y)", ".vx b i rate( y"),
+        ("norm(a - [x, 0, 0]) + reaction(a).x", ".x a norm( reaction( x"),
+        ("abs_x*sign(max(y, 1e-3))", "abs_x max( sign( y"),
+    ],
+)
+def test_a_tree_has_the_words_it_is_made_of(text: str, words: str) -> None:
+    assert sorted(tree.words(parser.parse(text))) == words.split()
+
+
 def test_an_equation_without_a_sign_is_equal_to_zero() -> None:
     assert parser.parse_equation("x - 1").right == tree.Number(5, 5, "0")
     assert parser.parse_equation("x = 1").relation == "="

@@ -7,14 +7,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.equations import branch_cuts, jump_search
+from lagcli.equations import branch_cuts
 from lagcli.equations.branch_cuts import Cuts
-from lagcli.equations.jump_search import Local, Starts
 from lagcli.equations.kinks import Kinks
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.independent_rows import Dependence
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.smoothness import jump_search
+from lagcli.smoothness.jump_search import Local, Starts
+from lagcli.smoothness.sides import Sides, value_jumps
 
 NOTHING = np.zeros(0)
 
@@ -161,13 +163,9 @@ def test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named():
 # Switches at the start and on the way
 
 
-def one_kink(slope, switch=lambda x: x):
-    """A row of one coordinate with this slope, and its switch."""
-    return Kinks(
-        ("row",),
-        lambda t, q, p: ca.DM([switch(float(q[0]))]),
-        lambda t, q, p: ca.DM([slope(float(q[0]))]),
-    )
+def one_kink(slope):
+    """A row of one coordinate with this slope."""
+    return Kinks(("row",), lambda t, q, p: ca.DM([slope(float(q[0]))]))
 
 
 # At 1 the sides are looked at so many times this way off.
@@ -191,27 +189,29 @@ def test_a_jump_is_compared_with_what_changes_farther_off(off, jumps):
 def test_a_gradient_jumps_by_a_millionth(size, jumps):
     kink = one_kink(lambda x: 1.0 + size * (x > 1.0))
     assert (kink.at(0.0, np.ones(1), NOTHING) is not None) is jumps
-    passed = one_kink(lambda x: 1.0 + size * (x > 0.0))
-    assert (passed.crossed((0.0, -np.ones(1)), (1.0, np.ones(1)), NOTHING) is not None) is jumps
-
-
-def test_a_slope_that_only_changes_on_the_way_does_not_jump():
-    kink = one_kink(lambda x: 2.0 + x, lambda x: x - 0.3)
-    assert kink.crossed((0.0, -np.ones(1)), (1.0, np.ones(1)), NOTHING) is None
 
 
 # Values that jump at a switch
 
 
-@pytest.mark.parametrize(("change", "is_abrupt"), [(5.0, False), (30.0, True)])
-def test_a_value_jumps_by_ten_times_what_it_changes_by_beside(change, is_abrupt):
-    found = jump_search.is_jump(np.array([0.0, 1.0, 1.0 + change, 2.0 + change]))
-    assert bool(found) is is_abrupt
+def sides(*values):
+    return Sides(tuple(np.array([float(x)]) for x in values))
 
 
-@pytest.mark.parametrize(("change", "is_abrupt"), [(3e-11, False), (3e-10, True)])
-def test_a_change_of_ten_digits_less_is_rounding(change, is_abrupt):
-    assert bool(jump_search.is_jump(np.array([1.0, 1.0, 1.0 + change, 1.0 + change]))) is is_abrupt
+@pytest.mark.parametrize(("near", "jumps"), [(0.1, False), (0.5, True), (2.0, True), (20.0, False)])
+def test_what_draws_near_as_the_distance_shrinks_is_no_jump(near, jumps):
+    assert bool(sides(0, 0, near, 1).jumps()[0]) is jumps
+
+
+@pytest.mark.parametrize(("factor", "grows"), [(3, False), (30, True)])
+def test_a_pole_grows_by_more_than_ten(factor, grows):
+    assert bool(sides(1, factor, factor, 1).grows()[0]) is grows
+
+
+@pytest.mark.parametrize(("change", "is_jump"), [(3e-11, False), (3e-10, True)])
+def test_a_change_of_ten_digits_less_is_rounding(change, is_jump):
+    values = np.array([1.0, 1.0, 1.0 + change, 1.0 + change])
+    assert bool(value_jumps(tuple(values[:, None]))[0]) is is_jump
 
 
 T, Q, V, P = ca.SX.sym("t"), ca.SX.sym("q", 1), ca.SX.sym("v", 1), ca.SX.sym("p", 0)
@@ -223,6 +223,16 @@ FROM_ONE = Starts(0.0, np.ones((1, 1)), np.zeros(1), ca.DM(0, 1), 1.0)
 def test_a_value_is_looked_at_beside_a_switch(width, jumps):
     value = Local(ca.tanh(Q / width), INPUTS)
     assert jump_search.jumps(value, Q, INPUTS, FROM_ONE) is jumps
+
+
+def test_a_root_across_a_switch_is_no_jump():
+    value = Local(ca.sign(Q) * ca.sqrt(ca.fabs(Q)), INPUTS)
+    assert not jump_search.jumps(value, Q, INPUTS, FROM_ONE)
+
+
+def test_a_small_jump_on_a_slope_is_one():
+    value = Local(Q + 1e-11 * ca.sign(Q), INPUTS)
+    assert jump_search.jumps(value, Q, INPUTS, FROM_ONE)
 
 
 def test_a_switch_is_sought_from_twelve_starts_about_the_state():

@@ -9,8 +9,8 @@ import lagcli
 from lagcli.analysis.check_report import Report
 from lagcli.api.models import cache
 from lagcli.cli.commands import check_command
-from lagcli.equations import time_functions
 from lagcli.errors import diagnostics
+from lagcli.smoothness import time_functions
 from lagcli.start import assembly, gaps, initial
 
 BALL = """lagcli: 1

@@ -653,35 +653,5 @@ def test_a_switch_without_a_jump_is_taken(text: str) -> None:
     assert lagcli.simulate(lagcli.loads(text))["a.x"][-1] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("equation", "before", "after", "row_name"),
-    [
-        ("a.z = abs(a.x)", [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], "h"),
-        ("a.z = abs(a.x)", [1.0, 0.0, 1.0], [0.5, 0.0, 0.5], None),
-        ("a.z = max(a.x, 0)**2", [1.0, 0.0, 1.0], [-1.0, 0.0, 0.0], None),
-        ("a.z = max(a.x, 0)", [1.0, 0.0, 1.0], [-1.0, 0.0, 0.0], "h"),
-        ("a.z = max(a.x, a.y)", [1.0, 0.0, 1.0], [1.0, 3.0, 3.0], "h"),
-        ("a.z = sign(a.x)", [1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], "h"),
-    ],
-)
-def test_a_jump_on_the_way_is_found(
-    equation: str, before: list[float], after: list[float], row_name: str | None
-) -> None:
-    system = mechanics.build(lagcli.loads(row(equation)))
-    assert system.kinks is not None
-    found = system.kinks.crossed((0.0, np.array(before)), (1.0, np.array(after)), np.zeros(0))
-    assert (found and found.name) == row_name
-
-
-def test_a_jump_in_time_is_found() -> None:
-    system = mechanics.build(lagcli.loads(row("a.x = 1 + max(0.25*t, t - 1)")))
-    assert system.kinks is not None
-    place = np.array([1.0, 0.0, 0.0])
-    assert system.kinks.crossed((0.0, place), (1.0, place), np.zeros(0)) is None
-    found = system.kinks.crossed((1.0, place), (2.0, place), np.zeros(0))
-    assert found is not None
-    assert found.name == "h"
-
-
 def test_rows_without_switches_cost_nothing() -> None:
     assert mechanics.build(lagcli.loads(row("a.x = 1"))).kinks is None

@@ -6,7 +6,7 @@ import pytest
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.paths import ROUGH, PathSteps
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness.sized_function import SizedFunction
 
 
 def scaled(count):

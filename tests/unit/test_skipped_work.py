@@ -6,9 +6,9 @@ import pytest
 import lagcli
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run
-from lagcli.equations import time_functions
 from lagcli.linear import metric_rows
 from lagcli.simulation.stepping import timetable
+from lagcli.smoothness import time_functions
 from lagcli.start import initial, lipschitz, sample_points
 
 PENDULUM = """\

@@ -107,8 +107,7 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
     Raises `_SlowConvergence`.
     """
     _, J = part.at(z, t)
-    _, sigma, right = np.linalg.svd(_unit_rows(J))
-    tangent = right[int((sigma > rank.PARAMETERS.large).sum()) :].T
+    tangent = rank.null_basis(_unit_rows(J))
     direction = tangent @ random.standard_normal(tangent.shape[1])
     largest = float(np.abs(direction).max(initial=0.0))
     step = size * direction / largest if largest > 0 else direction

@@ -15,6 +15,7 @@ from numpy.linalg import LinAlgError
 
 from lagcli.analysis.holonomy import controlled_paths
 from lagcli.analysis.holonomy.local_system import LocalPart
+from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
 
@@ -99,8 +100,8 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
     lengths = np.linalg.norm(vectors, axis=0)
     vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
     left, sigma, _ = np.linalg.svd(vectors / np.linalg.norm(vectors, axis=0), full_matrices=False)
-    rank = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
-    return PathOrbit(left[:, :rank], kernel, timed, is_explored)
+    many = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
+    return PathOrbit(left[:, :many], kernel, timed, is_explored)
 
 
 def is_singular(part: LocalPart, point: Floats) -> bool:
@@ -126,11 +127,9 @@ def _kernel(part: LocalPart, point: Floats) -> Floats | None:
         return None
     lengths = np.linalg.norm(B, axis=1, keepdims=True)
     try:
-        _, sigma, Vt = np.linalg.svd(B / np.where(lengths > 0, lengths, 1.0))
+        return rank.null_basis(B / np.where(lengths > 0, lengths, 1.0))
     except LinAlgError:
         return None
-    kernel: Floats = Vt[int((sigma > 1e-7).sum()) :].T
-    return kernel
 
 
 def _carried(

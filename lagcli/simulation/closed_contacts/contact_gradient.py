@@ -10,6 +10,7 @@ import numpy as np
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
+from lagcli.smoothness import sides
 from lagcli.start.initial import State
 
 
@@ -41,12 +42,6 @@ class GradientParameters:
     farther: float = 100.0
     """They are looked at again this much farther off. `test_a_jump_stays_from_a_hundred_times_farther_off`
     fails at 10 and 1000."""
-    jump: float = 1e-3
-    """A gradient jumps by this part of itself. `test_an_edge_is_a_jump_by_a_thousandth` fails at 0.0001 and
-    0.01."""
-    stays: float = 0.1
-    """And it stays: close by it is this part of what it is farther off, or more.
-    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at 0.01 and 1."""
     pairs: int = 3
     """Pairs of points on both sides that are compared. `test_three_pairs_of_sides_are_compared` fails at 0
     and 30."""
@@ -91,19 +86,15 @@ def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> t
     step = max(float(np.abs(state.q).max(initial=0.0)) / speed, span)
 
     def change(part: float) -> Floats:
-        sides = (
+        both = (
             np.array(numeric.contacts(state.t + h, state.q + h * state.v, state.v, state.p)[1])
             for h in (-part * step, part * step)
         )
-        one, other = (G[[i - first for i in closed]] for G in sides)
+        one, other = (G[[i - first for i in closed]] for G in both)
         return np.asarray(np.abs(other - one).max(axis=1) / (1e-300 + np.abs(one).max(axis=1)))
 
-    near, far = change(PARAMETERS.near), change(PARAMETERS.far)
-    return tuple(
-        i
-        for i, jumps in zip(closed, (near > PARAMETERS.jump) & (near > PARAMETERS.stays * far), strict=True)
-        if jumps
-    )
+    jumps = sides.differ(change(PARAMETERS.near), change(PARAMETERS.far), np.array(sides.PARAMETERS.slope))
+    return tuple(i for i, is_edge in zip(closed, jumps, strict=True) if is_edge)
 
 
 def fallen(here: ContactInstant, extents: Floats, contacts: Iterable[int]) -> Flags:
@@ -138,14 +129,13 @@ def _jumps(here: ContactInstant, contact: int) -> bool:
     for _ in range(PARAMETERS.pairs):
         way = random.standard_normal(here.units.size) * here.units
         for part in (offset, -offset):
-            sides = (
+            beside = (
                 _displaced(here, times * part * way).entries(contact) for times in (1.0, PARAMETERS.farther)
             )
-            changes = [float(np.abs(side - own).max(initial=0.0)) for side in sides]
+            changes = [float(np.abs(side - own).max(initial=0.0)) for side in beside]
             near, far = max(near, changes[0]), max(far, changes[1])
-    return (
-        near > PARAMETERS.jump * (float(np.abs(own).max(initial=0.0)) + far) and near > PARAMETERS.stays * far
-    )
+    least = sides.PARAMETERS.slope * (np.abs(own).max(initial=0.0) + far)
+    return bool(sides.differ(np.array(near), np.array(far), least))
 
 
 def _displaced(here: ContactInstant, way: Floats) -> ContactInstant:

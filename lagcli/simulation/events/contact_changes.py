@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
-from lagcli.equations import named_functions
 from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import (
     contact_change,
@@ -36,6 +35,7 @@ from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import line_functions
 from lagcli.simulation.stepping.stepper import Stepper
+from lagcli.smoothness import named_functions
 
 Floats = npt.NDArray[np.float64]
 Found = TypeVar("Found")

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from lagcli.compiled import force_switches
 from lagcli.contact.least_distance import EPS
-from lagcli.equations import named_functions
 from lagcli.simulation.events import step_watch, switch_event
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import FEW
@@ -19,6 +18,7 @@ from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.simulation.stepping import sticking, timetable
 from lagcli.simulation.stepping.stepper import Stepper
+from lagcli.smoothness import named_functions
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

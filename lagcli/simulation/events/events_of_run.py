@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lagcli.equations import named_functions
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.stepping.stepper import Stepper
+from lagcli.smoothness import named_functions
 
 # Modules that most runs have no use for are loaded where a run may meet what they are for.
 

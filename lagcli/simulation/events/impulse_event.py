@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.stepping.stepper import Stepper
+from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
     from lagcli.equations.energy_jumps import Crossings, Way

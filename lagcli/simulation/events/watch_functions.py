@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_bounds, zero_search
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.scheme.step_end import Compiled
+from lagcli.smoothness.sized_function import SizedFunction
 
 Numbers = npt.NDArray[np.intp]
 

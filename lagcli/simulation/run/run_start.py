@@ -8,7 +8,6 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.time_functions import TimeFunctions
 from lagcli.frozen import frozen
 from lagcli.model.model import Simulation
 from lagcli.simulation.run.loop import Run
@@ -21,6 +20,7 @@ from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.stepping import grid as grids
 from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
+from lagcli.smoothness.time_functions import TimeFunctions
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from functools import lru_cache, reduce
 import casadi as ca
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.scheme import dop853_tableau, step_end
 from lagcli.simulation.scheme.line_functions import Curve
 from lagcli.simulation.scheme.step_end import Expression
+from lagcli.smoothness.sized_function import SizedFunction
 
 # Polynomials of the dense output.
 DENSE_ROWS = 7

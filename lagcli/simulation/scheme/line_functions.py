@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.scheme import step_end, step_tolerance
+from lagcli.smoothness.sized_function import SizedFunction
 
 # What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
 # all of the line is, or overflows.

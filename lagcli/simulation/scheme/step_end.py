@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, TypeVar
 import casadi as ca
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.simulation.scheme import step_tolerance as tolerances
+from lagcli.smoothness.sized_function import SizedFunction
 
 
 class StepEndParameters:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lagcli.equations.time_functions import TimeFunctions
 from lagcli.frozen import frozen_value
 from lagcli.model.model import Simulation
+from lagcli.smoothness.time_functions import TimeFunctions
 
 # A last interval shorter than this part of the step is rounding, and no interval.
 GRID_ROUNDOFF = 1e-9

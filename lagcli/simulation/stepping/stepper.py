@@ -10,8 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.equations import named_functions
-from lagcli.equations.time_functions import TimeFunctions
 from lagcli.model.model import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.between_steps import RunState
@@ -26,6 +24,8 @@ from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.stepping.grid import Grid, Witnesses
 from lagcli.simulation.stepping.timetable import Timetable
+from lagcli.smoothness import named_functions
+from lagcli.smoothness.time_functions import TimeFunctions
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:

@@ -9,12 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.force_switches import ForceSwitches
-from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.scheme.step_tolerance import UNIT
 from lagcli.simulation.stepping import stop_reasons
+from lagcli.smoothness import named_functions
+from lagcli.smoothness.sides import PARAMETERS as SIDE_LIMITS
+from lagcli.smoothness.sides import Sides
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
@@ -45,8 +47,7 @@ class _Sides(NamedTuple):
     def are_drawn(self) -> bool:
         """True if the motion is led to the switch on both of its sides, by a jump of its rate."""
         _, before, after, _ = self.slopes
-        sides = stop_reasons.Sides(tuple(self.slopes[:, None]), np.zeros(1))
-        return bool(before < 0.0 < after and sides.jumps()[0])
+        return bool(before < 0.0 < after and Sides(tuple(self.slopes[:, None])).jumps()[0])
 
 
 def require_step(bound: BoundStep, switches: ForceSwitches, t: float) -> None:
@@ -88,7 +89,7 @@ def _sides(bound: BoundStep, switches: ForceSwitches, begin: Approach, switch: i
         values = np.array([(u[switch], slope[switch]) for u, slope in found])
         sizes = np.abs(values[:, 0])
         expected = reach * abs(u) * np.abs(OFFSETS)
-        if (np.abs(sizes - expected) <= stop_reasons.PARAMETERS.stays * expected).all():
+        if (np.abs(sizes - expected) <= SIDE_LIMITS.stays * expected).all():
             return _Sides(states, np.sign(values[:, 0]) * values[:, 1] * np.sign(-OFFSETS))
     return None
 
@@ -100,7 +101,7 @@ def _jumping(bound: BoundStep, switches: ForceSwitches, sides: _Sides) -> list[s
     found = [switches.forces(t, y[:n], y[n : 2 * n], p) for t, y in sides.states]
     values = tuple(np.array(Q).ravel() for Q, _ in found)
     rounding = UNIT * np.max([np.array(units).ravel() for _, units in found], axis=0)
-    jumps = stop_reasons.Sides(values, 2 * rounding).jumps().reshape(count, n).any(axis=1)
+    jumps = Sides(values, 2 * rounding).jumps().reshape(count, n).any(axis=1)
     return list(dict.fromkeys(switches.names[i] for i in np.flatnonzero(jumps)))
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.run_state.run_stop import (
@@ -25,6 +24,7 @@ from lagcli.simulation.run_state.run_stop import (
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity import singular_point
 from lagcli.simulation.stepping import stop_reasons
+from lagcli.smoothness import named_functions
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
+from lagcli.smoothness import sides
+from lagcli.smoothness.sides import Sides
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -37,18 +39,6 @@ class DiagnosisParameters:
     part_of_run: float = 1e-3
     """A configuration is as large as the way of this part of the run, or larger.
     `test_a_jump_is_seen_within_rounding_of_the_point` fails at 0.0001 and 0.01."""
-    jump: float = 1e-4
-    """The part of a row by which its sides must differ. `test_sides_of_a_row_differ_by_a_part_of_it` fails at
-    1e-5 and 0.001."""
-    stays: float = 0.3
-    """And the part of that from farther off which must stay: what draws near as the distance shrinks is no
-    jump. `test_what_draws_near_as_the_distance_shrinks_is_no_jump` fails at 0.03 and 3."""
-    rounded: float = 1e-10
-    """What rounding leaves of f on its surface, as a part of the size of its terms.
-    `test_rounding_of_a_surface_is_no_jump` fails at 1e-11 and 1e-9."""
-    grows: float = 10.0
-    """A pole grows by more than this where the distance shrinks from `far` to `near`.
-    `test_a_pole_grows_by_more_than_ten` fails at 1 and 100."""
 
 
 PARAMETERS = DiagnosisParameters()
@@ -56,71 +46,27 @@ PARAMETERS = DiagnosisParameters()
 AT_CUT = 1.5 * np.pi
 THROUGH_ZERO = "both arguments of `atan2` go through zero"
 
-PHRASES = {
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
-    "asin": "`asin` comes to an end of its range",
-    "acos": "`acos` comes to an end of its range",
-    "sign": "`sign` switches",
-    "abs": "the argument of `abs` changes its sign",
-    "min": "`min` switches",
-    "max": "`max` switches",
-}
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Sides:
-    """Values (k,) at four states on the way through an instant: far before, near before, near after and far after;
-    rounding (k,): a difference below this is none."""
-
-    values: tuple[Floats, ...]
-    rounding: Floats
-
-    def jumps(self) -> npt.NDArray[np.bool_]:
-        """True for those with another value on the other side, however near that is."""
-        a, b, c, d = self.values
-        with np.errstate(invalid="ignore", over="ignore"):
-            near, far = np.abs(c - b), np.abs(d - a)
-            least = np.maximum(PARAMETERS.jump * np.maximum(np.abs(b), np.abs(c)), self.rounding)
-            return (
-                np.isfinite(near)
-                & (near > least)
-                & (near > PARAMETERS.stays * far)
-                & (near < far / PARAMETERS.stays)
-            )
-
-    def ends(self) -> npt.NDArray[np.bool_]:
-        """True for those with a value before and none after."""
-        a, b, _, d = (np.isfinite(x) for x in self.values)
-        return a & b & ~d
-
-    def grows(self) -> npt.NDArray[np.bool_]:
-        """True for those that grow beyond any bound."""
-        a, b, c, d = map(np.abs, self.values)
-        with np.errstate(invalid="ignore"):
-            return (b > PARAMETERS.grows * a) & ~(c < PARAMETERS.grows * d) & (a > 0)
-
 
 def reason(system: System, numeric: NumericSystem, state: State) -> str:
     """The reason why rows do not lead on from a state along its velocity, as a sentence; empty where none of them jumps
     there."""
     if not system.rows.rows:
         return ""
-    seen = [(reach, _along(state, reach, time_scale(system, state))) for reach in PARAMETERS.reaches]
+    ways = [(reach, _along(state, reach, time_scale(system, state))) for reach in PARAMETERS.reaches]
     found_sides = [
         (reach, states, Sides(tuple(_rows(numeric, x) for x in states), _rounding(numeric, states[1])))
-        for reach, states in seen
+        for reach, states in ways
     ]
-    for reach, states, sides in found_sides:
+    for reach, states, seen in found_sides:
         # A jump of a value first: close to it cancellation spoils the gradient too.
-        hit = np.flatnonzero(sides.jumps()[: system.holonomic_count])
+        hit = np.flatnonzero(seen.jumps()[: system.holonomic_count])
         if hit.size and reach < PARAMETERS.reaches[-1]:
             row = int(hit[0])
             return _sentence(system, row, "jumps", True, _call(system, row, states))
-    for reach, states, sides in found_sides:
-        kinds = [("ends", sides.ends())]
+    for reach, states, seen in found_sides:
+        kinds = [("ends", seen.ends())]
         if reach < PARAMETERS.reaches[-1]:
-            kinds += [("jumps", sides.jumps()), ("grows", sides.grows())]
+            kinds += [("jumps", seen.jumps()), ("grows", seen.grows())]
         for kind, found in kinds:
             hit = np.flatnonzero(found)
             if hit.size:
@@ -172,7 +118,7 @@ def _rounding(numeric: NumericSystem, state: State) -> Floats:
     norms = LocalRows(numeric.rows(state.t, state.q, np.zeros_like(state.v), state.p)[0]).norms
     s, size = numeric.holonomic.size1_out(0), float(np.abs(state.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
-    floor[0, :s] = PARAMETERS.rounded * np.nan_to_num(norms[:s], posinf=0.0) * size
+    floor[0, :s] = sides.PARAMETERS.rounded * np.nan_to_num(norms[:s], posinf=0.0) * size
     return floor.ravel()
 
 
@@ -180,18 +126,18 @@ def _call(system: System, row: int, states: tuple[State, ...]) -> str:
     """Name the innermost function of a row whose value or slope jumps, ends or grows between the states, or
     nothing."""
     from lagcli.equations import operation_rules
+    from lagcli.smoothness import switches
 
     names, function = operation_rules.edge_calls(system, row)
     if not names:
         return ""
     values = tuple(np.array(function(x.t, x.q, x.v, x.p)).ravel() for x in states)
-    sides = Sides(values, np.zeros(values[0].size))
-    hit = (sides.jumps() | sides.ends() | sides.grows()).reshape(2, -1).any(axis=0)
+    seen = Sides(values)
+    hit = (seen.jumps() | seen.ends() | seen.grows()).reshape(2, -1).any(axis=0)
     if not hit.any():
         return ""
     call = int(np.argmax(hit))
     if names[call] == "atan2" and abs(values[2][call] - values[1][call]) < AT_CUT:
         return THROUGH_ZERO
-    return PHRASES.get(
-        names[call], names[call] if names[call] == operation_rules.QUOTIENT else f"`{names[call]}`"
-    )
+    word = names[call]
+    return switches.PHRASES.get(word, word if word == switches.QUOTIENT else f"`{word}`")

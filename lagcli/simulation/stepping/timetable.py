@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.time_functions import TimeFunctions
 from lagcli.expression.intervals import Range
+from lagcli.smoothness.time_functions import TimeFunctions
 
 Floats = npt.NDArray[np.float64]
 

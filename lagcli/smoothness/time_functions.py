@@ -11,7 +11,6 @@ import copy
 import dataclasses
 import math
 import operator
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -26,7 +25,6 @@ from lagcli.model.family import Integers
 
 Floats = npt.NDArray[np.float64]
 
-_WORD = re.compile(r"[A-Za-z_]\w*")
 # Operations on t, values of all of them for the members of families, and operations of any kind in expressions that
 # hold t: more are left to the rows of the table.
 MOST_OPERATIONS, MOST_VALUES, MOST_STEPS = 1000, 2**14, 20_000
@@ -142,7 +140,7 @@ class _Timed:
                 self.on_particles += [(part, force.members.variables) for part in timed]
 
     def _holds(self, expression: nouns.Expression) -> bool:
-        return not self.names.isdisjoint(_WORD.findall(expression.text))
+        return not self.names.isdisjoint(expression.words)
 
 
 def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Integers]]]:

@@ -7,30 +7,17 @@ A piece ends where `abs`, `sign`, `min` or `max` switches, where a root or a pow
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import kinks, operation_graph
-from lagcli.equations.sized_function import SizedFunction
+from lagcli.smoothness import operation_graph, switches
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
-# What vanishes where a function of these arguments is not analytic.
-ENDS: dict[int, Callable[..., ca.SX]] = {
-    **kinks.ARGUMENTS,
-    ca.OP_SQRT: lambda a: a,
-    ca.OP_HYPOT: lambda a, b: a * a + b * b,
-    ca.OP_ASIN: lambda a: 1 - a * a,
-    ca.OP_ACOS: lambda a: 1 - a * a,
-    ca.OP_TAN: ca.cos,
-    ca.OP_LOG: lambda a: a,
-    ca.OP_INV: lambda a: a,
-    ca.OP_DIV: lambda a, b: b,
-    ca.OP_ATAN2: lambda y, x: y,
-}
 # An end that is touched between two points is seen where a parabola through three values comes this near to zero, as
 # a part of the smaller of the outer ones.
 TOUCHED = 0.1
@@ -40,31 +27,12 @@ ON_END = 1e-9
 ROUNDS = 2
 
 
-def ends(value: ca.SX, inputs: Sequence[ca.SX]) -> list[tuple[ca.SX, ca.SX]]:
-    """Find functions of some `inputs` that vanish at the ends of the pieces of a matrix, each with one that is positive
-    where it counts."""
-    found: list[tuple[ca.SX, ca.SX]] = []
-
-    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op in (ca.OP_POW, ca.OP_CONSTPOW):
-            end = None if _is_natural(parts[1]) else parts[0]
-        else:
-            end = ENDS[op](*parts) if op in ENDS else None
-        if end is not None:
-            # atan2(y, x) is cut where y = 0 and x < 0.
-            found.append((end, -parts[1] if op == ca.OP_ATAN2 else ca.SX(1)))
-        return result
-
-    operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
-    return found
-
-
 class AnalyticPieces:
     """The ends of the pieces of a matrix of functions of some `inputs`, the first of which is the point."""
 
     def __init__(self, value: ca.SX, inputs: list[ca.SX]) -> None:
-        found = ends(value, inputs)
-        moving = [(end, condition) for end, condition in found if ca.depends_on(end, inputs[0])]
+        found = [(each.argument, each.condition) for each in switches.among(value, inputs)]
+        moving = [(end, over) for end, over in found if end is not None and ca.depends_on(end, inputs[0])]
         self.count = len(moving)
         values = [each[part] for part in range(2) for each in moving]
         self._values = SizedFunction("pieces", inputs, [ca.vertcat(ca.SX(0, 1), *values)])
@@ -84,10 +52,6 @@ class AnalyticPieces:
         )
 
 
-def _is_natural(exponent: ca.SX) -> bool:
-    return bool(exponent.is_constant() and float(exponent).is_integer() and float(exponent) >= 0)
-
-
 def _touched(u: Floats) -> npt.NDArray[np.bool_]:
     """Marks of where |u| (points, K) is least between two points, by a parabola, and next to nothing there."""
     before, here, after = u[:-2], u[1:-1], u[2:]
@@ -103,11 +67,11 @@ def on_branch(value: ca.SX, inputs: Sequence[ca.SX], point: Sequence[Floats], ne
     holds it."""
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        if op not in kinks.ARGUMENTS:
+        argument = switches.comparison(op, parts)
+        if argument is None:
             return result
-        argument = kinks.ARGUMENTS[op](*parts)
         found = float(SizedFunction("switch", list(inputs), [argument])(*point))
-        return kinks.on_side(op, parts, float(np.sign(found))) if abs(found) > near else result
+        return switches.on_side(op, parts, float(np.sign(found))) if abs(found) > near else result
 
     # A root of a square that came to light is a modulus.
     for _ in range(ROUNDS):

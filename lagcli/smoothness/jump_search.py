@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import collections
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import operation_graph
-from lagcli.equations.family_columns import taken
-from lagcli.equations.sized_function import SizedFunction
 from lagcli.frozen import frozen
+from lagcli.model.family import Integers
+from lagcli.smoothness import operation_graph, sides
+from lagcli.smoothness.sized_function import SizedFunction
+from lagcli.smoothness.switches import KINDS
 
 Floats = npt.NDArray[np.float64]
 # t, q and v.
@@ -28,18 +29,6 @@ class JumpSearchParameters:
 
     __slots__ = ()
 
-    halvings: int = 60
-    """Bisections: an interval of the size of its ends has 53 bits. `test_a_switch_is_found_to_rounding` fails
-    at 6."""
-    offset: float = 1e-9
-    """Values are looked at so far from a switch, as a part of the way across it.
-    `test_a_value_is_looked_at_beside_a_switch` fails at 1e-10 and 1e-8."""
-    abrupt: float = 10.0
-    """A value jumps where it differs across a switch by so many times what it changes by in the same distance
-    on either side. `test_a_value_jumps_by_ten_times_what_it_changes_by_beside` fails at 1 and 100."""
-    rounded: float = 1e-10
-    """And by more than this part of itself, its rounding. `test_a_change_of_ten_digits_less_is_rounding`
-    fails at 1e-11 and 1e-9."""
     points: int = 12
     """Starts about the state from which points of a switch are sought.
     `test_a_switch_is_sought_from_twelve_starts_about_the_state` fails at 1 and 120."""
@@ -51,6 +40,8 @@ class JumpSearchParameters:
 
 
 PARAMETERS = JumpSearchParameters()
+# A check looks at so many members of a family, evenly spread, and in each value at so many switches of each word.
+MEMBERS, SWITCHES = 16, 32
 # The numbers between which a value lies, whatever state and parameters are.
 Bounds = tuple[float, float]
 
@@ -64,19 +55,12 @@ _RANGES: dict[int, Bounds] = {
     ca.OP_TANH: (-1.0, 1.0),
     ca.OP_SIGN: (-1.0, 1.0),
 }
-QUOTIENT = "a quotient"
-# The operation, with the operand that changes its sign.
-_WORDS = {
-    ca.OP_SIGN: ("sign", 0),
-    ca.OP_ATAN2: ("atan2", 0),
-    ca.OP_ATAN: ("atan", 0),
-    ca.OP_DIV: (QUOTIENT, 1),
-    ca.OP_INV: (QUOTIENT, 0),
-}
+# Of the operations that may jump the operand that changes its sign.
+_OPERANDS = {ca.OP_SIGN: 0, ca.OP_ATAN2: 0, ca.OP_ATAN: 0, ca.OP_DIV: 1, ca.OP_INV: 0}
 
 
 @frozen
-class Switch:
+class Jumping:
     """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
 
     watched: the same for a run, which passes the points where the sign does no harm; shape: a number, the same where
@@ -93,18 +77,18 @@ class Switch:
 _Known = tuple[int, Bounds, bool]
 
 
-def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
+def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Jumping]:
     """The switches of a column of `inputs`, the second of them q, in the order of its operations: those that depend on
     q and are not known to keep their sign. Those within the argument of another come first."""
     shapes: dict[tuple[object, ...], int] = {}
-    found: dict[tuple[str, int], Switch] = {}
+    found: dict[tuple[str, int], Jumping] = {}
 
     def known(key: tuple[object, ...], bounds: Bounds, is_moving: bool) -> _Known:
         return shapes.setdefault(key, len(shapes)), bounds, is_moving
 
     def visit(op: int, parts: list[_Known], expression: operation_graph.Expression) -> _Known:
-        if op in _WORDS:
-            word, index = _WORDS[op]
+        if op in _OPERANDS:
+            word, index = KINDS[op].word, _OPERANDS[op]
             if op == ca.OP_DIV and parts[1][2] and 0.0 in parts[1][1]:
                 index = 0  # of x/|x|, whose divisor touches zero on one side alone
             shape, bounds, is_moving = parts[index]
@@ -113,7 +97,7 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
                 argument = call.dep(index)
                 # The cut of `atan2` is on one side alone.
                 watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
-                found.setdefault((word, watched.element_hash()), Switch(word, argument, watched, shape))
+                found.setdefault((word, watched.element_hash()), Jumping(word, argument, watched, shape))
         key = (op, *(part[0] for part in parts))
         return known(key, bounds_of(op, [part[1] for part in parts]), any(part[2] for part in parts))
 
@@ -125,7 +109,7 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
     return list(found.values())
 
 
-def examples(found: Sequence[Switch], most: int) -> list[Switch]:
+def examples(found: Sequence[Jumping], most: int) -> list[Jumping]:
     """At most so many of each word: of every shape the first, then of every shape the second, and so on."""
     seen: collections.Counter[tuple[str, int]] = collections.Counter()
     ranked: dict[str, list[tuple[int, int]]] = {}
@@ -135,16 +119,6 @@ def examples(found: Sequence[Switch], most: int) -> list[Switch]:
         seen[key] += 1
     chosen = sorted(index for ranks in ranked.values() for _, index in sorted(ranks)[:most])
     return [found[index] for index in chosen]
-
-
-def is_jump(values: Floats) -> npt.NDArray[np.bool_]:
-    """True where values (4, ...) at 2 and 1 times the offset before a switch, and as far behind it, jump there."""
-    a, b, c, d = values
-    least = np.maximum(
-        PARAMETERS.abrupt * np.maximum(abs(b - a), abs(d - c)),
-        PARAMETERS.rounded * np.maximum(abs(b), abs(c)),
-    )
-    return np.asarray(abs(c - b) > least)
 
 
 @frozen
@@ -177,13 +151,32 @@ class Local:
     def __init__(self, value: ca.SX, inputs: list[ca.SX], with_slopes: bool = False) -> None:
         t, q, v, p = inputs
         self.moving, self._rates = (np.flatnonzero(ca.which_depends(value, x, 1, False)) for x in (q, v))
-        x = taken(q, self.moving)
+        x, rates = (ca.vec(y[of.tolist()]) for y, of in ((q, self.moving), (v, self._rates)))
         column = ca.vertcat(value, ca.gradient(value, x)) if with_slopes else value
-        self._function = SizedFunction("local", [t, x, taken(v, self._rates), p], [ca.densify(column)])
+        self._function = SizedFunction("local", [t, x, rates, p], [ca.densify(column)])
 
     def at(self, begin: Starts, x: Floats) -> Floats:
         """The column (k, S) at points x (m, S)."""
         return np.array(self._function(begin.t, x, begin.v[self._rates], begin.p))
+
+
+def spread(count: int) -> Integers:
+    """The numbers of at most MEMBERS of so many, evenly spread: their text is the same, and they stand for all."""
+    return np.unique(np.linspace(0, count - 1, min(count, MEMBERS)).round().astype(np.int64))
+
+
+def word(
+    value: ca.SX, inputs: list[ca.SX], near: tuple[StateValues, Floats], without: Collection[str] = ()
+) -> str | None:
+    """The function by which a value (1, 1) is found to jump across a switch near a state with its p, or None.
+
+    SWITCHES of each word stand for all of a sum, some of every shape: what this costs does not grow with their number.
+    """
+    found = [each for each in switches(value, inputs) if each.word not in without]
+    if not found:
+        return None
+    begin, whole, chosen = starts(*near), Local(value, inputs), examples(found, SWITCHES)
+    return next((each.word for each in chosen if jumps(whole, each.argument, inputs, begin)), None)
 
 
 def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> bool:
@@ -194,28 +187,20 @@ def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> 
         numbers, centres, across = _switch_points(switch, begin)
         if not numbers.size:
             return False
-        low, high = np.zeros(numbers.size), np.ones(numbers.size)
 
         def point(part: Floats) -> Floats:
             return centres + (2 * part - 1) * across
 
-        sign = np.sign(switch.at(begin, point(low))[0])
-        for _ in range(PARAMETERS.halvings):
-            middle = (low + high) / 2
-            is_before = np.sign(switch.at(begin, point(middle))[0]) == sign
-            low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+        none = np.zeros(numbers.size)
+        sign = np.sign(switch.at(begin, point(none))[0])
         at = begin.q[value.moving][:, numbers]
         own = np.searchsorted(value.moving, switch.moving)
         values = []
-        for part in (
-            low - 2 * PARAMETERS.offset,
-            low - PARAMETERS.offset,
-            high + PARAMETERS.offset,
-            high + 2 * PARAMETERS.offset,
-        ):
+        ends = sides.bracket(lambda x: np.sign(switch.at(begin, point(x))[0]) == sign, none, none + 1.0)
+        for part in sides.beside(*ends):
             at[own] = point(part)
             values.append(value.at(begin, at)[0])
-        return bool(is_jump(np.array(values)).any())
+        return bool(sides.value_jumps(tuple(values)).any())
 
 
 def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
@@ -237,7 +222,7 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
         if not is_going.any():
             break
     numbers = np.flatnonzero(is_there)
-    return numbers, x[:, numbers], begin.size * PARAMETERS.offset**0.5 * slopes[:, numbers]
+    return numbers, x[:, numbers], begin.size * sides.PARAMETERS.offset**0.5 * slopes[:, numbers]
 
 
 def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:

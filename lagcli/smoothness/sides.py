@@ -1,0 +1,110 @@
+"""The two sides of a point: what has another value there however near that is, what ends, and what grows without bound.
+
+There is one test of that and one set of limits. How far off the sides are looked at depends on how well the point is
+known, which they know who ask.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+class SideParameters:
+    """The limits of what differs on two sides, and the search for a switch between two points.
+
+    The tests are of `tests/unit/test_numbers_of_rows.py`.
+    """
+
+    __slots__ = ()
+
+    slope: float = 1e-6
+    """A gradient jumps by this part of itself: a change that is only steep is no jump.
+    `test_a_gradient_jumps_by_a_millionth` fails at 1e-7 and 1e-5."""
+    rounded: float = 1e-10
+    """A value jumps by more than this part of itself, or of its terms, its rounding.
+    `test_a_change_of_ten_digits_less_is_rounding` fails at 1e-11 and 1e-9."""
+    stays: float = 0.3
+    """A jump is this part of the change from farther off, or more: what draws near as the distance shrinks is none, and
+    what grows as much has a pole. `test_what_draws_near_as_the_distance_shrinks_is_no_jump` fails at 0.03 and 3."""
+    grows: float = 10.0
+    """A pole grows by more than this as the distance shrinks. `test_a_pole_grows_by_more_than_ten` fails at 1
+    and 100."""
+    halvings: int = 60
+    """Bisections: an interval of the size of its ends has 53 bits. `test_a_switch_is_found_to_rounding` fails
+    at 6."""
+    offset: float = 1e-9
+    """On a way values are looked at so far from a switch, as a part of the way across it.
+    `test_a_value_is_looked_at_beside_a_switch` fails at 1e-10 and 1e-8."""
+    farther: float = 100.0
+    """And so many times farther off. `test_a_root_across_a_switch_is_no_jump` fails at 10, and
+    `test_a_small_jump_on_a_slope_is_one` at 1000."""
+
+
+PARAMETERS = SideParameters()
+
+
+def differ(near: Floats, far: Floats, least: Floats) -> Flags:
+    """True where a change over next to nothing, above `least`, is a jump; far: the change from farther off."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        stays = (near > PARAMETERS.stays * far) & (PARAMETERS.stays * near < far)
+        return np.asarray(np.isfinite(near) & (near > least) & stays)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Sides:
+    """Values (k,) at four points on a way through one: far before, near before, near after and far after.
+
+    part: of themselves by which they must differ; rounding: a difference below this, (k,) or of all, is none.
+    """
+
+    values: tuple[Floats, ...]
+    rounding: Floats | float = 0.0
+    part: float = PARAMETERS.slope
+
+    def jumps(self) -> Flags:
+        """True for those with another value on the other side, however near that is."""
+        a, b, c, d = self.values
+        with np.errstate(invalid="ignore", over="ignore"):
+            least = np.maximum(self.part * np.maximum(np.abs(b), np.abs(c)), self.rounding)
+            # Of an even function the ends are alike, and it changes on either side.
+            least = np.maximum(least, PARAMETERS.stays * np.ptp(np.array(self.values), axis=0))
+            return differ(np.abs(c - b), np.abs(d - a), least)
+
+    def ends(self) -> Flags:
+        """True for those with a value before and none after."""
+        a, b, _, d = (np.isfinite(x) for x in self.values)
+        return np.asarray(a & b & ~d)
+
+    def grows(self) -> Flags:
+        """True for those that grow beyond any bound."""
+        a, b, c, d = map(np.abs, self.values)
+        with np.errstate(invalid="ignore"):
+            return np.asarray((b > PARAMETERS.grows * a) & ~(c < PARAMETERS.grows * d) & (a > 0))
+
+
+def bracket(is_before: Callable[[Floats], Flags], low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """The parts (K,) of K ways between which each changes, by halves of those given; is_before: tells of a part of each
+    if it lies before the change."""
+    for _ in range(PARAMETERS.halvings):
+        middle = (low + high) / 2
+        before = is_before(middle)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return low, high
+
+
+def beside(low: Floats, high: Floats) -> tuple[Floats, ...]:
+    """The four parts of a way, as of `Sides`, beside a change between two."""
+    near, far = PARAMETERS.offset, PARAMETERS.farther * PARAMETERS.offset
+    return low - far, low - near, high + near, high + far
+
+
+def value_jumps(values: tuple[Floats, ...]) -> Flags:
+    """True for values (k,) at four points, as of `Sides`, that jump, and not their slopes alone."""
+    return Sides(values, part=PARAMETERS.rounded).jumps()

@@ -1,0 +1,128 @@
+"""One pass over the operations of an expression: those that are not smooth everywhere, and what switches each.
+
+Where its argument vanishes an operation jumps, has a kink, a root without a derivative, the end of a range or a pole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+
+from lagcli.smoothness import operation_graph
+
+QUOTIENT = "a quotient"
+
+
+class Kind(NamedTuple):
+    """A kind of operation: its word in the language, and what vanishes where it is not analytic, by its operands.
+
+    is_comparing: it compares that with zero, and goes on smoothly on either side.
+    """
+
+    word: str
+    argument: Callable[..., ca.SX | None]
+    is_comparing: bool = False
+
+
+def _difference(a: ca.SX, b: ca.SX) -> ca.SX:
+    return a - b
+
+
+def _base(base: ca.SX, exponent: ca.SX) -> ca.SX | None:
+    is_natural = exponent.is_constant() and float(exponent).is_integer() and float(exponent) >= 0
+    return None if is_natural else base
+
+
+# Derivatives of `min` and `max` are made of the comparisons without a word.
+KINDS: dict[int, Kind] = {
+    ca.OP_FABS: Kind("abs", lambda a: a, True),
+    ca.OP_SIGN: Kind("sign", lambda a: a, True),
+    ca.OP_FMIN: Kind("min", _difference, True),
+    ca.OP_FMAX: Kind("max", _difference, True),
+    **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), Kind("", _difference, True)),
+    ca.OP_SQRT: Kind("sqrt", lambda a: a),
+    ca.OP_HYPOT: Kind("", lambda a, b: a * a + b * b),
+    ca.OP_ASIN: Kind("asin", lambda a: 1 - a * a),
+    ca.OP_ACOS: Kind("acos", lambda a: 1 - a * a),
+    ca.OP_TAN: Kind("tan", ca.cos),
+    ca.OP_LOG: Kind("log", lambda a: a),
+    ca.OP_INV: Kind(QUOTIENT, lambda a: a),
+    ca.OP_DIV: Kind(QUOTIENT, lambda a, b: b),
+    ca.OP_ATAN2: Kind("atan2", lambda y, x: y),
+    ca.OP_ATAN: Kind("atan", lambda a: None),  # where its argument is infinite
+    ca.OP_POW: Kind("**", _base),
+    ca.OP_CONSTPOW: Kind("**", _base),
+}
+PHRASES = {
+    "atan2": "`atan2` crosses its cut",
+    "atan": "the argument of `atan` goes through infinity",
+    "asin": "`asin` comes to an end of its range",
+    "acos": "`acos` comes to an end of its range",
+    "sign": "`sign` switches",
+    "abs": "the argument of `abs` changes its sign",
+    "min": "`min` switches",
+    "max": "`max` switches",
+}
+
+
+class Switch(NamedTuple):
+    """An operation, its operands and its result; `argument` as its kind has it, None where nothing of it vanishes."""
+
+    op: int
+    parts: Sequence[ca.SX]
+    value: ca.SX
+    argument: ca.SX | None
+
+    @property
+    def kind(self) -> Kind:
+        """The row of its operation in `KINDS`."""
+        return KINDS[self.op]
+
+    @property
+    def condition(self) -> ca.SX:
+        """Positive where it switches: atan2(y, x) is cut where y = 0 and x < 0."""
+        return -self.parts[1] if self.op == ca.OP_ATAN2 else ca.SX(1)
+
+
+def among(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
+    """The switches of a matrix of functions of the `inputs`, inner ones first."""
+    found: list[Switch] = []
+
+    def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+        if op in KINDS:
+            found.append(Switch(op, parts, result, KINDS[op].argument(*parts)))
+        return result
+
+    operation_graph.replayed(ca.densify(ca.vec(ca.SX(value).nz[:])), inputs, visit)
+    return found
+
+
+def compared(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
+    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
+    derivatives, compare."""
+    return [
+        each.argument for each in among(value, inputs) if each.kind.is_comparing and each.argument is not None
+    ]
+
+
+def is_comparing(op: int) -> bool:
+    """True for an operation that compares something with zero."""
+    return op in KINDS and KINDS[op].is_comparing
+
+
+def comparison(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
+    """The value that an operation compares with zero; None for one that compares nothing."""
+    return KINDS[op].argument(*parts) if is_comparing(op) else None
+
+
+def on_side(op: int, parts: Sequence[ca.SX], side: float) -> ca.SX:
+    """The value of an operation that compares where its argument has the sign `side`, 1 or -1."""
+    if op in (ca.OP_FMIN, ca.OP_FMAX):
+        return parts[0 if (side > 0) == (op == ca.OP_FMAX) else 1]
+    if op == ca.OP_FABS:
+        return side * parts[0]
+    if op == ca.OP_SIGN:
+        return ca.SX(side)
+    return ca.SX(op == ca.OP_NE or (side < 0 and op in (ca.OP_LT, ca.OP_LE)))
