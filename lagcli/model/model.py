@@ -172,6 +172,13 @@ class Potential:
 Force = ParticleForce | GeneralizedForce | Potential
 
 
+def expressions_of(force: Force) -> tuple[Expression, ...]:
+    """The expressions of a force."""
+    if isinstance(force, Potential):
+        return (force.expression,)
+    return force.force.parts if isinstance(force, ParticleForce) else (force.force,)
+
+
 @frozen
 class Holonomic:
     """f(r, q, t) = left - right = 0 (D.2); three rows where it is a vector equation."""
@@ -444,11 +451,7 @@ class Model:
 
     def force_expressions(self) -> Iterator[Expression]:
         """The expressions of all that is declared under `forces`."""
-        for force in self.forces:
-            if isinstance(force, ParticleForce):
-                yield from force.force.parts
-            else:
-                yield force.force if isinstance(force, GeneralizedForce) else force.expression
+        return (expression for force in self.forces for expression in expressions_of(force))
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -51,7 +51,7 @@ def switching_forces(model: nouns.Model) -> tuple[str, ...]:
     return tuple(
         force.members.base
         for force in model.forces
-        if (_words(force_expressions(force)) | shared) & _SWITCHES
+        if (_words(nouns.expressions_of(force)) | shared) & _SWITCHES
     )
 
 
@@ -73,17 +73,10 @@ def velocity_switches(model: nouns.Model) -> tuple[nouns.Force, ...]:
     shared = _words(_shared(model)) if model.forces else Words()
     found = []
     for force in model.forces:
-        words = _words(force_expressions(force)) | shared
+        words = _words(nouns.expressions_of(force)) | shared
         if not isinstance(force, nouns.Potential) and words & _VELOCITIES and words & (_JUMPS | {"/"}):
             found.append(force)
     return tuple(found)
-
-
-def force_expressions(force: nouns.Force) -> tuple[nouns.Expression, ...]:
-    """The expressions of a force."""
-    if isinstance(force, nouns.Potential):
-        return (force.expression,)
-    return tuple(force.force.parts) if isinstance(force, nouns.ParticleForce) else (force.force,)
 
 
 def expressions(model: nouns.Model) -> Iterator[nouns.Expression]:

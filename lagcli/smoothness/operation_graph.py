@@ -48,29 +48,22 @@ def instructions(function: ca.Function) -> list[Instruction]:
 
 def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
     """A column (k, 1) of the `inputs`, computed again operation by operation; `visit` may replace each result."""
-    function = SizedFunction("replayed", list(inputs), [value])
     flat = [ca.vertsplit(part) if part.numel() > 1 else [part] for part in inputs]
-    work: dict[int, ca.SX] = {}
-    found: list[ca.SX] = [ca.SX(0)] * value.numel()
-    for op, taken, given, constant in instructions(function):
-        if op == ca.OP_OUTPUT:
-            found[given[1]] = work[taken[0]]
-        elif op == ca.OP_INPUT:
-            work[given[0]] = flat[taken[0]][taken[1]]
-        elif op == ca.OP_CONST:
-            work[given[0]] = ca.SX(constant)
-        else:
-            parts = [work[index] for index in taken]
-            result = ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
-            work[given[0]] = visit(op, parts, result)
-    return ca.vertcat(ca.SX(0, 1), *found)
+
+    def leaf(number: int | None, entry: float) -> ca.SX:
+        return ca.SX(entry) if number is None else flat[number][int(entry)]
+
+    def look(op: int, parts: list[ca.SX], _: Expression) -> ca.SX:
+        return visit(op, parts, ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts))
+
+    return ca.vertcat(ca.SX(0, 1), *folded(value, inputs, leaf, look))
 
 
 def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> list[T]:
     """Found for each entry of a column (k, 1) of the `inputs`: its operations are looked at, operands before
     results; none is built again."""
     function = SizedFunction("folded", list(inputs), [ca.densify(value)])
-    expressions = function.instructions_sx()
+    expressions = functools.cache(function.instructions_sx)
     work: dict[int, T] = {}
     found: dict[int, T] = {}
     for k, (op, taken, given, constant) in enumerate(instructions(function)):
@@ -82,5 +75,5 @@ def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) 
             work[given[0]] = leaf(None, constant)
         else:
             parts = [work[index] for index in taken]
-            work[given[0]] = look(op, parts, functools.partial(expressions.__getitem__, k))
+            work[given[0]] = look(op, parts, functools.partial(lambda number: expressions()[number], k))
     return [found[k] for k in range(value.numel())]

@@ -129,7 +129,7 @@ def _warning(system: System, numeric: NumericSystem, index: int) -> diagnostics.
     entries = [*M.row(), *(n + row for row in B.row()), *range(n, n + len(system.rows.rows))]
     if index < n:
         what, location = f"the force along `{names[index]}`", system.model.location(names[index])
-        expressions = [e for force in system.model.forces for e in named_functions.force_expressions(force)]
+        expressions = list(system.model.force_expressions())
         if len(expressions) == 1:
             location = expressions[0].location
     elif entries[index - n] < n:
