@@ -15,21 +15,30 @@ import numpy.typing as npt
 
 from lagcli.equations import kinks, operation_graph
 from lagcli.equations.sized_function import SizedFunction
+from lagcli.expression.functions import Function
 
 Floats = npt.NDArray[np.float64]
+
+
+def _end(row: Function) -> Callable[..., ca.SX]:
+    """A function of the arguments that vanishes where one of the language is not analytic, which is not piecewise."""
+    if row.domain is not None:
+        low, high = row.domain
+        return lambda a: (high - a) * (a - low)
+    return getattr(ca, row.poles) if row.poles else lambda *a: a[0]
+
 
 # What vanishes where a function of these arguments is not analytic.
 ENDS: dict[int, Callable[..., ca.SX]] = {
     **kinks.ARGUMENTS,
-    ca.OP_SQRT: lambda a: a,
+    **{
+        code: _end(row)
+        for code, row in operation_graph.FUNCTIONS.items()
+        if row.poles or (row.may_be_steep and not row.is_piecewise and row.jumps != "infinity")
+    },
     ca.OP_HYPOT: lambda a, b: a * a + b * b,
-    ca.OP_ASIN: lambda a: 1 - a * a,
-    ca.OP_ACOS: lambda a: 1 - a * a,
-    ca.OP_TAN: ca.cos,
-    ca.OP_LOG: lambda a: a,
     ca.OP_INV: lambda a: a,
     ca.OP_DIV: lambda a, b: b,
-    ca.OP_ATAN2: lambda y, x: y,
 }
 # An end that is touched between two points is seen where a parabola through three values comes this near to zero, as
 # a part of the smaller of the outer ones.

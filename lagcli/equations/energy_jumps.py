@@ -21,6 +21,7 @@ from lagcli.equations.family_columns import column
 from lagcli.equations.sized_function import SizedFunction
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
+from lagcli.expression import functions
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
@@ -29,9 +30,7 @@ Floats = npt.NDArray[np.float64]
 StateValues = jump_search.StateValues
 
 PHRASES = {
-    "sign": "`sign` switches",
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
+    **{row.name: row.edge for row in functions.TABLE.values() if row.jumps},
     jump_search.QUOTIENT: "the divisor of a quotient goes through zero",
 }
 # A check looks at so many members of a family, evenly spread, and in each subject at so many switches of each word.

@@ -55,21 +55,10 @@ PARAMETERS = JumpSearchParameters()
 Bounds = tuple[float, float]
 
 ANY: Bounds = (-math.inf, math.inf)
-_RANGES: dict[int, Bounds] = {
-    ca.OP_EXP: (0.0, math.inf),
-    ca.OP_SQRT: (0.0, math.inf),
-    ca.OP_COSH: (1.0, math.inf),
-    ca.OP_SIN: (-1.0, 1.0),
-    ca.OP_COS: (-1.0, 1.0),
-    ca.OP_TANH: (-1.0, 1.0),
-    ca.OP_SIGN: (-1.0, 1.0),
-}
 QUOTIENT = "a quotient"
 # The operation, with the operand that changes its sign.
 _WORDS = {
-    ca.OP_SIGN: ("sign", 0),
-    ca.OP_ATAN2: ("atan2", 0),
-    ca.OP_ATAN: ("atan", 0),
+    **{code: (row.name, 0) for code, row in operation_graph.FUNCTIONS.items() if row.jumps},
     ca.OP_DIV: (QUOTIENT, 1),
     ca.OP_INV: (QUOTIENT, 0),
 }
@@ -242,11 +231,9 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
 
 def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:
     """The bounds of a result from those of its operands."""
-    known = _RANGES.get(op)
-    if known is not None:
-        return known
-    rule = _RULES.get(op)
-    return ANY if rule is None else rule(*parts)
+    if op in _RULES:
+        return _RULES[op](*parts)
+    return operation_graph.FUNCTIONS[op].bounds if op in operation_graph.FUNCTIONS else ANY
 
 
 def is_one_sided(bounds: Bounds) -> bool:

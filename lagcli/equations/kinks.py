@@ -23,16 +23,13 @@ Floats = npt.NDArray[np.float64]
 
 # The operations that switch, and what is compared with zero by each. The last four are what derivatives of `min` and
 # `max` are made of.
-ARGUMENTS: dict[int, Callable[..., ca.SX]] = {
-    ca.OP_FABS: lambda a: a,
-    ca.OP_SIGN: lambda a: a,
-    ca.OP_FMIN: lambda a, b: a - b,
-    ca.OP_FMAX: lambda a, b: a - b,
-    ca.OP_LT: lambda a, b: a - b,
-    ca.OP_LE: lambda a, b: a - b,
-    ca.OP_EQ: lambda a, b: a - b,
-    ca.OP_NE: lambda a, b: a - b,
-}
+ARGUMENTS: dict[int, Callable[..., ca.SX]] = dict.fromkeys(
+    (
+        *(code for code, row in operation_graph.FUNCTIONS.items() if row.is_piecewise),
+        *(ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE),
+    ),
+    lambda a, b=0: a - b,
+)
 
 
 class KinkParameters:

@@ -8,14 +8,17 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.expression import functions
 from lagcli.model import model as nouns
 
-ANGLES = re.compile(r"\b(atan2?)\s*\(")
-_SWITCHES = re.compile(r"\b(abs|sign|min|max)\s*\(")
+ANGLES = functions.calls(functions.named(lambda row: row.period > 0.0))
+_SWITCHES = functions.calls(functions.named(lambda row: row.is_piecewise))
 # A power whose exponent is not whole may be a root, and so a modulus.
-_JUMPS = re.compile(r"\b(sign|atan2?|abs|sqrt|tanh|min|max)\s*\(|\*\*(?!\s*[-+]?\d+(?![\w.]))")
+POWERS = r"\*\*(?!\s*[-+]?\d+(?![\w.]))"
+_JUMPS = re.compile(rf"{functions.calls(functions.named(lambda row: row.may_jump)).pattern}|{POWERS}")
 # A length jumps like a modulus where it is divided by, or divides, what changes its sign: not by a number alone.
-_LENGTHS = re.compile(r"\b(norm|distance)\s*\(")
+LENGTHS = ("norm", "distance")
+_LENGTHS = functions.calls(LENGTHS)
 _QUOTIENTS = re.compile(r"/(?!\s*[\d.]+(?![\w.]))|\*\*\s*-")
 
 # A velocity, as far as its name tells.

@@ -12,6 +12,7 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations import named_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.expression import functions
 from lagcli.linear import generic_direction
 from lagcli.model import model as nouns
 from lagcli.start import initial
@@ -20,9 +21,8 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 
 # What else an expression may hold is smooth wherever it has a value, whole powers too.
-_WORDS = re.compile(
-    r"\*\*(?!\s*[-+]?\d+(?![\w.]))|\b(sqrt|abs|norm|distance|sign|min|max|asin|acos|atan2|atan|log)\s*\("
-)
+_STEEP = functions.named(lambda row: row.may_be_steep).union(named_functions.LENGTHS)
+_WORDS = re.compile(rf"{named_functions.POWERS}|{functions.calls(_STEEP).pattern}")
 
 
 class LipschitzParameters:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.expression import functions
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start.initial import State
 
@@ -55,17 +56,6 @@ PARAMETERS = DiagnosisParameters()
 # `atan2` jumps by 2 pi at its cut, and by less where both of its arguments go through zero.
 AT_CUT = 1.5 * np.pi
 THROUGH_ZERO = "both arguments of `atan2` go through zero"
-
-PHRASES = {
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
-    "asin": "`asin` comes to an end of its range",
-    "acos": "`acos` comes to an end of its range",
-    "sign": "`sign` switches",
-    "abs": "the argument of `abs` changes its sign",
-    "min": "`min` switches",
-    "max": "`max` switches",
-}
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -192,6 +182,6 @@ def _call(system: System, row: int, states: tuple[State, ...]) -> str:
     call = int(np.argmax(hit))
     if names[call] == "atan2" and abs(values[2][call] - values[1][call]) < AT_CUT:
         return THROUGH_ZERO
-    return PHRASES.get(
-        names[call], names[call] if names[call] == operation_rules.QUOTIENT else f"`{names[call]}`"
-    )
+    if names[call] in functions.TABLE:
+        return functions.TABLE[names[call]].edge or f"`{names[call]}`"
+    return names[call] if names[call] == operation_rules.QUOTIENT else f"`{names[call]}`"
