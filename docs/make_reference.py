@@ -15,7 +15,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping
 
 from lagcli.errors import catalogue, equation_list
-from lagcli.expression import evaluate
+from lagcli.expression import evaluate, functions
 from lagcli.input import format_schema, keys, namespace
 
 ROOT = pathlib.Path(__file__).parent.parent
@@ -51,13 +51,14 @@ def reserved_names() -> str:
 
 def function_table() -> str:
     """The functions of expressions, by what they take."""
-    one = [name for name, count in evaluate.SCALAR_FUNCTIONS.items() if count == 1]
-    two = [name for name, count in evaluate.SCALAR_FUNCTIONS.items() if count == 2]
+    one, two, many = (
+        [row.name for row in functions.ROWS if row.arguments == n] for n in (1, 2, functions.MANY)
+    )
     vectors = [f"{name}({', '.join('uw'[:count])})" for name, count in evaluate.VECTOR_FUNCTIONS.items()]
     rows = [
         ("a scalar", _listed(one)),
         ("two scalars", _listed(two)),
-        ("two or more scalars", _listed(evaluate.MANY_ARGUMENT_FUNCTIONS)),
+        ("two or more scalars", _listed(many)),
         ("vectors", _listed(vectors)),
     ]
     return "\n".join(["| of | functions |", "| --- | --- |", *(f"| {of} | {names} |" for of, names in rows)])

@@ -38,7 +38,7 @@ Span = tuple[ca.SX, ca.SX]
 Known = Span | None
 
 # Functions that rise everywhere.
-RISING = {ca.OP_EXP, ca.OP_TANH, ca.OP_ATAN, ca.OP_SINH, ca.OP_ASINH, ca.OP_ERF}
+RISING = {code for code, row in operation_graph.FUNCTIONS.items() if row.rises}
 MOST_POWER = 16
 
 # The columns of `function`, in their order.

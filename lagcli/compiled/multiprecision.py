@@ -1,12 +1,13 @@
 """Expanded functions in many digits, with derivatives along directions that are functions themselves.
 
-A number is a `Decimal`, or (tag, value, change): value + change * eps with eps**2 = 0, where eps belongs to the
-tag and both parts are numbers of lower tags. So derivatives nest, and what does not change stays short.
+A number is a `Decimal`, or one that changes; so derivatives nest, and what does not change stays short.
 """
 
 from __future__ import annotations
 
 import decimal
+import functools
+import operator
 import random
 from collections.abc import Callable, Sequence
 from decimal import Decimal
@@ -14,10 +15,9 @@ from functools import lru_cache
 from typing import Any
 
 from lagcli.compiled.program import Program
+from lagcli.expression import functions
 
-Number = Any  # Decimal or (int, Number, Number)
-
-ZERO, ONE, TWO = Decimal(0), Decimal(1), Decimal(2)
+ZERO, ONE = Decimal(0), Decimal(1)
 # Numbers that were computed in doubles may be off by less than this.
 PERTURBATION = Decimal("1e-13")
 
@@ -53,18 +53,68 @@ def perturbed_constant(value: float) -> Decimal:
 def require_known(program: Program) -> None:
     """Raise `Unknown` where a program holds a function that is not known here."""
     for name, *_ in program.steps:
-        if name not in SLOPES and name not in BINARY and name not in ("input", "output", "const"):
+        if (
+            name not in functions.OPERATIONS
+            and name not in BINARY
+            and name not in ("input", "output", "const")
+        ):
             raise Unknown(name)
+
+
+class Changing:
+    """A number value + change eps with eps**2 = 0, where eps belongs to the tag and both parts to lower ones."""
+
+    __slots__ = ("change", "tag", "value")
+
+    def __init__(self, tag: int, value: Number, change: Number) -> None:
+        self.tag, self.value, self.change = tag, value, change
+
+    def __add__(self, other: Number) -> Number:
+        if isinstance(other, Changing) and other.tag >= self.tag:
+            if other.tag == self.tag:
+                return Changing(self.tag, self.value + other.value, self.change + other.change)
+            self, other = other, self
+        return Changing(self.tag, self.value + other, self.change)
+
+    def __mul__(self, other: Number) -> Number:
+        if isinstance(other, Changing) and other.tag >= self.tag:
+            if other.tag == self.tag:
+                change = self.value * other.change + self.change * other.value
+                return Changing(self.tag, self.value * other.value, change)
+            self, other = other, self
+        if not other:
+            return ZERO
+        return Changing(self.tag, self.value * other, self.change * other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Changing:
+        return Changing(self.tag, -self.value, -self.change)
+
+    def __sub__(self, other: Number) -> Number:
+        return self + -other
+
+    def __rsub__(self, other: Number) -> Number:
+        return -self + other
+
+    def __truediv__(self, other: Number) -> Number:
+        return self * along("inv", other)
+
+    def __rtruediv__(self, other: Number) -> Number:
+        return along("inv", self) * other
+
+
+Number = Any  # Decimal or Changing
 
 
 def moved(x: Sequence[Number], direction: Sequence[Number], tag: int) -> list[Number]:
     """x + eps direction, with eps of a tag above all others."""
-    return [(tag, a, b) if type(b) is tuple or b else a for a, b in zip(x, direction, strict=True)]
+    return [Changing(tag, a, b) if b else a for a, b in zip(x, direction, strict=True)]
 
 
 def parts(values: Sequence[Number], tag: int) -> tuple[list[Number], list[Number]]:
     """The values, and their changes along eps of the highest tag."""
-    found = [a[1:] if type(a) is tuple and a[0] == tag else (a, ZERO) for a in values]
+    found = [(a.value, a.change) if isinstance(a, Changing) and a.tag == tag else (a, ZERO) for a in values]
     return [value for value, _ in found], [change for _, change in found]
 
 
@@ -95,56 +145,26 @@ def run(
     return results
 
 
-def add(a: Number, b: Number) -> Number:
-    """a + b."""
-    if type(a) is Decimal:
-        if type(b) is Decimal:
-            return a + b
-        return (b[0], add(a, b[1]), b[2]) if a else b
-    if type(b) is Decimal:
-        return (a[0], add(a[1], b), a[2]) if b else a
-    if a[0] == b[0]:
-        return (a[0], add(a[1], b[1]), add(a[2], b[2]))
-    if a[0] < b[0]:
-        a, b = b, a
-    return (a[0], add(a[1], b), a[2])
-
-
-def negative(a: Number) -> Number:
-    """-a."""
-    return -a if type(a) is Decimal else (a[0], negative(a[1]), negative(a[2]))
-
-
-def subtract(a: Number, b: Number) -> Number:
-    """a - b."""
-    if type(a) is Decimal and type(b) is Decimal:
-        return a - b
-    return add(a, negative(b))
-
-
-def multiply(a: Number, b: Number) -> Number:
-    """a b."""
-    if type(a) is Decimal:
-        if type(b) is Decimal:
-            return a * b
-        return (b[0], multiply(a, b[1]), multiply(a, b[2])) if a else ZERO
-    if type(b) is Decimal:
-        return (a[0], multiply(a[1], b), multiply(a[2], b)) if b else ZERO
-    if a[0] == b[0]:
-        return (a[0], multiply(a[1], b[1]), add(multiply(a[1], b[2]), multiply(a[2], b[1])))
-    if a[0] < b[0]:
-        a, b = b, a
-    return (a[0], multiply(a[1], b), multiply(a[2], b))
-
-
 def along(name: str, a: Number) -> Number:
     """A function of one number."""
-    if type(a) is Decimal:
-        return PLAIN[name](a) if name in PLAIN else _real(name, a, decimal.getcontext().prec)
-    tag, value, change = a
-    found = along(name, value)
-    changed = multiply(SLOPES[name](value, found), change)
-    return (tag, found, changed) if type(changed) is tuple or changed else found
+    if isinstance(a, Changing):
+        found = along(name, a.value)
+        changed = functions.OPERATIONS[name][1](_Functions, a.value, found) * a.change
+        return Changing(a.tag, found, changed) if changed else found
+    return PLAIN[name](a) if name in PLAIN else _real(name, a, decimal.getcontext().prec)
+
+
+class _Functions:
+    """The functions that slopes are made of."""
+
+    sin, cos, sinh, cosh, sqrt = (
+        functools.partial(along, name) for name in ("sin", "cos", "sinh", "cosh", "sqrt")
+    )
+
+    @staticmethod
+    def sign(a: Number) -> Decimal:
+        """The slope of a modulus."""
+        return PLAIN["sign"](_first(a))
 
 
 @lru_cache(maxsize=4096)
@@ -165,41 +185,34 @@ def _real_angle(y: Decimal, x: Decimal, digits: int) -> Decimal:
         return Decimal(mpmath.nstr(mpmath.atan2(mpmath.mpf(str(y)), mpmath.mpf(str(x))), digits + 2))
 
 
-def _inverse_root(a: Number) -> Number:
-    return along("inv", along("sqrt", a))
-
-
 def _first(a: Number) -> Decimal:
     """The number without its changes."""
-    while type(a) is tuple:
-        a = a[1]
+    while isinstance(a, Changing):
+        a = a.value
     assert isinstance(a, Decimal)
     return a
 
 
 def _power(a: Number, b: Number) -> Number:
-    if type(b) is tuple:
-        return along("exp", multiply(b, along("log", a)))
-    if type(a) is Decimal:
+    if isinstance(b, Changing):
+        return along("exp", b * along("log", a))
+    if isinstance(a, Decimal):
         return ONE if b == 0 else a**b
     if b == b.to_integral_value() and 0 <= b <= 1:
         return a if b else ONE
-    tag, value, change = a
-    return (tag, _power(value, b), multiply(multiply(b, _power(value, b - 1)), change))
+    return Changing(a.tag, _power(a.value, b), b * _power(a.value, b - 1) * a.change)
 
 
 def _angle(y: Number, x: Number) -> Number:
-    if type(y) is Decimal and type(x) is Decimal:
+    if isinstance(y, Decimal) and isinstance(x, Decimal):
         return _real_angle(y, x, decimal.getcontext().prec)
-    tag = max(a[0] for a in (y, x) if type(a) is tuple)
+    tag = max(a.tag for a in (y, x) if isinstance(a, Changing))
     ((y, x), (dy, dx)) = parts((y, x), tag)
-    square = add(multiply(x, x), multiply(y, y))
-    change = multiply(subtract(multiply(x, dy), multiply(y, dx)), along("inv", square))
-    return (tag, _angle(y, x), change)
+    return Changing(tag, _angle(y, x), (x * dy - y * dx) / (x * x + y * y))
 
 
 def _length(a: Number, b: Number) -> Number:
-    return along("sqrt", add(multiply(a, a), multiply(b, b)))
+    return along("sqrt", a * a + b * b)
 
 
 def _where(holds: Callable[[Decimal, Decimal], bool]) -> Callable[[Number, Number], Number]:
@@ -220,41 +233,11 @@ PLAIN: dict[str, Callable[[Decimal], Decimal]] = {
     "not": lambda a: Decimal(a == 0),
 }
 
-# The derivative of each function from its argument and its value.
-SLOPES: dict[str, Callable[[Number, Number], Number]] = {
-    "inv": lambda a, f: negative(multiply(f, f)),
-    "sq": lambda a, f: multiply(TWO, a),
-    "twice": lambda a, f: TWO,
-    "assign": lambda a, f: ONE,
-    "neg": lambda a, f: -ONE,
-    "sqrt": lambda a, f: along("inv", multiply(TWO, f)),
-    "exp": lambda a, f: f,
-    "log": lambda a, f: along("inv", a),
-    "fabs": lambda a, f: PLAIN["sign"](_first(a)),
-    "sign": lambda a, f: ZERO,
-    "not": lambda a, f: ZERO,
-    "floor": lambda a, f: ZERO,
-    "ceil": lambda a, f: ZERO,
-    "sin": lambda a, f: along("cos", a),
-    "cos": lambda a, f: negative(along("sin", a)),
-    "tan": lambda a, f: add(ONE, multiply(f, f)),
-    "asin": lambda a, f: _inverse_root(subtract(ONE, multiply(a, a))),
-    "acos": lambda a, f: negative(_inverse_root(subtract(ONE, multiply(a, a)))),
-    "atan": lambda a, f: along("inv", add(ONE, multiply(a, a))),
-    "sinh": lambda a, f: along("cosh", a),
-    "cosh": lambda a, f: along("sinh", a),
-    "tanh": lambda a, f: subtract(ONE, multiply(f, f)),
-    "asinh": lambda a, f: _inverse_root(add(multiply(a, a), ONE)),
-    "acosh": lambda a, f: _inverse_root(subtract(multiply(a, a), ONE)),
-    "atanh": lambda a, f: along("inv", subtract(ONE, multiply(a, a))),
-    "log1p": lambda a, f: along("inv", add(ONE, a)),
-    "expm1": lambda a, f: add(f, ONE),
-}
 BINARY: dict[str, Callable[[Number, Number], Number]] = {
-    "add": add,
-    "sub": subtract,
-    "mul": multiply,
-    "div": lambda a, b: multiply(a, along("inv", b)),
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
     "pow": _power,
     "constpow": _power,
     "atan2": _angle,

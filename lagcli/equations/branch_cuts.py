@@ -22,7 +22,7 @@ from lagcli.smoothness.sized_function import SizedFunction
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T", npt.NDArray[np.float64], ca.SX)
 
-PERIODS = {ca.OP_ATAN2: 2 * np.pi, ca.OP_ATAN: np.pi}
+PERIODS = {code: row.period for code, row in operation_graph.FUNCTIONS.items() if row.period}
 
 
 class CutParameters:

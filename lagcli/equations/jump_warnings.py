@@ -12,10 +12,11 @@ from lagcli.equations import system as mechanics
 from lagcli.equations.rows import Row
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.expression import functions
 from lagcli.smoothness import jump_search, named_functions
 
 # Angles have a warning of their own, `branch-cut`.
-_ANGLES = ("atan", "atan2")
+_ANGLES = functions.named(lambda row: row.period > 0.0)
 CUT_HINT = (
     "write the law with `cos` and `sin` of the angle, or with the angle as a coordinate: those have no cut"
 )

@@ -10,13 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate, functions, tree
 from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
-
-# What grows, waves or falls off too slowly to be narrow by itself. Quotients and powers are judged by their orders.
-_WIDE = frozenset(("sin", "cos", "sqrt", "sinh", "cosh", "asin", "acos", "atan2", "log"))
-_EXPONENTIAL = frozenset(("sinh", "cosh"))
 
 
 class NarrowParameters:
@@ -203,8 +199,7 @@ class _OrderAlgebra:
             _require_wide(value)
         if not orders:
             return _CONSTANT
-        if name not in _WIDE:
+        far = functions.TABLE[name].far
+        if far == "narrow":
             raise _Narrow
-        if name == "sqrt":
-            return MotionOrder(orders[0] / 2)
-        return MotionOrder(math.inf if name in _EXPONENTIAL else 0.0)
+        return MotionOrder(orders[0] / 2 if far == "root" else math.inf if far == "exponential" else 0.0)

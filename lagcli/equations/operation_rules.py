@@ -26,10 +26,10 @@ TINY = 1e-300
 # Operations that make finite numbers of finite ones, but for overflow; those that make no negative ones.
 TOTAL = frozenset(
     {
-        ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_SIN, ca.OP_COS,
-        ca.OP_ATAN, ca.OP_TANH, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX, ca.OP_SIGN,
+        *(ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ),
+        *(code for code, row in operation_graph.FUNCTIONS.items() if row.is_total),
     }
-)  # fmt: skip
+)
 SQUARES = frozenset({ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT})
 # Those that make no negative numbers of such.
 KEEPING = frozenset({ca.OP_ASSIGN, ca.OP_ADD, ca.OP_MUL, ca.OP_TWICE, ca.OP_FMIN, ca.OP_FMAX})

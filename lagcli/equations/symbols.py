@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 
 import casadi as ca
 
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.operators import Operators
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
 # Whole powers up to this size are products: exact derivatives everywhere, and faster than pow().
 MAX_PRODUCT_POWER = 12
-
-_FUNCTIONS: dict[str, Callable[..., ca.SX]] = {
-    **{
-        name: getattr(ca, name)
-        for name in "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign".split()
-    },
-    "abs": ca.fabs,
-    "atan2": ca.atan2,
-}
 
 
 @frozen
@@ -140,13 +132,9 @@ class SymbolicAlgebra(Operators[ca.SX]):
         return base**value
 
     def function(self, node: tree.Node, name: str, arguments: tuple[ca.SX, ...]) -> ca.SX:
-        if name in ("min", "max"):
-            fold = ca.fmin if name == "min" else ca.fmax
-            result = arguments[0]
-            for argument in arguments[1:]:
-                result = fold(result, argument)
-            return result
-        return _FUNCTIONS[name](*arguments)
+        row = functions.TABLE[name]
+        found: Callable[..., ca.SX] = functions.meaning(ca, row.casadi or row.operation, name)
+        return functools.reduce(found, arguments) if row.arguments == functions.MANY else found(*arguments)
 
 
 def _product_power(base: ca.SX, exponent: int) -> ca.SX:

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from lagcli.expression import tree
+from lagcli.expression import functions, tree
 from lagcli.frozen import frozen_value
 
 Power = float | None  # of a length; None where it is not known
-ANGLES = frozenset(
-    ("asin", "acos", "atan", "atan2", "sin", "cos", "tan", "exp", "log", "sign", "sinh", "cosh", "tanh")
-)
 POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
 
 
@@ -74,14 +71,14 @@ def _of(node: tree.Node, kind: _Kind) -> Power:
 
 
 def _of_call(node: tree.Call, kind: _Kind) -> Power:
-    if node.function in ANGLES:
+    known_function = functions.TABLE.get(node.function)
+    power = known_function.dimension if known_function else None
+    if power == 0.0:
         return 0.0
     parts = [_of(argument, kind) for argument in node.arguments]
-    if node.function in ("norm", "distance", "abs", "d", "rate", "min", "max"):
+    if power == 1.0 or node.function in ("norm", "distance", "d", "rate"):
         known = {p for p in parts if p is not None}
         return known.pop() if len(known) == 1 else None
     if node.function in ("dot", "cross"):
         return None if None in parts else sum(p or 0.0 for p in parts)
-    if node.function == "sqrt":
-        return None if parts[0] is None else parts[0] / 2
-    return None
+    return None if power is None or parts[0] is None else power * parts[0]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from typing import Generic, NoReturn, Protocol, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
-from lagcli.expression import hints, messages, tree
+from lagcli.expression import functions, hints, messages, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
@@ -19,12 +19,6 @@ Triple = tuple[S, S, S]
 Value: TypeAlias = S | tuple[S, S, S]  # a vector or a scalar
 Operation = Callable[[tree.Node, S, S], S]
 
-SCALAR_FUNCTIONS: dict[str, int] = {
-    **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan"), 1),
-    **dict.fromkeys(("sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs", "sign"), 1),
-    "atan2": 2,
-}  # name: number of arguments
-MANY_ARGUMENT_FUNCTIONS = ("min", "max")
 VECTOR_FUNCTIONS: dict[str, int] = {"dot": 2, "cross": 2, "norm": 1, "distance": 2}
 # Functions of what is written: the least and the largest number of arguments.
 SPECIAL_FUNCTIONS: dict[str, tuple[int, int]] = {
@@ -34,7 +28,7 @@ SPECIAL_FUNCTIONS: dict[str, tuple[int, int]] = {
     "reaction": (1, 2),
 }
 
-FUNCTION_NAMES = (*SCALAR_FUNCTIONS, *MANY_ARGUMENT_FUNCTIONS, *VECTOR_FUNCTIONS, *SPECIAL_FUNCTIONS)
+FUNCTION_NAMES = (*functions.TABLE, *VECTOR_FUNCTIONS, *SPECIAL_FUNCTIONS)
 
 COMPONENTS = ("x", "y", "z")
 
@@ -247,12 +241,10 @@ class _Walk(Generic[S]):
         if name in VECTOR_FUNCTIONS:
             self._count(node, VECTOR_FUNCTIONS[name])
             return self._vector_function(node, name, [self.vector(a) for a in node.arguments])
-        if name in SCALAR_FUNCTIONS:
-            self._count(node, SCALAR_FUNCTIONS[name])
-            return self._algebra.function(node, name, tuple(self.scalar(a) for a in node.arguments))
-        if name in MANY_ARGUMENT_FUNCTIONS:
-            if not node.arguments:
-                self._count(node, 2)
+        if name in functions.TABLE:
+            wanted = functions.TABLE[name].arguments
+            if wanted != functions.MANY or not node.arguments:
+                self._count(node, wanted or 2)
             return self._algebra.function(node, name, tuple(self.scalar(a) for a in node.arguments))
         raise unknown_function(node)
 

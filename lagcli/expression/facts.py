@@ -8,7 +8,6 @@ A constant of a family is an array with one entry for each member; an error name
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable
 from typing import Literal
@@ -16,7 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import evaluate, messages, tree
+from lagcli.expression import evaluate, functions, messages, tree
 from lagcli.expression.tree import ExpressionError
 
 Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "acceleration", "result"]
@@ -195,9 +194,9 @@ class FactsAlgebra:
         values = [a.value for a in arguments if a.value is not None]
         if len(values) == len(arguments):
             if all(isinstance(value, float) for value in values):
-                return Facts(self._constant(node, name, FLOAT_FUNCTIONS[name], *values))
+                return Facts(self._constant(node, name, functions.TABLE[name].value, *values))
             return self._each(
-                node, ARRAY_FUNCTIONS[name], lambda *parts: self.function(node, name, parts), *values
+                node, functions.TABLE[name].array, lambda *parts: self.function(node, name, parts), *values
             )
         reads = frozenset[Flag]().union(*(a.reads for a in arguments))
         high = NONLINEAR if any(a.high for a in arguments) else 0
@@ -274,43 +273,3 @@ def _written(node: tree.Node) -> str:
 
 def _differential_of(part: Facts) -> Facts:
     return Facts(None, part.reads | {"differential"}, 1, 1)
-
-
-def _sign(value: float) -> float:
-    return math.copysign(1.0, value) if value else 0.0
-
-
-FLOAT_FUNCTIONS: dict[str, Callable[..., float]] = {
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "asin": math.asin,
-    "acos": math.acos,
-    "atan": math.atan,
-    "atan2": math.atan2,
-    "sinh": math.sinh,
-    "cosh": math.cosh,
-    "tanh": math.tanh,
-    "exp": math.exp,
-    "log": math.log,
-    "sqrt": math.sqrt,
-    "abs": abs,
-    "sign": _sign,
-    "min": lambda *values: min(values),
-    "max": lambda *values: max(values),
-}
-
-ARRAY_FUNCTIONS: dict[str, Callable[..., npt.NDArray[np.float64]]] = {
-    **{
-        name: getattr(np, name)
-        for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")
-    },
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "atan2": np.arctan2,
-    "abs": np.abs,
-    "sign": np.sign,
-    "min": lambda *values: functools.reduce(np.minimum, values),
-    "max": lambda *values: functools.reduce(np.maximum, values),
-}  # the same for arrays; what is not defined comes out as nan or infinite

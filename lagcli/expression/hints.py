@@ -9,6 +9,8 @@ import re
 import unicodedata
 from collections.abc import Collection
 
+from lagcli.expression import functions
+
 _DEGREES = frozenset(("deg", "degs", "degree", "degrees", "Deg", "DEG", "grad", "°"))
 _RADIANS = frozenset(("rad", "rads", "radian", "radians", "Rad", "RAD"))
 _UNITS = frozenset(
@@ -27,7 +29,7 @@ _NO_CHOICE = (
 _QUOTED_UNIT = re.compile(r"(?:[0-9]|[0-9]\.)\s*([A-Za-z]+)(?:\s*[*/·⋅ ]\s*[A-Za-z]+)*\s*$")
 _LAST_NAME = re.compile(r"([^\W\d]\w*)\.?([xyz]?)$")
 _LAST_NUMBER = re.compile(r"([0-9.]+)\s*$")
-_COMMON_FUNCTIONS = frozenset("sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs sign".split())
+_COMMON_FUNCTIONS = functions.named(lambda row: row.arguments == 1)
 
 _CHARACTERS = {
     "^": "write `**` for a power",
@@ -220,9 +222,9 @@ FUNCTIONS = {
     "root": "a root is `x**(1/n)`",
     "cbrt": "a cube root is `sign(x)*abs(x)**(1/3)`",
     "hypot": "write `sqrt(x**2 + y**2)`, or `norm([x, y, z])`",
-    **{f"arc{name}": f"write `a{name}(x)`" for name in ("sin", "cos", "tan")},
-    **{f"arc{name}": f"write `a{name}(x)`" for name in ("tan2",)},
-    **{f"{name}d": _DEGREE_FUNCTION for name in ("sin", "cos", "tan", "asin", "acos", "atan")},
+    **{row.written: f"write `{row.name}(x)`" for row in functions.ROWS if row.written},
+    "arctan2": "write `atan2(x)`",
+    **{f"{row.name}d": _DEGREE_FUNCTION for row in functions.ROWS if row.angle and row.arguments == 1},
     "sec": "write `1/cos(x)`",
     **dict.fromkeys(("csc", "cosec"), "write `1/sin(x)`"),
     **dict.fromkeys(("cot", "cotan", "ctg"), "write `1/tan(x)`"),

@@ -7,6 +7,7 @@ R. E. Moore, Interval Analysis (1966).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Range = tuple[Floats, Floats]
+Rule = Callable[[Range], Range]
 
 # By this part of itself every result is widened: two roundings of an operation, or of a library function.
 INTERVAL_ROUNDOFF = 4 * float(np.finfo(float).eps)
@@ -26,10 +28,10 @@ def constant(value: float | Floats) -> Range:
     return array, array
 
 
-def apply(name: str, *parts: Range) -> Range:
-    """The range of an operation on ranges: `add`, `multiply`, `power`, or a function by its name in the format."""
+def apply(rule: Callable[..., Range], *parts: Range) -> Range:
+    """The range of an operation on ranges: one of `OPERATIONS`, or the rule of a function."""
     with np.errstate(all="ignore"):
-        low, high = OPERATIONS[name](*parts)
+        low, high = rule(*parts)
         nothing = np.isnan(low) | np.isnan(high)
         return np.where(nothing, -np.inf, low), np.where(nothing, np.inf, high)
 
@@ -46,7 +48,8 @@ def _subtract(a: Range, b: Range) -> Range:
     return _wide(a[0] - b[1], a[1] - b[0])
 
 
-def _negate(a: Range) -> Range:
+def negative(a: Range) -> Range:
+    """-a."""
     return -a[1], -a[0]
 
 
@@ -66,26 +69,40 @@ def _corners(function: Callable[[Floats, Floats], Floats], a: Range, b: Range) -
     return np.minimum.reduce(values), np.maximum.reduce(values)
 
 
-def _rising(function: Callable[[Floats], Floats]) -> Callable[[Range], Range]:
+def rising(function: Callable[[Floats], Floats]) -> Rule:
+    """The range of a function that rises wherever it has a value."""
     return lambda a: _wide(function(a[0]), function(a[1]))
 
 
-def _abs(a: Range) -> Range:
+def falling(function: Callable[[Floats], Floats]) -> Rule:
+    """The range of a function that falls wherever it has a value."""
+    return lambda a: _wide(function(a[1]), function(a[0]))
+
+
+def even(rule: Rule) -> Rule:
+    """The range of a function of the size of its argument."""
+    return lambda a: rule(size(a))
+
+
+def within(rule: Rule) -> Rule:
+    """The range of a function of -1 to 1: beyond by rounding is no fault of the cell."""
+    return lambda a: rule((np.clip(a[0], -1.0, 1.0), np.clip(a[1], -1.0, 1.0)))
+
+
+def size(a: Range) -> Range:
+    """The range of `abs`."""
     low, high = np.abs(a[0]), np.abs(a[1])
     inside = (a[0] <= 0.0) & (a[1] >= 0.0)
     return np.where(inside, 0.0, np.minimum(low, high)), np.maximum(low, high)
 
 
-def _cosh(a: Range) -> Range:
-    low, high = _abs(a)
-    return _wide(np.cosh(low), np.cosh(high))
-
-
-def _sin(a: Range) -> Range:
+def sine(a: Range) -> Range:
+    """The range of `sin`."""
     return _wave(np.sin, a, np.pi / 2)
 
 
-def _cos(a: Range) -> Range:
+def cosine(a: Range) -> Range:
+    """The range of `cos`."""
     return _wave(np.cos, a, 0.0)
 
 
@@ -105,44 +122,52 @@ def _holds(a: Range, point: float, period: float) -> npt.NDArray[np.bool_]:
     return np.asarray(np.floor((a[1] - point) / period) > np.floor((a[0] - point) / period))
 
 
-def _tan(a: Range) -> Range:
+def tangent(a: Range) -> Range:
+    """The range of `tan`."""
     pole = _holds(a, np.pi / 2, np.pi)
     low, high = _wide(np.tan(a[0]), np.tan(a[1]))
     return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
 
 
-def _acos(a: Range) -> Range:
-    return _wide(np.arccos(_within(a[1])), np.arccos(_within(a[0])))
-
-
-def _asin(a: Range) -> Range:
-    return _wide(np.arcsin(_within(a[0])), np.arcsin(_within(a[1])))
-
-
-def _within(value: Floats) -> Floats:
-    """-1 to 1: beyond by rounding is no fault of the cell."""
-    return np.asarray(np.clip(value, -1.0, 1.0))
-
-
-def _log(a: Range) -> Range:
+def logarithm(a: Range) -> Range:
+    """The range of `log`."""
     return _wide(np.where(a[0] > 0.0, np.log(a[0]), -np.inf), np.log(a[1]))
 
 
-def _sqrt(a: Range) -> Range:
+def root(a: Range) -> Range:
+    """The range of `sqrt`."""
     return _wide(np.sqrt(np.maximum(a[0], 0.0)), np.sqrt(a[1]))
 
 
-def _atan2(y: Range, x: Range) -> Range:
+def sign(a: Range) -> Range:
+    """The range of `sign`."""
+    return np.sign(a[0]), np.sign(a[1])
+
+
+def angle(y: Range, x: Range) -> Range:
+    """The range of `atan2`."""
     cut = (x[0] <= 0.0) & (y[0] <= 0.0) & (y[1] >= 0.0)
     low, high = _wide(*_corners(np.arctan2, y, x))
     return np.where(cut, -np.pi, low), np.where(cut, np.pi, high)
+
+
+def least(*ranges: Range) -> Range:
+    """The range of `min`."""
+    return functools.reduce(np.minimum, (a[0] for a in ranges)), functools.reduce(
+        np.minimum, (a[1] for a in ranges)
+    )
+
+
+def largest(*ranges: Range) -> Range:
+    """The range of `max`."""
+    return negative(least(*map(negative, ranges)))
 
 
 def _power(base: Range, exponent: Range) -> Range:
     low, high = exponent
     number = low.item() if low.size == 1 and np.array_equal(low, high) else None
     if number is None:
-        return _exp(_multiply(exponent, _log(base)))
+        return rising(np.exp)(_multiply(exponent, logarithm(base)))
     if number == round(number) and abs(number) <= MOST_POWER:
         return _integer_power(base, round(number))
     powers = _corners(np.power, (np.maximum(base[0], 0.0), base[1]), exponent)
@@ -153,34 +178,15 @@ def _integer_power(base: Range, exponent: int) -> Range:
     if exponent < 0:
         return _divide(constant(1.0), _integer_power(base, -exponent))
     if exponent % 2 == 0:
-        base = _abs(base)
+        base = size(base)
     return _wide(base[0] ** exponent, base[1] ** exponent)
 
-
-_exp = _rising(np.exp)
 
 OPERATIONS: dict[str, Callable[..., Range]] = {
     "add": _add,
     "subtract": _subtract,
-    "negate": _negate,
+    "negate": negative,
     "multiply": _multiply,
     "divide": _divide,
     "power": _power,
-    "sin": _sin,
-    "cos": _cos,
-    "tan": _tan,
-    "asin": _asin,
-    "acos": _acos,
-    "atan": _rising(np.arctan),
-    "sinh": _rising(np.sinh),
-    "cosh": _cosh,
-    "tanh": _rising(np.tanh),
-    "exp": _exp,
-    "log": _log,
-    "sqrt": _sqrt,
-    "abs": _abs,
-    "sign": lambda a: (np.sign(a[0]), np.sign(a[1])),
-    "min": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
-    "max": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
-    "atan2": _atan2,
 }

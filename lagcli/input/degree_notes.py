@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import tree
+from lagcli.expression import functions, tree
 from lagcli.model.model import Expression
 
 FULL_TURN = 2 * math.pi  # radians: a start beyond it is possible, but seldom meant
-_FUNCTIONS = ("sin", "cos", "tan")
-_CALL = re.compile(r"\b(?:sin|cos|tan)\s*\(")
+_FUNCTIONS = functions.named(lambda row: row.angle == "argument")
+_CALL = functions.calls(_FUNCTIONS)
 
 
 def notes(root: yaml_tree.Mapping, expressions: Iterable[Expression]) -> Iterator[diagnostics.Diagnostic]:

@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from lagcli.expression import dimensions, tree
+from lagcli.expression import dimensions, functions, tree
 from lagcli.frozen import frozen_value
 from lagcli.model.model import Model
 
-CIRCULAR = frozenset(("sin", "cos", "tan"))
+CIRCULAR = functions.named(lambda row: row.angle == "argument")
 
 
 @frozen_value

@@ -22,7 +22,7 @@ import sympy
 from lagcli.model import invariant
 from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.forms import notation
-from lagcli.pfaffian.single_form import potential, tidy_integral
+from lagcli.pfaffian.single_form import tidy_integral
 
 Variables = tuple[sympy.Symbol, ...]
 Quotient = tuple[sympy.Expr, sympy.Expr]
@@ -30,7 +30,7 @@ Quotient = tuple[sympy.Expr, sympy.Expr]
 # Larger powers are not multiplied out; longer expressions are not searched for common factors.
 MOST_TURNS, SHORT = 6, 300
 BUDGET = 60_000  # operations
-_REGULAR = (sympy.sin, sympy.cos, sympy.exp, sympy.sinh, sympy.cosh)
+_REGULAR = tuple(kind for kind, row in notation.ROWS.items() if row.is_entire)
 
 
 def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[invariant.LevelFunction, ...]:
@@ -273,6 +273,7 @@ def _is_continuous(expression: sympy.Expr, variables: Variables) -> bool:
     if expression.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo):
         return False
     functions = {f.func for f in expression.atoms(sympy.Function) if f.has(*variables)}
-    known = (*potential.WRITABLE, sympy.Min, sympy.Max)
-    smooth = functions <= {f for f in known if f not in (sympy.atan2, sympy.tan, sympy.sign)}
+    smooth = functions <= {
+        kind for kind, row in notation.ROWS.items() if not row.poles and row.jumps != "zero"
+    }
     return smooth and not _jumping(expression, variables)

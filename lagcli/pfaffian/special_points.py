@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
 import sympy
 
+from lagcli.expression import functions
 from lagcli.pfaffian.exact import enclosure, guarded, normal_form
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
@@ -50,20 +51,6 @@ PARTS_OF_PI = 12
 Doubles = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
 Symbol: TypeAlias = sympy.Symbol
-_SLOPES: dict[type[sympy.Basic], tuple[Callable[[float], float], Callable[[float], float]]] = {
-    sympy.sin: (math.sin, math.cos),
-    sympy.cos: (math.cos, math.sin),
-    sympy.tan: (math.tan, lambda u: 1 + math.tan(u) ** 2),
-    sympy.exp: (math.exp, math.exp),
-    sympy.log: (math.log, lambda u: 1 / u),
-    sympy.sinh: (math.sinh, math.cosh),
-    sympy.cosh: (math.cosh, math.sinh),
-    sympy.tanh: (math.tanh, lambda u: 1 - math.tanh(u) ** 2),
-    sympy.asin: (math.asin, lambda u: 1 / math.sqrt(1 - u * u)),
-    sympy.acos: (math.acos, lambda u: 1 / math.sqrt(1 - u * u)),
-    sympy.atan: (math.atan, lambda u: 1 / (1 + u * u)),
-    sympy.Abs: (abs, lambda u: 1.0),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,17 +191,14 @@ def _visit(e: sympy.Basic, point: SpecialPoint) -> tuple[float, float]:
         return value, size
     if isinstance(e, sympy.Pow):
         return _power(*parts)
-    if isinstance(e, sympy.atan2):
-        (y, dy), (x, dx) = parts
-        square = x * x + y * y
-        value = math.atan2(y, x)
-        return value, abs(value) + (abs(x) * dy + abs(y) * dx) / square
-    if type(e) not in _SLOPES:
+    row = notation.ROWS.get(type(e))
+    if row is None or row.slope is None or not row.is_elementary:
         raise ValueError(f"{e.func} is not treated")
-    function, slope = _SLOPES[type(e)]
-    ((u, du),) = parts
-    value = function(u)
-    return value, abs(value) + abs(slope(u)) * du
+    arguments = [value for value, _ in parts]
+    value = row.value(*arguments)
+    slope = row.slope(functions.SlopeSizes, *arguments, value)
+    slopes = slope if isinstance(slope, tuple) else (slope,)
+    return value, abs(value) + sum(abs(a) * size for a, (_, size) in zip(slopes, parts, strict=True))
 
 
 def _power(base: tuple[float, float], exponent: tuple[float, float]) -> tuple[float, float]:

@@ -46,17 +46,12 @@ MEMBERS, SWITCHES = 16, 32
 Bounds = tuple[float, float]
 
 ANY: Bounds = (-math.inf, math.inf)
-_RANGES: dict[int, Bounds] = {
-    ca.OP_EXP: (0.0, math.inf),
-    ca.OP_SQRT: (0.0, math.inf),
-    ca.OP_COSH: (1.0, math.inf),
-    ca.OP_SIN: (-1.0, 1.0),
-    ca.OP_COS: (-1.0, 1.0),
-    ca.OP_TANH: (-1.0, 1.0),
-    ca.OP_SIGN: (-1.0, 1.0),
-}
 # Of the operations that may jump the operand that changes its sign.
-_OPERANDS = {ca.OP_SIGN: 0, ca.OP_ATAN2: 0, ca.OP_ATAN: 0, ca.OP_DIV: 1, ca.OP_INV: 0}
+_OPERANDS = {
+    **{code: 0 for code, row in operation_graph.FUNCTIONS.items() if row.jumps},
+    ca.OP_DIV: 1,
+    ca.OP_INV: 0,
+}
 
 
 @frozen
@@ -227,11 +222,9 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
 
 def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:
     """The bounds of a result from those of its operands."""
-    known = _RANGES.get(op)
-    if known is not None:
-        return known
-    rule = _RULES.get(op)
-    return ANY if rule is None else rule(*parts)
+    if op in _RULES:
+        return _RULES[op](*parts)
+    return operation_graph.FUNCTIONS[op].bounds if op in operation_graph.FUNCTIONS else ANY
 
 
 def is_one_sided(bounds: Bounds) -> bool:

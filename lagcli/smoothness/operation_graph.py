@@ -8,11 +8,18 @@ from typing import NamedTuple, TypeVar
 
 import casadi as ca
 
+from lagcli.expression import functions
 from lagcli.smoothness.sized_function import SizedFunction
 
 # (operation, operands, value) -> what stands for the value from there on.
 Visit = Callable[[int, list[ca.SX], ca.SX], ca.SX]
 T = TypeVar("T")
+# The functions of the language that are operations, by their codes.
+FUNCTIONS = {
+    int(getattr(ca, f"OP_{(row.operation or row.name).upper()}")): row
+    for row in functions.TABLE.values()
+    if not row.casadi
+}
 # The expression of an operation, made when it is asked for.
 Expression = Callable[[], ca.SX]
 # (operation, what was found for its operands, its expression) -> what is found for it.

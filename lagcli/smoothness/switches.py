@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from lagcli.expression import functions
+from lagcli.expression.functions import Function
 from lagcli.smoothness import operation_graph
 
 QUOTIENT = "a quotient"
@@ -35,36 +37,30 @@ def _base(base: ca.SX, exponent: ca.SX) -> ca.SX | None:
     return None if is_natural else base
 
 
+def _kind(row: Function) -> Kind:
+    """The kind of a function of the language."""
+    if row.is_piecewise:
+        return Kind(row.name, (lambda a: a) if row.arguments == 1 else _difference, True)
+    if row.domain is not None:
+        low, high = row.domain
+        return Kind(row.name, lambda a: (high - a) * (a - low))
+    if row.poles:
+        return Kind(row.name, getattr(ca, row.poles))
+    # Where its argument is infinite nothing vanishes.
+    return Kind(row.name, lambda *a: None if row.jumps == "infinity" else a[0])
+
+
 # Derivatives of `min` and `max` are made of the comparisons without a word.
 KINDS: dict[int, Kind] = {
-    ca.OP_FABS: Kind("abs", lambda a: a, True),
-    ca.OP_SIGN: Kind("sign", lambda a: a, True),
-    ca.OP_FMIN: Kind("min", _difference, True),
-    ca.OP_FMAX: Kind("max", _difference, True),
+    **{code: _kind(row) for code, row in operation_graph.FUNCTIONS.items() if row.may_be_steep or row.poles},
     **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), Kind("", _difference, True)),
-    ca.OP_SQRT: Kind("sqrt", lambda a: a),
     ca.OP_HYPOT: Kind("", lambda a, b: a * a + b * b),
-    ca.OP_ASIN: Kind("asin", lambda a: 1 - a * a),
-    ca.OP_ACOS: Kind("acos", lambda a: 1 - a * a),
-    ca.OP_TAN: Kind("tan", ca.cos),
-    ca.OP_LOG: Kind("log", lambda a: a),
     ca.OP_INV: Kind(QUOTIENT, lambda a: a),
     ca.OP_DIV: Kind(QUOTIENT, lambda a, b: b),
-    ca.OP_ATAN2: Kind("atan2", lambda y, x: y),
-    ca.OP_ATAN: Kind("atan", lambda a: None),  # where its argument is infinite
     ca.OP_POW: Kind("**", _base),
     ca.OP_CONSTPOW: Kind("**", _base),
 }
-PHRASES = {
-    "atan2": "`atan2` crosses its cut",
-    "atan": "the argument of `atan` goes through infinity",
-    "asin": "`asin` comes to an end of its range",
-    "acos": "`acos` comes to an end of its range",
-    "sign": "`sign` switches",
-    "abs": "the argument of `abs` changes its sign",
-    "min": "`min` switches",
-    "max": "`max` switches",
-}
+PHRASES = {row.name: row.edge for row in functions.TABLE.values() if row.edge}
 
 
 class Switch(NamedTuple):

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.expression import evaluate, intervals, tree
+from lagcli.expression import functions as language
 from lagcli.expression.intervals import Range
 from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
@@ -31,15 +32,20 @@ MOST_OPERATIONS, MOST_VALUES, MOST_STEPS = 1000, 2**14, 20_000
 # These only add, shift and scale: they rise and fall where their parts do.
 _PLAIN = frozenset(("add", "subtract", "negate", "multiply"))
 # Nor do these bring a pulse about.
-_STEADY = _PLAIN | {"sign", "abs", "sinh", "cosh"}
+_STEADY = _PLAIN | language.named(
+    lambda row: row.arguments == 1 and (row.is_piecewise or row.far == "exponential")
+)
 _FAST: dict[str, Callable[[float, float], float]] = {
     "add": operator.add,
     "subtract": operator.sub,
     "multiply": operator.mul,
     "divide": operator.truediv,
 }
-_SWITCHES = frozenset(("abs", "sign", "sqrt"))
-_INVERSES = frozenset(("asin", "acos"))
+_SWITCHES = language.named(
+    lambda row: (
+        row.arguments != language.MANY and (row.is_piecewise or row.jumps == "zero" or row.far == "root")
+    )
+)
 
 
 @frozen_value
@@ -80,7 +86,7 @@ class TimeFunctions:
         known: list[Range] = [cells]
         for operation in self.operations[: max(wanted, default=0)]:
             parts = (known[part] if isinstance(part, int) else part for part in operation.parts)
-            known.append(intervals.apply(operation.name, *parts))
+            known.append(language.range_of(operation.name, *parts))
         return [known[index] for index in wanted]
 
 
@@ -257,7 +263,7 @@ def _folded(name: str, numbers: list[Range]) -> Range:
         (a, b), (c, d) = numbers
         if a is b and c is d and not (name == "divide" and float(c) == 0.0):
             return intervals.constant(_FAST[name](float(a), float(c)))
-    return intervals.apply(name, *numbers)
+    return language.range_of(name, *numbers)
 
 
 def _is_steady(operation: Operation) -> bool:
@@ -364,19 +370,17 @@ class _Algebra:
 
     def function(self, node: tree.Node, name: str, arguments: tuple[_Value, ...]) -> _Value:
         """A scalar function, with what it switches at."""
-        record = self._record
-        if name in ("min", "max"):
+        record, row = self._record, language.TABLE[name]
+        if row.arguments == language.MANY:
             result = arguments[0]
             for argument in arguments[1:]:
                 record.switch(record.combine("subtract", result, argument))
                 result = record.combine(name, result, argument)
             return result
-        if name in _SWITCHES or name == "atan2":
+        if name in _SWITCHES:
             record.switch(arguments[0])
-        if name == "tan":
-            record.switch(record.combine("cos", arguments[0]))
-        if name in _INVERSES:
-            one = _Value(number=intervals.constant(1.0))
-            record.switch(record.combine("subtract", arguments[0], one))
-            record.switch(record.combine("add", arguments[0], one))
+        if row.poles:
+            record.switch(record.combine(row.poles, arguments[0]))
+        for end in row.domain or ():
+            record.switch(record.combine("subtract", arguments[0], _Value(number=intervals.constant(end))))
         return record.combine(name, *arguments)

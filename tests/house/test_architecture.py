@@ -98,6 +98,7 @@ DOORS = {
         "lagcli.simulation.events.watch_functions",
         "lagcli.statics.kink_points",
         "lagcli.statics.point_values",
+        "lagcli.statics.rest_equations",
         "lagcli.statics.static_laws",
         "lagcli.statics.static_problem",
     ),

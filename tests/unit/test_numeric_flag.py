@@ -17,6 +17,7 @@ from lagcli.analysis import numeric_flag
 from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.compiled import lie_brackets, multiprecision, program, row_block
 from lagcli.equations import system
+from lagcli.expression import functions
 from lagcli.start import initial
 from tests.helpers import spent
 
@@ -406,7 +407,7 @@ def test_what_cancels_within_an_entry_is_rounding(constant, x, is_rough, monkeyp
         assert found.extra in (((2, 1, 1),) if not is_rough else ((2, 1, 1), ()))
 
 
-@pytest.mark.parametrize("name", sorted({*multiprecision.SLOPES, *multiprecision.BINARY}))
+@pytest.mark.parametrize("name", sorted({*functions.OPERATIONS, *multiprecision.BINARY}))
 def test_the_size_of_terms_bounds_what_other_numbers_change(name):
     """For each function that values in many digits know; constpow and pow stand for each other."""
     a, b = ca.SX.sym("a"), ca.SX.sym("b")

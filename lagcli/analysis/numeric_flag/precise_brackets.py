@@ -119,10 +119,7 @@ class Exact:
                 self._value(one, multiprecision.moved(x, Z, tag), first, tag + 1), tag
             )
         curl = self._run(self._curl, [x, self._p, Y, Z])
-        return [
-            multiprecision.subtract(multiprecision.subtract(a, b), curl[i])
-            for a, b, i in zip(*change, self._point.differential, strict=True)
-        ]
+        return [a - b - curl[i] for a, b, i in zip(*change, self._point.differential, strict=True)]
 
     def _of(self, shape: Shape, x: list[Number], columns: list[list[Decimal]], tag: int) -> Field:
         """The field of a shape at x."""

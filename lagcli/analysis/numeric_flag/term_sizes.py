@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.program import Program
+from lagcli.expression import functions
 
 Floats = npt.NDArray[np.float64]
 Pair = tuple[float, float]  # a value and its size
@@ -74,49 +75,15 @@ def _result(name: str, parts: list[Pair]) -> Pair:
 
 def _along(name: str, part: Pair) -> Pair:
     value, size = part
-    function, slope = ONE[name]
+    function, slope = functions.OPERATIONS[name]
     result = function(value)
     if not size:
         return result, 0.0
     if name in STEPS:
         return result, math.inf if abs(value - STEPS[name](value)) <= PARAMETERS.doubt * size else 0.0
-    return result, abs(slope(value, result)) * size
+    return result, abs(slope(functions.SlopeSizes, value, result)) * size
 
 
-def _root_of(u: float) -> float:
-    return 1.0 / math.sqrt(u)
-
-
-# Functions of one number, and their slopes from the argument and the value.
-ONE: dict[str, tuple[Callable[[float], float], Callable[[float, float], float]]] = {
-    "inv": (lambda a: 1.0 / a, lambda a, f: f * f),
-    "sq": (lambda a: a * a, lambda a, f: 2.0 * a),
-    "twice": (lambda a: a + a, lambda a, f: 2.0),
-    "assign": (lambda a: a, lambda a, f: 1.0),
-    "neg": (lambda a: -a, lambda a, f: 1.0),
-    "sqrt": (math.sqrt, lambda a, f: 0.5 / f),
-    "exp": (math.exp, lambda a, f: f),
-    "log": (math.log, lambda a, f: 1.0 / a),
-    "fabs": (abs, lambda a, f: 1.0),
-    "sign": (lambda a: float((a > 0) - (a < 0)), lambda a, f: 0.0),
-    "not": (lambda a: float(a == 0), lambda a, f: 0.0),
-    "floor": (lambda a: float(math.floor(a)), lambda a, f: 0.0),
-    "ceil": (lambda a: float(math.ceil(a)), lambda a, f: 0.0),
-    "sin": (math.sin, lambda a, f: math.cos(a)),
-    "cos": (math.cos, lambda a, f: math.sin(a)),
-    "tan": (math.tan, lambda a, f: 1.0 + f * f),
-    "asin": (math.asin, lambda a, f: _root_of(1.0 - a * a)),
-    "acos": (math.acos, lambda a, f: _root_of(1.0 - a * a)),
-    "atan": (math.atan, lambda a, f: 1.0 / (1.0 + a * a)),
-    "sinh": (math.sinh, lambda a, f: math.cosh(a)),
-    "cosh": (math.cosh, lambda a, f: math.sinh(a)),
-    "tanh": (math.tanh, lambda a, f: 1.0 - f * f),
-    "asinh": (math.asinh, lambda a, f: _root_of(a * a + 1.0)),
-    "acosh": (math.acosh, lambda a, f: _root_of(a * a - 1.0)),
-    "atanh": (math.atanh, lambda a, f: 1.0 / (1.0 - a * a)),
-    "log1p": (math.log1p, lambda a, f: 1.0 / (1.0 + a)),
-    "expm1": (math.expm1, lambda a, f: f + 1.0),
-}
 # Where functions that step do so, next to a number.
 STEPS: dict[str, Callable[[float], float]] = {
     "sign": lambda a: 0.0,

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, parser, tree
+from lagcli.expression import evaluate, functions, parser, tree
 from lagcli.expression.evaluate import Value
 from lagcli.expression.operators import Operators
 from lagcli.expression.tree import ExpressionError
@@ -189,11 +189,6 @@ _OF_ROWS: dict[str, Callable[[Array, Array], float]] = {
     "integral": _integral,
 }
 REDUCERS = frozenset(_OF_ROWS) - {"max", "min"}
-_FUNCTIONS: dict[str, Callable[..., Array]] = {
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,
-    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "log": np.log, "sqrt": np.sqrt,
-    "abs": np.abs, "sign": np.sign, "atan2": np.arctan2,
-}  # fmt: skip
 
 
 class _RowAlgebra(Operators[Array]):
@@ -213,11 +208,9 @@ class _RowAlgebra(Operators[Array]):
         return np.power(base, exponent)
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Array, ...]) -> Array:
-        if name not in ("min", "max"):
-            return _FUNCTIONS[name](*arguments)
-        if len(arguments) == 1:
+        if name in _OF_ROWS and len(arguments) == 1:
             return self._reduced(name, arguments[0])
-        return functools.reduce(np.maximum if name == "max" else np.minimum, arguments)
+        return functions.TABLE[name].array(*arguments)
 
     def special(self, node: tree.Call) -> Value[Array]:
         if node.function not in REDUCERS:

@@ -58,7 +58,7 @@ class Check:
         """The part of the entries that was judged; None where there are none."""
         return self.judged / self.entries if self.entries else None
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, object]:
         """The check as it stands in the JSON; numbers that are not finite are null."""
         return {
             "name": self.name,

@@ -12,32 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array, AutodiffGraph, Scalar, Value, value
-from lagcli.expression import tree
+from lagcli.expression import functions, tree
 from lagcli.model.resolve import Reference
-
-Derivative = Callable[[Array, Array], Array]
-
-
-def _sign(x: Array) -> Array:
-    return np.asarray(np.sign(x.real))
-
-
-_FUNCTIONS: dict[str, tuple[Callable[[Array], Array], Derivative]] = {
-    "sin": (np.sin, lambda x, y: np.cos(x)),
-    "cos": (np.cos, lambda x, y: -np.sin(x)),
-    "tan": (np.tan, lambda x, y: 1 + y * y),
-    "asin": (np.arcsin, lambda x, y: 1 / np.sqrt(1 - x * x)),
-    "acos": (np.arccos, lambda x, y: -1 / np.sqrt(1 - x * x)),
-    "atan": (np.arctan, lambda x, y: 1 / (1 + x * x)),
-    "sinh": (np.sinh, lambda x, y: np.cosh(x)),
-    "cosh": (np.cosh, lambda x, y: np.sinh(x)),
-    "tanh": (np.tanh, lambda x, y: 1 - y * y),
-    "exp": (np.exp, lambda x, y: y),
-    "log": (np.log, lambda x, y: 1 / x),
-    "sqrt": (np.sqrt, lambda x, y: 0.5 / y),
-    "abs": (lambda x: x * _sign(x), lambda x, y: _sign(x)),
-    "sign": (_sign, lambda x, y: np.zeros_like(y)),
-}  # value, and derivative from argument and value
 
 
 class NumberAlgebra:
@@ -85,28 +61,23 @@ class NumberAlgebra:
         return self._graph.result(result, (base, by_base), (exponent, by_exponent))
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
-        if name in ("min", "max"):
+        row = functions.TABLE[name]
+        if row.slope is None:
             return functools.reduce(lambda a, b: self._extreme(name, a, b), arguments)
-        if name == "atan2":
-            return self._angle(*arguments)
-        (x,) = arguments
-        compute, derivative = _FUNCTIONS[name]
-        argument = value(x)
-        result = compute(argument)
-        return self._graph.result(result, (x, derivative(argument, result)))
+        values = [value(x) for x in arguments]
+        is_analytic = not (row.is_piecewise or row.jumps == "zero")
+        given = values if is_analytic else [x.real for x in values]
+        result = row.array(*given)
+        slope = row.slope(np, *(given if row.is_piecewise else values), result)
+        slopes = slope if isinstance(slope, tuple) else (slope,)
+        if not is_analytic and any(map(np.iscomplexobj, values)):
+            result = result + 1j * sum(np.real(a) * x.imag for a, x in zip(slopes, values, strict=True))
+        return self._graph.result(result, *zip(arguments, slopes, strict=True))
 
     def _extreme(self, name: str, left: Scalar, right: Scalar) -> Scalar:
         a, b = value(left), value(right)
         first = a.real <= b.real if name == "min" else a.real >= b.real
         return self._graph.result(np.where(first, a, b), (left, first * 1.0), (right, ~first * 1.0))
-
-    def _angle(self, left: Scalar, right: Scalar) -> Scalar:
-        y, x = value(left), value(right)
-        square = x * x + y * y
-        result: Array = np.arctan2(y.real, x.real)
-        if np.iscomplexobj(square):
-            result = result + 1j * (x.real * y.imag - y.real * x.imag) / square.real
-        return self._graph.result(result, (left, x / square), (right, -y / square))
 
 
 def _power(x: Array, e: Array) -> Array:

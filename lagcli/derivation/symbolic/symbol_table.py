@@ -12,7 +12,7 @@ import sympy
 from lagcli.derivation.symbolic.calculus import Abbreviation, Calculus, Key, Triple
 from lagcli.derivation.symbolic.vectors import RecognizedVector, VectorRecognizer
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.evaluate import Value
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Integers
@@ -23,7 +23,7 @@ from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
 # Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
 MAX_OPERATIONS = 6000
 
-_JUMPING = frozenset(("abs", "sign", "min", "max"))
+_JUMPING = functions.named(lambda row: row.is_piecewise)
 
 
 class SymbolTable:

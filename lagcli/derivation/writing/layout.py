@@ -7,28 +7,11 @@ from collections.abc import Mapping
 import sympy
 
 from lagcli.derivation.writing import formula as f
+from lagcli.pfaffian.forms import notation
 
 # Kinds of symbols, in the order in which they stand in a product.
 LAMBDA, PARAMETER, COORDINATE, LENGTH, ACCELERATION, RATE, SUM, APPLIED, PRODUCT, VECTOR = range(10)
 
-_NAMES = {
-    sympy.sin: "sin",
-    sympy.cos: "cos",
-    sympy.tan: "tan",
-    sympy.sinh: "sinh",
-    sympy.cosh: "cosh",
-    sympy.tanh: "tanh",
-    sympy.asin: "arcsin",
-    sympy.acos: "arccos",
-    sympy.atan: "arctan",
-    sympy.atan2: "atan2",
-    sympy.exp: "exp",
-    sympy.log: "log",
-    sympy.sign: "sign",
-    sympy.Min: "min",
-    sympy.Max: "max",
-    sympy.Heaviside: "step",
-}
 # Decimal places, and digits of round numbers, that are written out.
 DECIMALS = 8
 _SIMPLE = {(1, 2), (1, 3), (2, 3), (1, 4), (3, 4)}
@@ -62,9 +45,11 @@ class Layout:
             return f.Sign("π")
         if isinstance(value, sympy.Abs):
             return f.Bars(self.node(value.args[0]))
-        if type(value) in _NAMES:
-            arguments = value.args[:1] if isinstance(value, sympy.Heaviside) else value.args
-            return f.Apply(_NAMES[type(value)], tuple(self.node(a) for a in arguments))
+        if isinstance(value, sympy.Heaviside):  # in derivatives of `min` and `max`
+            return f.Apply("step", (self.node(value.args[0]),))
+        if type(value) in notation.ROWS:
+            row = notation.ROWS[type(value)]
+            return f.Apply(row.written or row.name, tuple(map(self.node, value.args)))
         if value == sympy.E:
             return f.Apply("exp", (f.ONE,))
         return f.FormulaText(str(value))

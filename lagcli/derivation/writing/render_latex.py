@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing.paper_names import LETTERS
+from lagcli.expression import functions
 from lagcli.output.report.latex_text import RESERVED
 
 _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
-_KNOWN = frozenset("sin cos tan sinh cosh tanh exp log max min arcsin arccos arctan".split())
+_KNOWN = frozenset(row.written or row.name for row in functions.ROWS if row.has_latex)
 _DOTS = {0: "{}", 1: r"\dot{{{}}}", 2: r"\ddot{{{}}}"}
 _RELATIONS = {"=": "=", "≥": r"\ge", "≤": r"\le", "⊥": r"\perp"}
 

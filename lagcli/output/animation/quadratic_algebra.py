@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
@@ -20,12 +20,6 @@ from lagcli.output.animation.quadratic_form import OTHER, Quadratic, SquareDista
 Floats = npt.NDArray[np.float64]
 Value = evaluate.Value[Quadratic]
 
-_FUNCTIONS: dict[str, Callable[..., Floats]] = {
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,
-    "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "exp": np.exp, "log": np.log, "sqrt": np.sqrt,
-    "abs": np.abs, "sign": np.sign, "atan2": np.arctan2,
-}  # fmt: skip
-_MANY: dict[str, Callable[..., Floats]] = {"min": np.minimum, "max": np.maximum}
 # A page shows no more, and a family of all pairs of a thousand particles has half a million rows.
 MOST_ROWS = 20_000
 
@@ -78,12 +72,7 @@ class _QuadraticAlgebra(Operators[Quadratic]):
     def function(self, node: tree.Node, name: str, arguments: tuple[Quadratic, ...]) -> Quadratic:
         if all(argument.is_constant for argument in arguments):
             values = [argument.constant for argument in arguments]
-            if name in _MANY:
-                found = values[0]
-                for value in values[1:]:
-                    found = _MANY[name](found, value)
-                return quadratic_form.number(found)
-            return quadratic_form.number(_FUNCTIONS[name](*values))
+            return quadratic_form.number(functions.TABLE[name].array(*values))
         if name == "sqrt" and arguments[0].is_polynomial:
             return Quadratic(factor=np.float64(1.0), under=arguments[0])
         return OTHER

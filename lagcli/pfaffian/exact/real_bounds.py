@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import reduce
 
 import sympy
+
+from lagcli.pfaffian.forms import notation
 
 Range = tuple[float, float]
 
@@ -15,18 +16,6 @@ _EVERYTHING: Range = (-math.inf, math.inf)
 # `tests/unit/test_special_points.py::test_what_keeps_off_zero_by_more_than_round_off_never_vanishes` fails at 1e-10 and
 # at 1e-8.
 MARGIN = 1e-9
-_RANGES: dict[type[sympy.Basic], Callable[[Range], Range]] = {
-    sympy.sin: lambda u: (-1.0, 1.0),
-    sympy.cos: lambda u: (-1.0, 1.0),
-    sympy.tanh: lambda u: (-1.0, 1.0),
-    sympy.atan: lambda u: (-math.pi / 2, math.pi / 2),
-    sympy.asin: lambda u: (-math.pi / 2, math.pi / 2),
-    sympy.acos: lambda u: (0.0, math.pi),
-    sympy.atan2: lambda u: (-math.pi, math.pi),
-    sympy.cosh: lambda u: (1.0, math.inf),
-    sympy.exp: lambda u: (_exp(u[0]), _exp(u[1])),
-    sympy.Abs: lambda u: (max(0.0, u[0], -u[1]), max(-u[0], u[1])),
-}
 
 
 def never_vanishes(expression: sympy.Expr) -> bool:
@@ -47,7 +36,12 @@ def _range(e: sympy.Basic) -> Range:
         return reduce(_product, parts)
     if isinstance(e, sympy.Pow):
         return _power(parts[0], e.exp)
-    return _RANGES[type(e)](parts[0]) if type(e) in _RANGES else _EVERYTHING
+    if isinstance(e, sympy.Abs):
+        ((low, high),) = parts
+        return max(0.0, low, -high), max(-low, high)
+    if isinstance(e, sympy.exp):
+        return _exp(parts[0][0]), _exp(parts[0][1])
+    return notation.ROWS[type(e)].bounds if type(e) in notation.ROWS else _EVERYTHING
 
 
 def _product(one: Range, other: Range) -> Range:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,16 +10,11 @@ import sympy
 
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import notation
 
 Values = npt.NDArray[np.float64]
 """Of shape (points,)."""
 
-_FUNCTIONS: dict[type[sympy.Function], Callable[..., Values]] = {
-    sympy.sin: np.sin, sympy.cos: np.cos, sympy.tan: np.tan,
-    sympy.asin: np.arcsin, sympy.acos: np.arccos, sympy.atan: np.arctan, sympy.atan2: np.arctan2,
-    sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh,
-    sympy.exp: np.exp, sympy.log: np.log, sympy.Abs: np.abs,
-}  # fmt: skip
 # A fixed one: what is found must not change from run to run.
 _SEED = 20240317
 # Tried in turn: of both signs; positive, for roots and logarithms; above one; below one, for asin and acos.
@@ -66,8 +61,9 @@ class Sample:
             return np.asarray(np.prod(u, axis=0))
         if isinstance(e, sympy.Pow):
             return u[0] ** (int(e.exp) if e.exp.is_Integer else u[1])
-        if type(e) in _FUNCTIONS:
-            return _FUNCTIONS[type(e)](*u)
+        row = notation.ROWS.get(type(e))
+        if row is not None and row.is_elementary:
+            return row.array(*u)
         raise NoSampleError(f"{type(e).__name__} has no value")
 
 

@@ -14,21 +14,19 @@ from typing import TypeVar
 import sympy
 from sympy.printing.str import StrPrinter
 
-from lagcli.expression import tree
+from lagcli.expression import functions, tree
 from lagcli.expression.evaluate import Value
+from lagcli.expression.functions import Function
 from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
 from lagcli.model.resolve import Reference, Resolver
 
 FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
-    **{
-        name: getattr(sympy, name)
-        for name in "sin cos tan asin acos atan atan2 sinh cosh tanh exp log sqrt".split()
-    },
-    "abs": sympy.Abs,
-    "sign": sympy.sign,
-    "min": sympy.Min,
-    "max": sympy.Max,
+    row.name: functions.meaning(sympy, row.sympy, row.name) for row in functions.TABLE.values()
+}
+# The rows of those that are classes of SymPy; a root is a power there.
+ROWS: dict[type[sympy.Basic], Function] = {
+    meaning: functions.TABLE[name] for name, meaning in FUNCTIONS.items() if isinstance(meaning, type)
 }
 TIME = sympy.Symbol("t", real=True)
 ZERO = sympy.Integer(0)

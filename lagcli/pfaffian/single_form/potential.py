@@ -9,12 +9,10 @@ import sympy
 from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.single_form import rational
 
-WRITABLE = (
-    sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2,
-    sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.Abs,
-)  # fmt: skip
+WRITABLE = tuple(kind for kind, row in notation.ROWS.items() if row.is_elementary)
 """The functions an integral may hold: those of the model format."""
 
 # Inner functions tried as new variables of an antiderivative.

@@ -1,0 +1,237 @@
+"""The functions of the language: all that the program knows of one is its row here.
+
+A library that is slow to load is not imported for it: a column holds the name that the function has there, or makes it
+of the library's own, which it is given.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Callable, Iterable
+from types import ModuleType
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.expression import intervals
+from lagcli.frozen import frozen
+
+Floats = npt.NDArray[np.float64]
+# A function in a library: its name there, or (library, arguments) -> value.
+Meaning = str | Callable[..., object]
+# Of numbers of any kind.
+Computed = Callable[..., Any]
+MANY: Final = None  # one argument or more
+
+
+@frozen
+class Function:
+    """A function of scalars.
+
+    name: in the model format; arguments: how many, or `MANY`.
+    value: of floats, with the errors of `math` where there is none; array: the same of NumPy arrays, where it is nan or
+    infinite there; range: of cells, see `intervals`; slope: the derivative, by each argument where it has two, of
+    `sin`, `cos`, `sinh`, `cosh`, `sqrt` and `sign` of such numbers, the arguments and the value.
+    operation: its name in CasADi, and so in a `Program`; casadi: what it is made of there, where it is no operation.
+    sympy: what it is there; written: its name in derived equations; has_latex: it has a command of this name in LaTeX.
+
+    dimension: of the value as a power of that of the argument, 0 where it is a number; angle: what of it is one.
+    bounds: least and largest value; domain: least and largest argument, where it has a value at both.
+    far: what it makes of an argument that grows: a number, no more than a root or a logarithm of it, an exponential, or
+    another value in a narrow range only.
+    edge: what happens where it is not smooth, in words.
+    is_piecewise: it has a kink or a jump where an argument, or the difference of two, changes its sign; jumps: its
+    value does where the first argument changes its sign by going through this; period: an angle jumps at its cut by so
+    much; may_jump: its value or slope does for some argument, one that is infinite or a square too; may_be_steep: its
+    slope may have no bound, or jump, where it has a value; poles: the function that is zero where it is infinite.
+    rises: with its argument, which may be any number.
+    is_total: finite numbers have a finite value, but for overflow, of which the largest number is no reason.
+    is_entire: it is a power series everywhere; is_elementary: it may stand in a first integral.
+    """
+
+    name: str
+    value: Callable[..., float]
+    array: Callable[..., Floats]
+    range: Callable[..., intervals.Range]
+    arguments: int | None = 1
+    slope: Computed | None = None
+    operation: str = ""
+    casadi: Meaning = ""
+    sympy: Meaning = ""
+    written: str = ""
+    has_latex: bool = False
+    dimension: float = 0.0
+    angle: Literal["", "argument", "value"] = ""
+    bounds: tuple[float, float] = (-math.inf, math.inf)
+    domain: tuple[float, float] | None = None
+    far: Literal["narrow", "bounded", "root", "exponential"] = "narrow"
+    edge: str = ""
+    is_piecewise: bool = False
+    jumps: Literal["", "zero", "infinity"] = ""
+    period: float = 0.0
+    may_jump: bool = False
+    may_be_steep: bool = False
+    poles: str = ""
+    rises: bool = False
+    is_total: bool = False
+    is_entire: bool = False
+    is_elementary: bool = True
+
+
+def _sign(value: float) -> float:
+    return math.copysign(1.0, value) if value else 0.0
+
+
+ROWS = (
+    Function(
+        "sin", math.sin, np.sin, intervals.sine,
+        slope=lambda of, x, y: of.cos(x),
+        has_latex=True, angle="argument", bounds=(-1.0, 1.0), far="bounded", is_total=True, is_entire=True,
+    ),
+    Function(
+        "cos", math.cos, np.cos, intervals.cosine,
+        slope=lambda of, x, y: -of.sin(x),
+        has_latex=True, angle="argument", bounds=(-1.0, 1.0), far="bounded", is_total=True, is_entire=True,
+    ),
+    Function(
+        "tan", math.tan, np.tan, intervals.tangent,
+        slope=lambda of, x, y: 1 + y * y,
+        has_latex=True, angle="argument", poles="cos",
+    ),
+    Function(
+        "asin", math.asin, np.arcsin, intervals.within(intervals.rising(np.arcsin)),
+        slope=lambda of, x, y: 1 / of.sqrt(1 - x * x),
+        written="arcsin", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2), domain=(-1.0, 1.0),
+        far="bounded", edge="`asin` comes to an end of its range", may_be_steep=True,
+    ),
+    Function(
+        "acos", math.acos, np.arccos, intervals.within(intervals.falling(np.arccos)),
+        slope=lambda of, x, y: -1 / of.sqrt(1 - x * x),
+        written="arccos", has_latex=True, angle="value", bounds=(0.0, math.pi), domain=(-1.0, 1.0),
+        far="bounded", edge="`acos` comes to an end of its range", may_be_steep=True,
+    ),
+    Function(
+        "atan", math.atan, np.arctan, intervals.rising(np.arctan), rises=True,
+        slope=lambda of, x, y: 1 / (1 + x * x),
+        written="arctan", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2),
+        edge="the argument of `atan` goes through infinity", jumps="infinity", period=math.pi, may_jump=True,
+        may_be_steep=True, is_total=True,
+    ),
+    Function(
+        "sinh", math.sinh, np.sinh, intervals.rising(np.sinh), rises=True,
+        slope=lambda of, x, y: of.cosh(x),
+        has_latex=True, far="exponential", is_entire=True,
+    ),
+    Function(
+        "cosh", math.cosh, np.cosh, intervals.even(intervals.rising(np.cosh)),
+        slope=lambda of, x, y: of.sinh(x),
+        has_latex=True, bounds=(1.0, math.inf), far="exponential", is_entire=True,
+    ),
+    Function(
+        "tanh", math.tanh, np.tanh, intervals.rising(np.tanh), rises=True,
+        slope=lambda of, x, y: 1 - y * y,
+        has_latex=True, bounds=(-1.0, 1.0), may_jump=True, is_total=True,
+    ),
+    Function(
+        "exp", math.exp, np.exp, intervals.rising(np.exp), rises=True,
+        slope=lambda of, x, y: y,
+        has_latex=True, bounds=(0.0, math.inf), is_entire=True,
+    ),
+    Function(
+        "log", math.log, np.log, intervals.logarithm,
+        slope=lambda of, x, y: 1 / x,
+        has_latex=True, far="bounded", may_be_steep=True,
+    ),
+    Function(
+        "sqrt", math.sqrt, np.sqrt, intervals.root,
+        slope=lambda of, x, y: 1 / (2 * y),
+        dimension=0.5, bounds=(0.0, math.inf), far="root", may_jump=True, may_be_steep=True, is_elementary=False,
+    ),
+    Function(
+        "abs", abs, np.abs, intervals.size,
+        slope=lambda of, x, y: of.sign(x),
+        operation="fabs", sympy="Abs", dimension=1.0, edge="the argument of `abs` changes its sign",
+        is_piecewise=True, may_jump=True, may_be_steep=True, is_total=True,
+    ),
+    Function(
+        "sign", _sign, np.sign, intervals.sign,
+        slope=lambda of, x, y: 0,
+        bounds=(-1.0, 1.0), edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
+        is_total=True, is_elementary=False,
+    ),
+    Function(
+        "atan2", math.atan2, np.arctan2, intervals.angle, 2,
+        slope=lambda of, y, x, f: (x / (x * x + y * y), -y / (x * x + y * y)),
+        angle="value", bounds=(-math.pi, math.pi), far="bounded", edge="`atan2` crosses its cut", jumps="zero",
+        period=2 * math.pi, may_jump=True, may_be_steep=True,
+    ),
+    Function(
+        "min", lambda *x: min(x), lambda *x: functools.reduce(np.minimum, x), intervals.least, MANY,
+        operation="fmin", sympy="Min", has_latex=True, dimension=1.0, edge="`min` switches", is_piecewise=True,
+        may_jump=True, may_be_steep=True, is_total=True, is_elementary=False,
+    ),
+    Function(
+        "max", lambda *x: max(x), lambda *x: functools.reduce(np.maximum, x), intervals.largest, MANY,
+        operation="fmax", sympy="Max", has_latex=True, dimension=1.0, edge="`max` switches", is_piecewise=True,
+        may_jump=True, may_be_steep=True, is_total=True, is_elementary=False,
+    ),
+)  # fmt: skip
+
+TABLE = {row.name: row for row in ROWS}
+
+
+# Value and slope of the operations on one number that a formula is compiled to, by their names in a `Program`.
+OPERATIONS: dict[str, tuple[Callable[[float], float], Computed]] = {
+    **{
+        row.operation or row.name: (row.value, row.slope)
+        for row in TABLE.values()
+        if row.arguments == 1 and row.slope and not row.casadi
+    },
+    "inv": (lambda x: 1.0 / x, lambda of, x, y: -y * y),
+    "sq": (lambda x: x * x, lambda of, x, y: 2 * x),
+    "twice": (lambda x: x + x, lambda of, x, y: 2),
+    "assign": (lambda x: x, lambda of, x, y: 1),
+    "neg": (lambda x: -x, lambda of, x, y: -1),
+    "not": (lambda x: float(x == 0), lambda of, x, y: 0),
+    "floor": (lambda x: float(math.floor(x)), lambda of, x, y: 0),
+    "ceil": (lambda x: float(math.ceil(x)), lambda of, x, y: 0),
+    "asinh": (math.asinh, lambda of, x, y: 1 / of.sqrt(x * x + 1)),
+    "acosh": (math.acosh, lambda of, x, y: 1 / of.sqrt(x * x - 1)),
+    "atanh": (math.atanh, lambda of, x, y: 1 / (1 - x * x)),
+    "log1p": (math.log1p, lambda of, x, y: 1 / (1 + x)),
+    "expm1": (math.expm1, lambda of, x, y: y + 1),
+}
+
+
+class SlopeSizes:
+    """Functions of floats for the size of a slope, which is that of either side where it jumps."""
+
+    sin, cos, sinh, cosh, sqrt = math.sin, math.cos, math.sinh, math.cosh, math.sqrt
+
+    @staticmethod
+    def sign(_: float) -> float:
+        """The size of the slope of a modulus."""
+        return 1.0
+
+
+def named(wanted: Callable[[Function], bool]) -> frozenset[str]:
+    """The names of some functions in the model format."""
+    return frozenset(row.name for row in TABLE.values() if wanted(row))
+
+
+def range_of(name: str, *parts: intervals.Range) -> intervals.Range:
+    """The range of a function, or of an operation by its name in `intervals`, on ranges."""
+    return intervals.apply(intervals.OPERATIONS.get(name) or TABLE[name].range, *parts)
+
+
+def calls(names: Iterable[str]) -> re.Pattern[str]:
+    """A pattern of the text of a call of one of some functions."""
+    return re.compile(rf"\b({'|'.join(sorted(names))})\s*\(")
+
+
+def meaning(library: ModuleType, given: Meaning, name: str) -> Computed:
+    """The function of a library for a column of it; by default that of this name."""
+    return getattr(library, given or name) if isinstance(given, str) else functools.partial(given, library)
