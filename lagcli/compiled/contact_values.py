@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -47,8 +48,16 @@ COLUMNS = (
 )  # fmt: skip
 # Numbers of a run: rtol, span, size, speed and since.
 CHOSEN = 5
-# What stands at the end of `function`, beside the units: four numbers of the motion.
-LAST = 4
+
+
+class MotionNumbers(NamedTuple):
+    """The end of `function`: the largest acceleration, the accelerations that are rounding of the forces, size and
+    speed."""
+
+    acceleration: float
+    forces_blurred: float
+    size: float
+    speed: float
 
 
 def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
@@ -56,7 +65,9 @@ def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
     so that of thousands the numbers between are not all kept at once."""
     K, count = pattern.size1(), len(COLUMNS)
     rows = np.asarray(pattern.row(), dtype=np.intp)
-    contact = np.concatenate([np.tile(np.arange(K), count), rows, np.full(LAST + pattern.size2(), K)])
+    contact = np.concatenate(
+        [np.tile(np.arange(K), count), rows, np.full(len(MotionNumbers._fields) + pattern.size2(), K)]
+    )
     return np.argsort(contact, kind="stable")
 
 

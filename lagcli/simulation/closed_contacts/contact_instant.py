@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem, contact_values
 from lagcli.compiled.bound_function import BoundFunction
+from lagcli.compiled.contact_values import MotionNumbers
 from lagcli.contact import few_contacts
 from lagcli.contact.few_contacts import FewContacts, Response
 from lagcli.linear.metric import Metric
@@ -140,11 +141,16 @@ class ContactInstant:
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
         self.noise, self.touching_gap, self.slow, self.lowest, self.pull, self._blurred = columns[5:]
         self.has_gradient: Flags = has_gradient > 0
-        first, last = count * K + values.row.size, packed.size - contact_values.LAST
+        first, last = count * K + values.row.size, packed.size - len(MotionNumbers._fields)
         self._entries, self.units = packed[count * K : first], packed[first:last]
-        self._acceleration, self._forces_blurred, self.size, self._speed = packed[last:].tolist()
+        self._motion = MotionNumbers(*packed[last:].tolist())
         # Of contacts that were asked for together; None of those that are not few, or not apart.
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
+
+    @property
+    def size(self) -> float:
+        """The size of the motion."""
+        return self._motion.size
 
     @property
     def has_linear_momenta(self) -> bool:
@@ -158,7 +164,7 @@ class ContactInstant:
 
     def moved(self, v: Floats) -> ContactInstant:
         """The instant at another velocity (n,)."""
-        chosen = dataclasses.replace(self._chosen, speed=self._speed)
+        chosen = dataclasses.replace(self._chosen, speed=self._motion.speed)
         other = ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
         other._few = self._few
         return other
@@ -183,7 +189,7 @@ class ContactInstant:
     def reach(self, x: Floats, part: float) -> tuple[float, float]:
         """The time in which the motion with accelerations x (n,) goes this part of its size, and that way; 0 where it
         does not move."""
-        units, acceleration = self.units, self._acceleration
+        units, acceleration = self.units, self._motion.acceleration
         speed = float(np.abs(self.state.v / units).max(initial=0.0))
         rate = float(np.abs(x / units).max(initial=0.0))
         # Below this the rounding of forces that balance moves it.
@@ -203,7 +209,7 @@ class ContactInstant:
     @property
     def speed_roundoff(self) -> Floats:
         """Speeds (K,) that are rounding of those of the motion."""
-        return PARAMETERS.creeping * self.gap_changes(self._speed)
+        return PARAMETERS.creeping * self.gap_changes(self._motion.speed)
 
     def entries(self, contact: int) -> Floats:
         """The entries of the gradient of one contact."""
@@ -332,12 +338,12 @@ class ContactInstant:
         few = self.few(contacts)
         squares = self.squares(contacts) if few is None else few.free
         rate = float(np.abs(x / self.units).max(initial=0.0))
-        creep = (PARAMETERS.creeping * self._speed) ** 2 / (self.size or 1.0)
+        creep = (PARAMETERS.creeping * self._motion.speed) ** 2 / (self.size or 1.0)
         in_units = self.gap_changes(1.0)[contacts]
         pull = np.maximum(PARAMETERS.weightless * (self.pull[contacts] + in_units * rate), in_units * creep)
         least = np.asarray(pull / squares)
         # Where forces or curvatures are sums of terms that cancel, they are known to the rounding of these.
-        blurred = self._blurred[contacts] + in_units * self._forces_blurred > pull
+        blurred = self._blurred[contacts] + in_units * self._motion.forces_blurred > pull
         if blurred.any():
             least = np.maximum(least, self._roundings_of_forces(contacts))
         return least
