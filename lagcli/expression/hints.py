@@ -5,11 +5,10 @@ Each function returns a sentence, or an empty text where nothing is known.
 
 from __future__ import annotations
 
+import functools
 import re
 import unicodedata
 from collections.abc import Collection
-
-from lagcli.expression import functions
 
 _DEGREES = frozenset(("deg", "degs", "degree", "degrees", "Deg", "DEG", "grad", "°"))
 _RADIANS = frozenset(("rad", "rads", "radian", "radians", "Rad", "RAD"))
@@ -29,7 +28,6 @@ _NO_CHOICE = (
 _QUOTED_UNIT = re.compile(r"(?:[0-9]|[0-9]\.)\s*([A-Za-z]+)(?:\s*[*/·⋅ ]\s*[A-Za-z]+)*\s*$")
 _LAST_NAME = re.compile(r"([^\W\d]\w*)\.?([xyz]?)$")
 _LAST_NUMBER = re.compile(r"([0-9.]+)\s*$")
-_COMMON_FUNCTIONS = functions.named(lambda row: row.arguments == 1)
 
 _CHARACTERS = {
     "^": "write `**` for a power",
@@ -80,7 +78,7 @@ def character(text: str, at: int) -> str:
         unit, function = _QUOTED_UNIT.search(before), _LAST_NAME.search(before)
         if unit and unit[1] in _UNITS:
             return NO_UNITS
-        if function and function[1] in _COMMON_FUNCTIONS:
+        if function and function[1] in _common_functions():
             return f"a power of a function is written `{function[1]}(x)**2`"
     if sign in "'′’":
         return _prime(before)
@@ -89,6 +87,14 @@ def character(text: str, at: int) -> str:
     if sign in "µμ" or unicodedata.combining(sign):
         return "a time derivative is written `rate(x)`"
     return _CHARACTERS.get(sign, "")
+
+
+@functools.cache
+def _common_functions() -> frozenset[str]:
+    """The names of the functions of one number."""
+    from lagcli.expression import functions  # here, as what loads no numbers reads formulas too
+
+    return functions.named(lambda row: row.arguments == 1)
 
 
 def _prime(before: str) -> str:
@@ -107,10 +113,10 @@ def between(before: tuple[str, str], token: tuple[str, str], earlier: tuple[str,
     if kind == "number":
         return _after_number(text, token, earlier)
     if token[0] == "(" and kind == "name" and earlier[0] == ".":
-        if text in _COMMON_FUNCTIONS:
+        if text in _common_functions():
             return f"functions are written without a prefix: `{text}(...)`"
         return "a component is its value at the time `t`: write it without parentheses"
-    if kind == "name" and text in _COMMON_FUNCTIONS | {"rate"} and token[0] in ("name", "number"):
+    if kind == "name" and text in _common_functions() | {"rate"} and token[0] in ("name", "number"):
         return f"arguments are in parentheses: `{text}({token[1]})`"
     if (kind, text) == ("name", "d") and token[0] == "name":
         return f"a differential is written `d({token[1]})`"
@@ -211,7 +217,7 @@ NAMES = {
 
 _NORM = "the length of a vector is `norm(u)`"
 _ROUNDING = "there is no rounding of numbers in a formula"
-_DEGREE_FUNCTION = "angles are in radians, and `deg` is pi/180: `30*deg`, `sin(x*deg)`, `angle/deg`"
+DEGREE_FUNCTION = "angles are in radians, and `deg` is pi/180: `30*deg`, `sin(x*deg)`, `angle/deg`"
 FUNCTIONS = {
     **dict.fromkeys(("mag", "magnitude", "length", "len", "modulus", "vecnorm", "norm2", "hypot3"), _NORM),
     **dict.fromkeys(("ln", "Ln", "LN"), "the natural logarithm is `log(x)`"),
@@ -222,9 +228,7 @@ FUNCTIONS = {
     "root": "a root is `x**(1/n)`",
     "cbrt": "a cube root is `sign(x)*abs(x)**(1/3)`",
     "hypot": "write `sqrt(x**2 + y**2)`, or `norm([x, y, z])`",
-    **{row.written: f"write `{row.name}(x)`" for row in functions.ROWS if row.written},
     "arctan2": "write `atan2(x)`",
-    **{f"{row.name}d": _DEGREE_FUNCTION for row in functions.ROWS if row.angle and row.arguments == 1},
     "sec": "write `1/cos(x)`",
     **dict.fromkeys(("csc", "cosec"), "write `1/sin(x)`"),
     **dict.fromkeys(("cot", "cotan", "ctg"), "write `1/tan(x)`"),
@@ -238,7 +242,7 @@ FUNCTIONS = {
     **dict.fromkeys(("mod", "fmod", "rem"), _CHARACTERS["%"]),
     **dict.fromkeys(("if", "ite", "iif", "where", "ifelse", "Piecewise", "piecewise", "cond"), _NO_CHOICE),
     **dict.fromkeys(("clip", "clamp", "saturate", "sat"), "write `min(max(x, low), high)`"),
-    **dict.fromkeys(("deg", "degree", "degrees", "radians", "deg2rad", "rad", "rad2deg"), _DEGREE_FUNCTION),
+    **dict.fromkeys(("deg", "degree", "degrees", "radians", "deg2rad", "rad", "rad2deg"), DEGREE_FUNCTION),
     **dict.fromkeys(("vec", "vector", "Vector", "array", "tuple", "list"), "a vector is written `[x, y, z]`"),
     **dict.fromkeys(("inner", "scalar_product", "vdot"), "the scalar product is `dot(u, w)`"),
     **dict.fromkeys(("dist", "d2"), "write `distance(u, w)`"),

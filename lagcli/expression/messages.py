@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 
-from lagcli.expression import hints
+from lagcli.expression import functions, hints
 
 # What a name that nothing declares may be meant as.
 UNDECLARED = {
@@ -41,6 +41,8 @@ _CONSTRAINT_FORCE = (
 
 # The same for a function that the format does not have.
 UNKNOWN_FUNCTIONS = {
+    **{row.written: f"write `{row.name}(x)`" for row in functions.ROWS if row.written},
+    **{f"{row.name}d": hints.DEGREE_FUNCTION for row in functions.ROWS if row.angle and row.arguments == 1},
     **hints.FUNCTIONS,
     **dict.fromkeys(("ddot", "acc", "accel", "acceleration"), NO_ACCELERATION),
     **dict.fromkeys(("diff", "der", "derivative", "ddt", "velocity", "speed"), _DERIVATIVE),

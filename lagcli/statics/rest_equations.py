@@ -130,7 +130,8 @@ class RestEquations:
                 terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + TINY
             )
             # What the last digit of the coordinates moves is balanced: in a flat cloth nothing else acts sideways.
-            blur = EPS * (np.abs(values.K) @ np.abs(q))
+            # Beside a pole that is no rounding.
+            blur = np.minimum(EPS * (np.abs(values.K) @ np.abs(q)), self.scales.forces * SMALL**3)
             left = np.maximum(np.abs(values.F + rows.T @ lam) - blur, 0.0)
             worst = max(worst, (left / parts).max(initial=0.0))
             # And where it grows so far that its rounding is a force, nothing is balanced.

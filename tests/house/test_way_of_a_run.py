@@ -23,6 +23,7 @@ MOST_ENTRIES = 2
 # A lower package calls a higher one through what it was handed, and in these files alone.
 CLIMBS = {
     "expression/evaluate.py": "walks a formula and lets the algebra it was given carry out the operations",
+    "expression/functions.py": "takes the slope of a function with the arithmetic it was given",
     "expression/facts.py": "asks the file that is being read what a name stands for",
     "model/resolve.py": "asks the stage it serves for the value of a name that it has found",
     "smoothness/operation_graph.py": "walks a graph of operations and shows each to the visitor it was given",
