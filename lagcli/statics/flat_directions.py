@@ -134,6 +134,9 @@ class FlatEquations:
         lambda is made anew: Newton's steps leave rounding of the largest forces they met on their way.
         """
         n, rest = q.size, RestEquations(self._problem, tuple(self._closed), self.scales)
+        # What is below the rounding of lengths is zero, so that its powers, and lambda of them, are no underflow.
+        least = EPS * self.scales.length
+        q = np.where(np.abs(q) <= least, 0.0, q)
         balancing = rest.multipliers(q)
         lam = lam if balancing is None else rest.all_multipliers(balancing[0])
         for _ in range(2):
@@ -141,8 +144,7 @@ class FlatEquations:
             step = -inverse @ residual
             q, lam = q + step[:n], lam.copy()
             lam[self._acting] += step[n : n + len(self._acting)]
-        # What is below the rounding of lengths is zero, so that its powers are no underflow.
-        return np.where(np.abs(q) <= EPS * self.scales.length, 0.0, q), lam
+        return np.where(np.abs(q) <= least, 0.0, q), lam
 
     def _linear(self, q: Floats, lam: Floats) -> tuple[Floats, Floats, Floats]:
         """The residual, its gradient by (q, lambda, rho), and the inverse (unknowns, equations) of that."""
