@@ -32,7 +32,8 @@ class PreciseRowsParameters:
     __slots__ = ()
 
     digits: int = 60
-    """Digits of the arithmetic. `test_a_state_is_on_the_surface_to_forty_digits` fails at 6."""
+    """Digits of the arithmetic.
+    `test_a_sum_that_differs_from_one_in_the_ninth_digit_has_more_than_six` fails at 6."""
     zero: Decimal = Decimal("1e-40")
     """What is left below this of a row of length one, or of f as a part of the coordinates, vanishes.
     `test_a_state_is_on_the_surface_to_forty_digits` fails at 1e-41 and 1e-39."""
@@ -65,13 +66,13 @@ class PreciseRows:
     def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
         """The rank of rows with these numbers in the system; `rows` are the same in doubles. None where these leave no
         doubt, and where it is not known in so many digits."""
-        if self._program is None:
-            return None
-        is_constant = not ca.depends_on(self._symbols[1][list(numbers), :], self._symbols[0])
         sigma = np.linalg.svd(rows.dense, compute_uv=False)
         clear = sigma[sigma > PARAMETERS.rounding]
         if not clear.size or clear.min() > rank.PARAMETERS.large:
-            return None  # others are rounding: there is no doubt
+            return None  # others are rounding: there is no doubt, and nothing is written out
+        if self._program is None:
+            return None
+        is_constant = not ca.depends_on(self._symbols[1][list(numbers), :], self._symbols[0])
         with decimal.localcontext(prec=PARAMETERS.digits):
             try:
                 point = _RowsAtPoint(

@@ -56,7 +56,11 @@ def moved_to(shift: str, d: str) -> int | None:
 
 def test_a_state_is_on_the_surface_to_forty_digits() -> None:
     assert moved_to("2e-41", "1e-11") == 2
-    assert moved_to("5e-40", "1e-11") is None  # too near to dependent rows to be moved
+    assert moved_to("1.5e-40", "1e-11") is None  # too near to dependent rows to be moved
+
+
+def test_a_sum_that_differs_from_one_in_the_ninth_digit_has_more_than_six() -> None:
+    assert exact("1e-9", "a.y + (1 + d)*a.z = 0.2 + (1 + d)*0.3, third: a.y + a.z = 0.5") == 3
 
 
 def test_a_state_is_moved_where_rows_are_clear_to_ten_digits() -> None:
