@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lagcli.compiled import nearest
+from lagcli.compiled.contact_values import MotionNumbers
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
@@ -265,14 +266,15 @@ def test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside(here, edge, is_
 # Contacts at an instant
 
 
-def instant(**more):
-    """One contact at an instant: of a motion of size one, with units and accelerations of one."""
+def instant(speed=1.0, **more):
+    """One contact at an instant: of a motion of size one and this speed, with units and accelerations of one."""
     found = ContactInstant.__new__(ContactInstant)
     numeric = SimpleNamespace(selection=SimpleNamespace(dependencies=()))
     values = SimpleNamespace(
         count=1, row=np.zeros(1, dtype=int), column=np.zeros(1, dtype=int), numeric=numeric
     )
-    given = {"state": state(), "size": 1.0, "_speed": 1.0, "units": np.ones(1), "_acceleration": 1.0}
+    motion = MotionNumbers(acceleration=1.0, forces_blurred=0.0, size=1.0, speed=speed)
+    given = {"state": state(), "_motion": motion, "units": np.ones(1)}
     given |= {
         "_values": values,
         "_entries": np.ones(1),
@@ -281,7 +283,7 @@ def instant(**more):
         "slow": np.ones(1),
     }
     given |= {"speeds": np.zeros(1), "pull": np.zeros(1), "_few": {}}
-    given |= {"_blurred": np.zeros(1), "_forces_blurred": 0.0}
+    given |= {"_blurred": np.zeros(1)}
     found.__dict__.update({**given, **more})
     return found
 
@@ -302,7 +304,7 @@ def test_accelerations_and_speeds_of_ten_digits_less_than_the_forces_are_none(si
 
 
 def test_a_contact_creeps_below_eleven_digits_of_the_speeds():
-    assert instant(_speed=2.0).speed_roundoff == pytest.approx([2e-11], rel=1e-6, abs=0.0)
+    assert instant(speed=2.0).speed_roundoff == pytest.approx([2e-11], rel=1e-6, abs=0.0)
 
 
 def test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none(monkeypatch):
@@ -311,7 +313,7 @@ def test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none(monkeypa
     contact = np.array([0])
     pressed = instant(pull=np.array([3.0])).least_forces(contact, np.zeros(1))
     assert pressed == pytest.approx([3e-10], rel=1e-6, abs=0.0)
-    creeping = instant(_speed=2.0).least_forces(contact, np.zeros(1))
+    creeping = instant(speed=2.0).least_forces(contact, np.zeros(1))
     assert creeping == pytest.approx([4e-22], rel=1e-6, abs=0.0)
 
 
