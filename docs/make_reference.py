@@ -129,6 +129,34 @@ def package_table() -> str:
     return "\n".join(["| package | holds | in | out |", "| --- | --- | --- | --- |", *rows])
 
 
+def floor_list() -> str:
+    """The packages, and the modules beside them, each above all that it imports."""
+    graph: dict[str, set[str]] = {}
+    for path in (ROOT / "lagcli").rglob("*.py"):
+        name = path.relative_to(ROOT / "lagcli").parts[0].removesuffix(".py")
+        if name != "__init__":
+            graph.setdefault(name, set()).update(_imported(path) - {name})
+    floors: list[set[str]] = []
+    while left := graph.keys() - set().union(*floors):
+        lowest = {name for name in left if not graph[name] & left}
+        assert lowest, f"a circle among {sorted(left)}"
+        floors.append(lowest)
+    first = f"They lie on {len(floors)} floors, computed from the imports: each above all that it imports."
+    return "\n".join([first, "", *(f"{n}. {_listed(sorted(names))}" for n, names in enumerate(floors, 1))])
+
+
+def _imported(path: pathlib.Path) -> set[str]:
+    """The packages of lagcli, and the modules beside them, that a file imports anywhere."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module == "lagcli":
+            found |= {alias.name for alias in node.names if alias.name != "__version__"}
+        elif isinstance(node, ast.ImportFrom | ast.Import):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
+            found |= {name.split(".")[1] for name in names if name.startswith("lagcli.")}
+    return found
+
+
 def _indented(text: str) -> str:
     return textwrap.indent(text, "    ")
 
@@ -144,6 +172,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "errors": error_pages,
     "equations": equation_table,
     "packages": package_table,
+    "floors": floor_list,
     "published": published_table,
 }
 

@@ -21,7 +21,7 @@ from lagcli.equations import operation_rules
 from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
 
-EPS = float(np.finfo(float).eps)
+EPS = float(np.finfo(float).eps)  # the rounding of a double
 LARGEST = float(np.finfo(float).max)
 # The gap of a contact is known to so many roundings of its terms, and to a few of the size of the motion.
 ROUNDINGS, FEW = 32.0, 4.0

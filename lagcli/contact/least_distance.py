@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-EPS = float(np.finfo(float).eps)
+EPS = float(np.finfo(float).eps)  # the rounding of a double
 
 
 class LeastDistanceParameters:

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 # One function, or many.
 Number = TypeVar("Number", float, Floats)
 
-EPS = float(np.finfo(float).eps)
+EPS = float(np.finfo(float).eps)  # the rounding of a double
 
 
 class ZeroBoundParameters:

@@ -78,6 +78,11 @@ def test_every_page_of_docs_is_in_its_index() -> None:
     assert not missing
 
 
+def test_decisions_are_numbered_without_a_gap() -> None:
+    pages = sorted((ROOT / "docs" / "explanation" / "decisions").glob("*.md"))
+    assert [int(page.name[:4]) for page in pages] == list(range(1, len(pages) + 1))
+
+
 EXAMPLES = [
     pytest.param(body, id=f"{name_of(page)}-{number}")
     for page in PAGES

@@ -75,13 +75,6 @@ def test_no_number_is_added_outside_of_an_object(package: str, most: int) -> Non
     assert sum(map(len, names.values())) <= most, f"put the number into the `PARAMETERS` of its file: {names}"
 
 
-def test_two_sides_are_told_apart_in_one_file() -> None:
-    """By one set of limits, with the part of a jump that stays as the distance shrinks."""
-    limits = {"stays", "abrupt"}
-    owners = [file for file, node in parameter_objects() if limits & {name for name, _ in fields(node)}]
-    assert owners == ["smoothness/sides.py"]
-
-
 def test_each_package_has_its_count_of_loose_numbers() -> None:
     assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} == set(LOOSE)
 

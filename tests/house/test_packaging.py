@@ -1,5 +1,6 @@
 """What surrounds the package says the same as the package: version, licence, libraries, files."""
 
+import fnmatch
 import os
 import pathlib
 import re
@@ -72,6 +73,19 @@ def test_files_of_the_sdist_are_there() -> None:
     assert [name for name in listed if not (ROOT / name.lstrip("/")).exists()] == []
     pages = {f"/{path.name}" for path in ROOT.glob("*.md")} | {"/CITATION.cff", "/packaging", "/LICENSE"}
     assert pages <= set(listed)
+
+
+def stray(names: set[str]) -> set[str]:
+    """Those names at the top of the repository that the sdist does not have and Git does not ignore."""
+    listed = PYPROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").split()
+    known = [*(name.strip("/") for name in (*listed, *ignored)), "pyproject.toml", ".git*", "PKG-INFO"]
+    return {name for name in names if not any(fnmatch.fnmatch(name, pattern) for pattern in known)}
+
+
+def test_nothing_lies_at_the_top_that_belongs_nowhere() -> None:
+    assert stray({"t.csv", "t.svg", "README.md", ".venv", "lagcli"}) == {"t.csv", "t.svg"}
+    assert stray({path.name for path in ROOT.iterdir()}) == set()
 
 
 def test_the_hook_finds_models_and_refuses_bad_ones(tmp_path: pathlib.Path) -> None:

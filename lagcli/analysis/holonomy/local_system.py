@@ -25,7 +25,7 @@ Numbers = npt.NDArray[np.int64]
 
 LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
-PERIOD = 2 * np.pi
+PERIOD = 2 * np.pi  # of an angle
 # Points beside the start; the same in every run.
 SAMPLES, SEED = 5, 1909
 

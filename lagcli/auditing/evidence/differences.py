@@ -72,7 +72,7 @@ PARAMETERS = StencilParameters()
 A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
 curvature 10 and 1/30. At an end of the table the difference shows a jump once.
 """
-EPS = float(np.finfo(float).eps)
+EPS = float(np.finfo(float).eps)  # the rounding of a double
 CLOCK = 8 * EPS  # of the largest time: how well the times are known
 
 
