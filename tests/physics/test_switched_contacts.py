@@ -754,3 +754,66 @@ def test_a_multiplier_lets_go_where_it_becomes_less_than_zero_and_where_it_touch
     # Where a force vanishes as t^3 it is none about its root.
     for (t, _, _), (at, _, _, k) in zip(told, sorted(expected, key=lambda each: each[2]), strict=True):
         assert t == pytest.approx(at, abs=1e-9 if k == 1 else 2e-3)
+
+
+# Loads c (t - a)^k on a body whose contact is declared twice, while another one presses its own floor; and the height
+# after the switch at t = 1 of the other load, at which the order of the first one decides.
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+@pytest.mark.parametrize("beside", ["-1 - max(0, t - 1)", "-2 + sign(t - 1)", "0"])
+def test_a_load_that_two_contacts_share_is_decided_beside_one_that_presses(k: int, beside: str) -> None:
+    model = f"""lagcli: 1
+coordinates: {{a: {{value: 0}}, b: {{value: 0}}}}
+lagrangian: "3/2*rate(a)**2 + rate(b)**2"
+forces: {{la: {{to: a, force: "-7*(t - 1)**{k}"}}, lb: {{to: b, force: "{beside}"}}}}
+inequality: {{fa: a >= 0, ga: a/2 >= 0, fb: b >= 0}}
+simulation: {{start: 1, duration: 1, samples: 9}}
+"""
+    found = lagcli.simulate(lagcli.loads(model), rtol=1e-10, atol=1e-12)
+    load = 7 * (found.t - 1) ** k
+    assert not len(found.events["t"])
+    assert found["a"] == pytest.approx(0, abs=1e-14)
+    assert found["lambda.fa"] + found["lambda.ga"] / 2 == pytest.approx(load, abs=1e-9)
+    # The shortest multipliers in the mass metric: a contact of twice the gradient takes twice the force.
+    assert found["lambda.fa"] == pytest.approx(load / 2, abs=1e-9)
+
+
+def test_a_load_that_two_contacts_share_and_that_touches_zero_at_a_switch_holds() -> None:
+    model = """lagcli: 1
+coordinates: {a: {value: 0}, b: {value: 0}}
+lagrangian: "40.7/2*rate(a)**2 + 0.02/2*rate(b)**2"
+forces:
+  la: {to: a, force: "-60*(t - 102.2)**2*(t - 102.79)**2"}
+  lb: {to: b, force: "-0.006*max(0, t - 102.79) - 0.02*max(0, t - 100.7)**3"}
+inequality: {fa: a >= 0, ga: a/2 >= 0, fb: b >= 0}
+simulation: {start: 102, duration: 1, samples: 21}
+"""
+    found = lagcli.simulate(lagcli.loads(model), rtol=1e-10, atol=1e-12)
+    load = 60 * (found.t - 102.2) ** 2 * (found.t - 102.79) ** 2
+    assert not len(found.events["t"])
+    assert found["R.a"] == pytest.approx(load, abs=1e-8)
+
+
+def test_a_leg_that_a_load_comes_to_lies_on_the_others_while_another_body_is_pressed() -> None:
+    """At a switch a load on one leg grows as t^2, and one on a body beside the table, whose contact is there twice."""
+    model = """lagcli: 1
+particles:
+  a: {mass: 1, position: [1, 1, 0]}
+  b: {mass: 1, position: [-1, 1, 0]}
+  c: {mass: 1, position: [-1, -1, 0]}
+  d: {mass: 1, position: [1, -1, 0]}
+  e: {mass: 1, position: [5, 0, 0]}
+rigid: {table: [a, b, c, d]}
+forces:
+  la: {to: a, force: "[0, 0, -5*max(0, t - 0.5)**2]"}
+  lb: {to: [b, c, d], force: "[0, 0, -1]"}
+  le: {to: e, force: "[0, 0, -max(0, t - 0.5)**2]"}
+inequality: {fa: a.z >= 0, fb: b.z >= 0, fc: c.z >= 0, fd: d.z >= 0, fe: e.z >= 0, ge: 2*e.z >= 0}
+simulation: {duration: 1, samples: 5}
+"""
+    found = lagcli.simulate(lagcli.loads(model))
+    t = after(found.t, 0.5)
+    assert incidents(found) == [(0.5, "contact", "fe"), (0.5, "contact", "ge")]
+    assert sum(found[f"lambda.f{leg}"] for leg in "abcd") == pytest.approx(3 + 5 * t**2, abs=1e-10)
+    assert found["lambda.fb"] == pytest.approx(found["lambda.fd"], abs=1e-10)
+    assert found["lambda.fe"] == pytest.approx(t**2 / 2, abs=1e-11)
+    assert found["lambda.ge"] == pytest.approx(t**2 / 4, abs=1e-11)

@@ -17,7 +17,8 @@ from lagcli.contact import impact_law
 from lagcli.contact.least_distance import EPS
 from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, SeriesFunction
-from lagcli.linear.metric_rows import Sparse, sparse, stacked
+from lagcli.linear import independent_rows
+from lagcli.linear.metric_rows import MetricRows, Sparse, sparse, stacked
 from lagcli.simulation.closed_contacts.contact_change import ContactForces
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
 
@@ -175,7 +176,7 @@ class ContactOrders:
         contacts: tuple[list[int], list[int]],
     ) -> tuple[list[int], list[int]] | None:
         """Solve one order, with the accelerations, multipliers and pushes of those before it, which go on with it;
-        contacts that press by it, and that part."""
+        contacts that press by it, and that part, or lie on those that press."""
         here, (a, equal, pushes), (closed, left) = self._here, before, contacts
         k = len(a)
         force, gamma, gamma_contacts = series[:3]
@@ -216,14 +217,15 @@ class ContactOrders:
         a.append(found.x)
         equal.append(found.of_equalities[:count])
         pushes.append(push)
-        entries = np.abs(np.array(first[asked.tolist(), :]))
+        carried, entries = np.zeros(asked.size, dtype=bool), np.abs(np.array(first[asked.tolist(), :]))
         h_size = h_size + np.abs(np.array(rows)).T @ np.abs(found.of_equalities)
         room = self._rounding * (
             entries @ (np.abs(here.metric.solved(h_size)) + np.abs(found.x)) + sizes[1][asked]
         )
         presses = found.of_contacts * here.squares(asked) > room
-        if closed and not found.unique[-asked.size :][presses].all():
-            # A load that they share with contacts which press already: how, the run finds as their loads grow.
-            return None
-        parts = ~presses & (found.slack > room)
-        return asked[presses].tolist(), asked[parts].tolist()
+        # A load that those which press already can carry: how they share it, the run finds as their loads grow.
+        for i in np.flatnonzero(presses & ~found.unique[-asked.size :]):
+            together = MetricRows(stacked(rows, first[[int(asked[i])], :]), here.metric)
+            carried[i] = closed and independent_rows.redundant(together)[-1]
+        parts = carried | ~presses & (found.slack > room)
+        return asked[presses & ~carried].tolist(), asked[parts].tolist()
