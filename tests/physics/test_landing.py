@@ -32,9 +32,9 @@ simulation: {{duration: 1, samples: 11, rtol: 1e-8, atol: 1e-10}}
 @pytest.mark.parametrize("N", [20, 40, 80])
 def test_particles_that_land_one_by_one_cost_work_by_the_square_of_their_number_at_most(N):
     lagcli.simulate(landing(2))
-    # Calls for the model and two sets of functions, for each landing, and for each particle in each landing. Functions
-    # of its own for each set of contacts made some 26 000 a landing.
-    with at_most_calls(80_000 + 5_000 * N + 70 * N**2):
+    # Calls for the model and two sets of functions, of which older libraries need more, for each landing, and for each
+    # particle in each landing. Functions of its own for each set of contacts made some 26 000 a landing.
+    with at_most_calls(110_000 + 5_000 * N + 70 * N**2):
         found = lagcli.simulate(landing(N))
     heights = 1 + 0.3 * np.sin(7 * np.arange(1, N + 1))
     impacts = found.events["t"][found.events["kind"] == "impact"]
