@@ -14,7 +14,7 @@ import numpy as np
 
 from lagcli.compiled import NumericSystem
 from lagcli.frozen import frozen_value
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state import statistics
 from lagcli.start.initial import State
 

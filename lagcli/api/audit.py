@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,8 @@ from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.api.simulate import simulate
 from lagcli.equations import system
-from lagcli.model.model import Model, Simulation
+from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings, Simulation
 from lagcli.output import table_columns
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentTable
@@ -34,20 +35,14 @@ MOST_AUDITED = 20001  # rows of a run that is made to be audited, where the mode
 
 
 @progress.phase("auditing")
+@run_settings.keywords()
 def audit(
     model: Model | Path,
     run: Trajectory | Path | None = None,
     *,
-    duration: float | None = None,
-    samples: int | None = None,
-    output_step: float | None = None,
-    method: str | None = None,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
     digits: bool = False,
     events: IncidentTable | Path | None = None,
+    **settings: Unpack[RunSettings],
 ) -> Audit:
     """Check a run by its table and the model alone, without the functions that made it.
 
@@ -62,12 +57,8 @@ def audit(
     from lagcli.auditing import all_checks
     from lagcli.auditing.evidence import table_input, tolerances
 
-    changes = {
-        "duration": duration, "samples": samples, "output_step": output_step, "method": method, "rtol": rtol,
-        "atol": atol, "max_step": max_step, "assemble": assemble,
-    }  # fmt: skip
     model = as_model(model)
-    chosen = run_settings.chosen(model, changes)
+    chosen = run_settings.chosen(model, settings)
     model = dataclasses.replace(model, simulation=chosen)
     notes: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()

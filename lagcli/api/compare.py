@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.equations import particle_form, size_limits
-from lagcli.model.model import Model, Simulation
+from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings, Simulation
 from lagcli.output import table_columns
 from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import column_choice
@@ -32,21 +33,16 @@ TOO_LARGE = f"the reduction by the null space is left out beside the vakonomic m
 
 
 @progress.phase("comparing")
+@run_settings.keywords("start", "method", "keep")
 def compare(
     model: Model | Path,
     other: Model | Path | None = None,
     *,
     columns: str = "*",
     tolerance: float | None = None,
-    duration: float | None = None,
-    samples: int | None = None,
-    output_step: float | None = None,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
     vakonomic: bool = False,
     mu: Mapping[str, float | str] | None = None,
+    **settings: Unpack[RunSettings],
 ) -> Comparison:
     """Run a model in every formulation that fits it, or two models, and compare their shared columns.
 
@@ -65,16 +61,12 @@ def compare(
         tolerance = comparison.TOLERANCE
     if not tolerance > 0:
         raise ValueError("tolerance: a positive number is needed")
-    changes = {
-        "duration": duration, "samples": samples, "output_step": output_step, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "assemble": assemble,
-    }  # fmt: skip
     if mu and not vakonomic:
         raise ValueError("mu: initial multipliers are those of vakonomic motion, which is not asked for")
     if vakonomic and other is not None:
         raise ValueError("vakonomic: the two principles are compared for one model")
     second = None if other is None else as_model(other)
-    run = prepare_run.start(model, _settings(model, second, changes))
+    run = prepare_run.start(model, _settings(model, second, settings))
     first = _table(formulation_plan.declared(model, len(run.built.rows.rows)), run)
     kinds = comparison.kinds(model, [first.columns[i] for i in column_choice.select(first.columns, columns)])
     left_out: list[str] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from lagcli import progress
 from lagcli.api import assemble_start
@@ -12,6 +12,7 @@ from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings
 from lagcli.output import table_columns
 from lagcli.start import assembly, assembly_moves, initial, sample_points
 
@@ -20,14 +21,11 @@ if TYPE_CHECKING:
 
 
 @progress.phase("looking for displacements")
+@run_settings.keywords("duration", "samples", "output_step")
 def displacements(
     model: Model | Path,
     at: float | None = None,
-    *,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
+    **settings: Unpack[RunSettings],
 ) -> Displacements:
     """Return bases of the allowed (D.6) and virtual (D.9) displacements at a time, by default the start.
 
@@ -38,8 +36,7 @@ def displacements(
     from lagcli.analysis import displacement_set
 
     model = as_model(model)
-    changes = {"rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble}
-    chosen = run_settings.chosen(model, changes)
+    chosen = run_settings.chosen(model, settings)
     model = dataclasses.replace(model, simulation=chosen)
     n = len(model.coordinate_names)
     most = displacement_set.MOST_COORDINATES

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ STIFFNESS = "1e3:1e5"
 
 
 @progress.phase("following the stiff limit")
+@run_settings.keywords("start", "method", "keep")
 def limit(
     model: Model | Path,
     constraint: str,
@@ -27,14 +29,8 @@ def limit(
     stiffness: str | Sequence[float] = STIFFNESS,
     unprestressed: bool = False,
     ramp: float | None = None,
-    duration: float | None = None,
-    samples: int | None = None,
-    output_step: float | None = None,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
     told: Callable[[str], None] | None = None,
+    **settings: Unpack[RunSettings],
 ) -> StiffLimit:
     """Replace a holonomic row f = 0 by the potential k f^2/2 for growing k, and set -k f against its lambda.
 
@@ -51,15 +47,13 @@ def limit(
     from lagcli.formulations import stiff_ladder
 
     model = as_model(model)
-    changes = {
-        "duration": duration if ramp is None else ramp, "samples": samples, "output_step": output_step,
-        "rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble,
-    }  # fmt: skip
-    if ramp is not None and duration is not None:
-        raise ValueError("ramp: its seconds are the duration of the run; give one of them")
+    if ramp is not None:
+        if settings.get("duration") is not None:
+            raise ValueError("ramp: its seconds are the duration of the run; give one of them")
+        settings["duration"] = ramp
     if ramp is not None and not ramp > 0:
         raise ValueError("ramp: a positive number of seconds is needed")
-    chosen = run_settings.chosen(model, changes)
+    chosen = run_settings.chosen(model, settings)
     if not chosen.duration > 0:
         raise ValueError("duration: a stiff run needs some time")
     rungs = stiff_ladder.rungs(stiffness)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import pathlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from lagcli import progress
 from lagcli.api import audit, check, derive, simulate
@@ -14,6 +14,7 @@ from lagcli.api.runs import run_settings
 from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts
 from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings
 from lagcli.output import table_columns
 from lagcli.output.trajectory import Trajectory
 from lagcli.simulation.scheme import step_tolerance
@@ -27,18 +28,14 @@ if TYPE_CHECKING:
 
 
 @progress.phase("writing the report")
+@run_settings.keywords()
 def report(
     model: Model | Path,
     *,
     title: str | None = None,
-    duration: float | None = None,
-    samples: int | None = None,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
     digits: bool = False,
     limit: float | None = None,
+    **settings: Unpack[RunSettings],
 ) -> ReportPage:
     """Return the page of a model: its text, verdicts with proofs, count, equations, motion, audit and provenance.
 
@@ -50,12 +47,8 @@ def report(
     # Other commands write no pages.
     from lagcli.output.report import report_page, report_sections
 
-    changes = {
-        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
-        "assemble": assemble,
-    }  # fmt: skip
     model = as_model(model)
-    model = dataclasses.replace(model, simulation=run_settings.chosen(model, changes))
+    model = dataclasses.replace(model, simulation=run_settings.chosen(model, settings))
     checked = check.check(model, limit=limit)
     run, _ = simulate.as_far(model, digits=digits, limit=limit)
     audited = _audited(model, run)

@@ -4,30 +4,22 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from typing import Unpack
 
 from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings
 from lagcli.output.runs import run_in_memory
 from lagcli.output.trajectory import SimulationStopped, Trajectory
 
 
 @progress.phase("simulating")
+@run_settings.keywords()
 def simulate(
     model: Model | Path,
     *,
-    start: float | None = None,
-    duration: float | None = None,
-    samples: int | None = None,
-    output_step: float | None = None,
-    method: str | None = None,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
-    keep: Sequence[str] | None = None,
     columns: str = "*",
     digits: bool = False,
     limit: float | None = None,
@@ -35,6 +27,7 @@ def simulate(
     resume: Path | None = None,
     event_rows: bool = False,
     begin: Path | None = None,
+    **settings: Unpack[RunSettings],
 ) -> Trajectory:
     """Integrate m a = F + sum lambda_i B_i (D.24) and return the table.
 
@@ -58,12 +51,7 @@ def simulate(
             raise ValueError("begin with resume: a run goes on from its checkpoint, and not from a row")
         model = start_row.at(model, os.fspath(begin))
     began = time.perf_counter()
-    changes = {
-        "start": start, "duration": duration, "samples": samples, "output_step": output_step, "method": method,
-        "rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble,
-        "keep": None if keep is None else tuple(keep),
-    }  # fmt: skip
-    run = prepare_run.prepare(model, run_settings.chosen(model, changes), resume, limit, digits)
+    run = prepare_run.prepare(model, run_settings.chosen(model, settings), resume, limit, digits)
     if event_rows:
         run.add_event_rows()
     return run_in_memory.in_memory(run, columns, checkpoint, began)

@@ -17,7 +17,8 @@ from lagcli.api.runs import prepare_run
 from lagcli.formulations import stiff_ladder, stiff_start, stiff_system
 from lagcli.formulations.stiff_ladder import Rung, StiffLimit
 from lagcli.formulations.stiff_system import Stiffness
-from lagcli.model.model import Model, Simulation
+from lagcli.model.model import Model
+from lagcli.model.settings import Simulation
 from lagcli.output import table_columns
 from lagcli.simulation.run_state import run_stop
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
+from lagcli.model.settings import RunSettings
 
 if TYPE_CHECKING:
     import pandas
@@ -26,6 +27,7 @@ Table = "pandas.DataFrame | Sequence[Mapping[str, float]]"
 
 
 @progress.phase("sweeping")
+@run_settings.keywords()
 def sweep(
     model: Model | Path,
     points: Mapping[str, Values] | Sequence[Mapping[str, float]] | pandas.DataFrame | Path | None = None,
@@ -39,17 +41,8 @@ def sweep(
     jobs: int = 1,
     limit_each: float | None = None,
     tables: str | None = None,
-    start: float | None = None,
-    duration: float | None = None,
-    samples: int | None = None,
-    output_step: float | None = None,
-    method: str | None = None,
-    rtol: float | None = None,
-    atol: float | None = None,
-    max_step: float | None = None,
-    assemble: bool | None = None,
-    keep: Sequence[str] | None = None,
     limit: float | None = None,
+    **settings: Unpack[RunSettings],
 ) -> pandas.DataFrame:
     """Run a model at many points and return a row for each, in their order, as `pandas.DataFrame`.
 
@@ -72,11 +65,6 @@ def sweep(
     from lagcli.api.sweeps import drawn_points, point_task, reductions, sweep_plan
 
     model = as_model(model)
-    changes = {
-        "start": start, "duration": duration, "samples": samples, "output_step": output_step, "method": method,
-        "rtol": rtol, "atol": atol, "max_step": max_step, "assemble": assemble,
-        "keep": None if keep is None else tuple(keep),
-    }  # fmt: skip
     parts = [] if points is None else _points(model, points)
     if uncertain:
         laws = [drawn_points.read(model, f"{name}~{text}") for name, text in uncertain.items()]
@@ -89,7 +77,7 @@ def sweep(
         sweep_plan.require_names(model, part, "points")
     reduced = [reductions.Reduction(name, text) for name, text in (reduce or {}).items()]
     pattern = None if tables is None else point_task.require_folder(os.fspath(tables))
-    chosen = sweep_plan.SweepSettings(changes, run_settings.seconds(limit), limit_each, pattern)
+    chosen = sweep_plan.SweepSettings(settings, run_settings.seconds(limit), limit_each, pattern)
     plan = sweep_plan.plan(model, parts, reduced, chosen)
     with point_task.locked(pattern, plan.rows):
         return _computed(plan, executor, jobs, bool(uncertain))

@@ -14,7 +14,7 @@ from lagcli.equations.system import System
 from lagcli.formulations import maggi
 from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import controller, dop853_tableau, step_tolerance
 from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.timetable import Timetable

@@ -192,40 +192,9 @@ _SIMULATION = Key(
     "simulation",
     "settings",
     "how to run",
-    keys=(
-        Key("start", "expression of parameters", "time of the initial values", "0", example="1"),
-        Key("duration", "expression of parameters", "length of the run", "10", example="2*pi*sqrt(L/g)"),
-        Key("samples", "whole number", "rows of the table, both ends counted", "1001", example="201"),
-        Key(
-            "output_step",
-            "expression of parameters",
-            "time between rows, instead of `samples`",
-            example="0.01",
-            instead_of=("samples",),
-        ),
-        Key(
-            "method",
-            " or ".join(f"`{name}`" for name in settings.METHODS),
-            "the integration scheme",
-            "auto",
-            example="auto",
-        ),
-        Key("rtol", "expression of parameters", "relative tolerance of a step", "1e-11", example="1e-9"),
-        Key(
-            "atol",
-            "expression of parameters",
-            "absolute tolerance of a step",
-            "1e-13 of the sizes of the motion",
-            example="1e-12",
-        ),
-        Key(
-            "assemble",
-            "`true` or `false`",
-            "move the start to the nearest consistent state",
-            "false",
-            example="true",
-        ),
-        Key("keep", "list of coordinates", "coordinates that assembly must not move", example="[theta, a.x]"),
+    keys=tuple(
+        Key(name, row.holds, row.meaning, row.default, example=row.example, instead_of=row.instead_of)
+        for name, (_, row) in settings.table().items()
     ),
     example="{duration: 5, samples: 501}",
 )

@@ -22,12 +22,12 @@ def simulation(
     node: yaml_tree.AnyNode | None,
     particles: tuple[model.Particle, ...],
     member_indices: MemberIndices,
-) -> model.Simulation:
+) -> settings.Simulation:
     """The settings of the section; what is wrong with them is reported.
 
     member_indices: the members that `keep` may name.
     """
-    default = model.Simulation()
+    default = settings.Simulation()
     if node is None or yaml_tree.is_empty(node):
         return default
     fields = entries.fields(formulas, node, keys.FORMAT.key("simulation"))
@@ -48,21 +48,23 @@ def simulation(
 
 
 def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, targets: KeepTargets) -> object:
-    if key == "keep":
-        return _keep(formulas, node, *targets)
-    if key in ("method", "assemble"):
+    """The value of one setting, None where it has none, which is reported."""
+    kind, _ = settings.table()[key]
+    if kind in (str, bool):
         text = entries.text(formulas, node).strip()
         if not isinstance(node, yaml_tree.Scalar):
             return None
-        if key == "method":
+        if kind is str:
             return text
         if text not in ("true", "false"):
-            formulas.report(node, "bad-setting", "`assemble` is `true` or `false`", _truth(text))
+            formulas.report(node, "bad-setting", f"`{key}` is `true` or `false`", _truth(text))
         return text == "true"
+    if kind not in (int, float):
+        return _keep(formulas, node, *targets)
     value = formulas.constant(node, f"the setting `{key}`")
-    if key == "samples" and value is not None:
+    if kind is int and value is not None:
         if value != round(value):
-            formulas.report(node, "bad-setting", "`samples` is a whole number")
+            formulas.report(node, "bad-setting", f"`{key}` is a whole number")
             return None
         return round(value)
     return value

@@ -22,6 +22,7 @@ from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model.family import Family
+from lagcli.model.settings import Simulation
 
 Vector3 = tuple[float, float, float]
 Floats = npt.NDArray[np.float64]
@@ -266,23 +267,6 @@ class DeclaredEvent:
     when: Expression
     direction: Literal["up", "down", "both"]
     action: Literal["record", "stop"]
-
-
-@frozen_value
-class Simulation:
-    """The settings of a run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`);
-    max_step: what no step is longer than."""
-
-    start: float = 0.0
-    duration: float = 10.0
-    samples: int = 1001
-    output_step: float | None = None
-    method: str = "auto"
-    rtol: float = 1e-11
-    atol: float | None = None
-    assemble: bool = False
-    keep: tuple[str, ...] = ()
-    max_step: float | None = None
 
 
 @frozen

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Annotated, TypedDict
 
 from lagcli import progress
 from lagcli.errors import diagnostics
-
-if TYPE_CHECKING:  # the command line reads the bounds before it has to load numbers
-    from lagcli.model.model import Simulation
+from lagcli.frozen import frozen_value
 
 # Of the schemes there are, each a file of `simulation` with a line in `method.METHODS`; `auto` is the first.
 METHOD_NAMES = ("dop853",)
@@ -43,9 +43,103 @@ _ELSEWHERE = {
         " energy balance",
     ),
 }
+_EXPRESSION = "expression of parameters"
 MAX_ROWS = 10**9  # a billion rows of ten columns are 80 GB
 MOST_STEPS = 1e10  # of a run; they would take days
 LIMIT = progress.Counted(20.0)  # seconds for the proofs of a model
+
+
+@frozen_value
+class RunSetting:
+    """A setting, with all that files and commands need of it.
+
+    meaning: one line, of the help too; holds: what stands under its key in a file; default: as the manual writes it;
+    example: a value as it is written in a file; is_option: the command line has it; instead_of: settings beside which
+    it may not stand.
+    """
+
+    meaning: str
+    holds: str = _EXPRESSION
+    default: str = ""
+    example: str = ""
+    is_option: bool = True
+    instead_of: tuple[str, ...] = ()
+
+
+@frozen_value
+class Simulation:
+    """The settings of a run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`).
+
+    A setting is a field here, with what it is, and one of `RunSettings`: the model file and its schema, the options of
+    all commands that make runs, their help, and the keywords in Python have it from here.
+    """
+
+    start: Annotated[
+        float, RunSetting("time of the initial values", default="0", example="1", is_option=False)
+    ] = 0.0
+    duration: Annotated[float, RunSetting("length of the run", default="10", example="2*pi*sqrt(L/g)")] = 10.0
+    samples: Annotated[
+        int, RunSetting("number of rows, both ends counted", "whole number", "1001", "201")
+    ] = 1001
+    output_step: Annotated[
+        float | None,
+        RunSetting("time between rows, instead of `samples`", example="0.01", instead_of=("samples",)),
+    ] = None
+    method: Annotated[
+        str,
+        RunSetting("the integration scheme", " or ".join(f"`{name}`" for name in METHODS), "auto", "auto"),
+    ] = "auto"
+    rtol: Annotated[float, RunSetting("relative tolerance of a step", default="1e-11", example="1e-9")] = (
+        1e-11
+    )
+    atol: Annotated[
+        float | None,
+        RunSetting(
+            "absolute tolerance of a step", default="1e-13 of the sizes of the motion", example="1e-12"
+        ),
+    ] = None
+    max_step: Annotated[
+        float | None, RunSetting("what no step is longer than, for forces that steps may miss", example="0.1")
+    ] = None
+    assemble: Annotated[
+        bool,
+        RunSetting("move the start to the nearest consistent state", "`true` or `false`", "false", "true"),
+    ] = False
+    keep: Annotated[
+        tuple[str, ...],
+        RunSetting(
+            "coordinates that assembly must not move",
+            "list of coordinates",
+            example="[theta, a.x]",
+            is_option=False,
+        ),
+    ] = ()
+
+
+class RunSettings(TypedDict, total=False):
+    """The settings of a run as keywords; what is None is as the model says."""
+
+    start: float | None
+    duration: float | None
+    samples: int | None
+    output_step: float | None
+    method: str | None
+    rtol: float | None
+    atol: float | None
+    max_step: float | None
+    assemble: bool | None
+    keep: tuple[str, ...] | None
+
+
+@functools.cache
+def table() -> Mapping[str, tuple[object, RunSetting]]:
+    """The type of each setting, None left out, and what it is."""
+    rows = {}
+    for name, hint in typing.get_type_hints(Simulation, include_extras=True).items():
+        kind, row = typing.get_args(hint)
+        options = [each for each in typing.get_args(kind) if each is not type(None)]
+        rows[name] = (options[0] if type(None) in typing.get_args(kind) else kind, row)
+    return rows
 
 
 def method_name(settings: Simulation) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagcli.frozen import frozen_value
 from lagcli.model import settings
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.output.tables import provenance
 from lagcli.output.tables.provenance import Provenance
 

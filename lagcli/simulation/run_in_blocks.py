@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.run.loop import Run, RunBlock
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import RankDrop

@@ -17,7 +17,7 @@ import numpy as np
 import lagcli
 from lagcli.api.models import cache
 from lagcli.compiled import bound_function
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import method, step_tolerance
 from lagcli.start import initial
 

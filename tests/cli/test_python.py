@@ -225,7 +225,7 @@ def test_signatures_name_every_option(name: str) -> None:
 def test_every_setting_of_a_run_is_an_option_of_simulate() -> None:
     import dataclasses
 
-    from lagcli.model.model import Simulation
+    from lagcli.model.settings import Simulation
 
     options = inspect.signature(lagcli.simulate).parameters.keys()
     assert {field.name for field in dataclasses.fields(Simulation)} <= options

@@ -5,7 +5,7 @@ import pytest
 
 import lagcli
 from lagcli.api.runs import run_settings
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import dop853, dop853_tableau, step_tolerance
 from lagcli.simulation.stepping import stepper
 

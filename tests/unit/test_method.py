@@ -10,7 +10,7 @@ import pytest
 import lagcli
 from lagcli.input import keys
 from lagcli.model import settings
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import method
 from lagcli.simulation.scheme.method import Method
 from tests.helpers.runge_kutta_4 import RungeKutta4

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.closed_contacts import contact_gradient
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.global_error import error_estimate, reference_run

@@ -9,7 +9,7 @@ import pytest
 
 from lagcli.errors import diagnostics
 from lagcli.input import document, keys, overrides
-from lagcli.model import model
+from lagcli.model import model, settings
 from lagcli.simulation.scheme import step_tolerance
 from tests.helpers.spent import at_most_calls
 
@@ -116,12 +116,12 @@ def test_forces_are_told_apart_by_their_targets() -> None:
 
 
 def test_settings_have_the_defaults_of_the_format() -> None:
-    assert read(BALL).simulation == model.Simulation()
+    assert read(BALL).simulation == settings.Simulation()
     run = read(
         BALL + "parameters: {T: 3}\nsimulation: {duration: 2*T, output_step: 0.1, keep: [a.x, a]}\n"
     ).simulation
     assert (run.duration, run.output_step, run.keep, run.samples) == (6.0, 0.1, ("a.x", "a"), 1001)
-    default = model.Simulation()
+    default = settings.Simulation()
     declared = {key.name: key.default for key in keys.FORMAT.key("simulation").keys if key.default}
     # The default of atol is no number: it follows the motion.
     assert default.atol is None

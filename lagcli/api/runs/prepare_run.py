@@ -13,7 +13,8 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path
 from lagcli.api.runs import run_settings
 from lagcli.model import settings
-from lagcli.model.model import Model, Simulation
+from lagcli.model.model import Model
+from lagcli.model.settings import Simulation
 from lagcli.output.runs.simulation_run import PreparedRun, SimulationRun
 from lagcli.simulation import run_entry
 from lagcli.simulation.run_entry import RunPlan

@@ -3,29 +3,63 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, TypeAlias
+import functools
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from lagcli.model import settings
-from lagcli.model.model import Model, Simulation
+from lagcli.model.model import Model
+from lagcli.model.settings import Simulation
 from lagcli.output.files.write_guard import BadRequest
 
 Changes: TypeAlias = Mapping[str, Any]  # settings by their names; what is None is as the model says
-REAL_SETTINGS = frozenset(("start", "duration", "output_step", "rtol", "atol", "max_step"))
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class BadSetting(ValueError):
     """Settings that no run can have; the message says which."""
 
 
+def keywords(*left_out: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Name the settings of a run, but for those left out, in the signature of a function that takes `**settings`."""
+
+    def naming(function: Callable[P, R]) -> Callable[P, R]:
+        own = inspect.signature(function)
+        parameters = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
+        named = {
+            name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=text)
+            for name, text in typing.get_type_hints(settings.RunSettings).items()
+            if name not in left_out
+        }
+
+        @functools.wraps(function)
+        def called(*arguments: P.args, **given: P.kwargs) -> R:
+            for name in left_out:
+                if name in given:
+                    raise TypeError(f"{function.__name__}() got an unexpected keyword argument '{name}'")
+            return function(*arguments, **given)
+
+        called.__signature__ = own.replace(parameters=[*parameters, *named.values()])  # type: ignore[attr-defined]
+        return called
+
+    return naming
+
+
 def chosen(model: Model, changes: Changes) -> Simulation:
     """The settings of the file, with `changes` that are not None. Raises `BadSetting`, `ValueError`, `TypeError`."""
-    given = {key: value for key, value in changes.items() if value is not None}
-    unknown = given.keys() - {field.name for field in dataclasses.fields(Simulation)}
+    unknown = changes.keys() - settings.table().keys()
     if unknown:
         raise TypeError(f"there is no setting `{min(unknown)}`")
-    for key in given.keys() & REAL_SETTINGS:
-        given[key] = float(given[key])
+    kinds = {key: kind for key, (kind, _) in settings.table().items()}
+    given = {key: value for key, value in changes.items() if value is not None}
+    for key in given:
+        if kinds[key] is float:
+            given[key] = float(given[key])
+        elif kinds[key] not in (int, bool, str):
+            given[key] = tuple(given[key])
     if "samples" in given and "output_step" in given:
         raise ValueError("samples and output_step both set the times of the rows; give one of them")
     if "samples" in given:

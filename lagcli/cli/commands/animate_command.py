@@ -13,20 +13,15 @@ import typer
 
 from lagcli.cli.commands import completing, model_reading
 from lagcli.cli.commands.options import (
-    AssembleOption,
-    AtolOption,
     DebugOption,
-    DurationOption,
     FromOption,
-    MethodOption,
-    OutputStepOption,
     QuietOption,
-    RtolOption,
-    SamplesOption,
     SetOption,
     VerboseOption,
+    with_run_settings,
 )
 from lagcli.cli.terminal import exits
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import atomic_file, file_requests, formats, write_guard
 
 if TYPE_CHECKING:
@@ -34,6 +29,7 @@ if TYPE_CHECKING:
 
 
 @exits.command
+@with_run_settings()
 def animate(
     source: Annotated[
         str,
@@ -56,14 +52,8 @@ def animate(
             autocompletion=completing.model_files,
         ),
     ] = None,
-    duration: DurationOption = None,
-    output_step: OutputStepOption = None,
-    samples: SamplesOption = None,
-    rtol: RtolOption = None,
-    atol: AtolOption = None,
-    max_step: Annotated[float | None, typer.Option("--max-step", help="no step is longer")] = None,
-    method: MethodOption = None,
-    assemble: AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     begin: FromOption = None,
     changes: SetOption = None,
     quiet: QuietOption = False,
@@ -75,13 +65,9 @@ def animate(
     The page on standard output without -o. A model is simulated with its own settings. Exit 3 where the run stops
     before its end: the page of what there is stands in FILE.partial, and FILE is as it was.
     """
-    given: dict[str, object] = {
-        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "method": method, "assemble": True if assemble else None, "begin": begin,
-    }  # fmt: skip
     options = AnimateOptions(source, output, model, tuple(changes or ()), quiet, verbose)
-    options.require(given)
-    carry_out(options, given)
+    options.require({**run_settings, "from": begin})
+    carry_out(options, run_settings, begin)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -112,8 +98,7 @@ class AnimateOptions:
         if self.is_table:
             own = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
             if own:
-                option = own[0].replace("--begin", "--from")
-                raise exits.UsageError(f"{option} is of a run, and {self.source} is the table of one")
+                raise exits.UsageError(f"{own[0]} is of a run, and {self.source} is the table of one")
             if self.changes and self.model is None:
                 raise exits.UsageError("--set is of a model; give that of the table with --model")
         model_reading.require_models([self.source, *([self.model] if self.model else [])])
@@ -124,14 +109,14 @@ class AnimateOptions:
             file_requests.require(read, ("--output", self.file, formats.ANIMATIONS))
 
 
-def carry_out(options: AnimateOptions, given: dict[str, object]) -> None:
+def carry_out(options: AnimateOptions, given: RunSettings, row: str | None) -> None:
     """Make the scene and write it. Raises `exits.Exit` with 3 where the run stopped before its end."""
     from lagcli.output.animation.point_tracks import NothingToShow
     from lagcli.output.trajectory import SimulationStopped
 
     write = writer(options.file)
     try:
-        scene, reason = _of_table(options) if options.is_table else _of_model(options, given)
+        scene, reason = _of_table(options) if options.is_table else _of_model(options, given, row)
     except NothingToShow as error:
         raise exits.UsageError(str(error)) from None
     except SimulationStopped as stopped:
@@ -203,12 +188,10 @@ def _of_table(options: AnimateOptions) -> tuple[Scene, str]:
         raise exits.UsageError(f"cannot read {options.source}: {error.strerror or error}") from None
 
 
-def _of_model(options: AnimateOptions, given: dict[str, object]) -> tuple[Scene, str]:
+def _of_model(options: AnimateOptions, given: RunSettings, row: str | None) -> tuple[Scene, str]:
     from lagcli.api import animate as animating
 
     model = model_reading.load(options.source, list(options.changes))
     if options.verbose:
         exits.print_err_all(warning.render() for warning in model.warnings)
-    settings = {key: value for key, value in given.items() if key != "begin"}
-    row = given["begin"]
-    return animating.as_far(model, settings, None if row is None else str(row))
+    return animating.as_far(model, given, row)

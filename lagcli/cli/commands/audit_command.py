@@ -13,6 +13,7 @@ import typer
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, formats, json_text, write_guard
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ LEAST_WHERE = 12  # columns of the terminal for the location of the worst entry
 
 
 @exits.command
+@options.with_run_settings()
 def audit(
     model: options.ModelArgument,
     run: Annotated[
@@ -38,14 +40,8 @@ def audit(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of the checks: png, svg, pdf")
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="length of the new run")] = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows of the new run")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
-    max_step: Annotated[
-        float | None, typer.Option("--max-step", help="no step of the new run is longer")
-    ] = None,
-    assemble: options.AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     digits: Annotated[
         bool, typer.Option("--digits", help="how many digits of the table are right, from the run repeated")
     ] = False,
@@ -59,20 +55,16 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    has_rows = duration is not None or samples is not None
+    has_rows = any(run_settings.get(name) is not None for name in ("duration", "samples", "output_step"))
     asked = AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
     asked.require(model)
     read = model_reading.read(model, changes, as_json)
-    given: options.RunSettings = {
-        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "assemble": True if assemble else None,
-    }  # fmt: skip
-    model_reading.reported(lambda: carry_out(read, given, asked), as_json)
+    model_reading.reported(lambda: carry_out(read, run_settings, asked), as_json)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class AuditOptions:
-    """Options of `audit` besides the settings of the run; `has_rows`: --duration or --samples is given."""
+    """Options of `audit` besides the settings of the run; `has_rows`: those that say where its rows are are given."""
 
     table: str | None
     events: str | None
@@ -99,11 +91,11 @@ class AuditOptions:
             file_requests.require(read, ("--plot", self.plot, formats.FIGURES))
         if self.table is not None and self.has_rows:
             raise exits.UsageError(
-                "--run: the table has its own rows; --duration and --samples are of a new run"
+                "--run: the table has its own rows; --duration, --samples and --output-step are of a new run"
             )
 
 
-def carry_out(model: Model, given: options.RunSettings, options: AuditOptions) -> None:
+def carry_out(model: Model, given: RunSettings, options: AuditOptions) -> None:
     """Audit and print the report. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before
     its end."""
     found = _audited(model, given, options)
@@ -124,7 +116,7 @@ def carry_out(model: Model, given: options.RunSettings, options: AuditOptions) -
         raise exits.Exit(exits.STOPPED)
 
 
-def _audited(model: Model, given: options.RunSettings, options: AuditOptions) -> Audit:
+def _audited(model: Model, given: RunSettings, options: AuditOptions) -> Audit:
     """The audit. Raises `exits.UsageError` for a table that is none, or not of this model, `exits.Exit` with 3 where
     the run stopped before its first row."""
     from lagcli.api import audit as auditing

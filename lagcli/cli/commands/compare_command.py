@@ -9,6 +9,7 @@ import typer
 
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, json_text
 
 if TYPE_CHECKING:
@@ -46,16 +47,12 @@ COLOURS = {"stopped": "red"}
 
 
 @exits.command
+@options.with_run_settings("method")
 def compare(
     model: options.ModelArgument,
     other: OtherArgument = None,
-    duration: options.RunsDurationOption = None,
-    output_step: options.OutputStepOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows, both ends counted (101)")] = None,
-    rtol: options.RunsRtolOption = None,
-    atol: options.RunsAtolOption = None,
-    max_step: options.RunsMaxStepOption = None,
-    assemble: options.AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     columns: ComparedOption = None,
     tolerance: Annotated[
         float | None,
@@ -95,9 +92,7 @@ def compare(
             raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
     read = model_reading.reported(lambda: [model_reading.load(path, changes) for path in paths], as_json)
     given: dict[str, object] = {
-        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "assemble": True if assemble else None, "columns": columns or "*",
-        "tolerance": tolerance, "vakonomic": vakonomic,
+        **run_settings, "columns": columns or "*", "tolerance": tolerance, "vakonomic": vakonomic
     }  # fmt: skip
     if verbose:
         exits.print_err_all(warning.render() for one in read for warning in one.warnings)

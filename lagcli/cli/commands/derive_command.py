@@ -68,7 +68,7 @@ def derive(
     if fragment and form != "latex":
         raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
     names = [name.strip() for name in values.split(",") if name.strip()]
-    given: options.RunSettings = {
+    given: options.Keywords = {
         "solve": solve, "everything": everything, "values": names, "limit": limit,
     }  # fmt: skip
     read = model_reading.read(model, changes, form == "json")
@@ -81,7 +81,7 @@ def derive(
         exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
 
 
-def _derived(model: Model, given: options.RunSettings) -> Derivation:
+def _derived(model: Model, given: options.Keywords) -> Derivation:
     """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
     from lagcli.api import derive as deriving
 

@@ -9,6 +9,7 @@ import typer
 
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
@@ -26,12 +27,14 @@ METRICS = {
 
 
 @exits.command
+@options.with_run_settings("duration", "samples", "output_step")
 def displacements(
     model: options.ModelArgument,
     at: Annotated[
         float | None, typer.Option(metavar="T", help="the time to run to; by default the start")
     ] = None,
-    assemble: options.AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
@@ -44,17 +47,17 @@ def displacements(
     Exit 3 where the motion stops before T.
     """
     read = model_reading.read(model, changes, as_json)
-    model_reading.reported(lambda: carry_out(read, at, assemble, as_json, quiet), as_json)
+    model_reading.reported(lambda: carry_out(read, at, run_settings, as_json, quiet), as_json)
 
 
-def carry_out(model: Model, at: float | None, assemble: bool, as_json: bool, quiet: bool) -> None:
+def carry_out(model: Model, at: float | None, given: RunSettings, as_json: bool, quiet: bool) -> None:
     """Run to the time and print the displacements. Raises `exits.UsageError`, `exits.Exit` where the motion does not
     get there."""
     from lagcli.api import find_displacements
     from lagcli.output.trajectory import SimulationStopped
 
     try:
-        found = find_displacements.displacements(model, at, assemble=True if assemble else None)
+        found = find_displacements.displacements(model, at, **given)
     except ValueError as error:
         raise exits.UsageError(f"--{error}" if str(error).startswith("at: ") else str(error)) from None
     except SimulationStopped as stop:

@@ -8,6 +8,7 @@ import typer
 
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, json_text
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 
 @exits.command
+@options.with_run_settings("method")
 def limit(
     model: options.ModelArgument,
     constraint: Annotated[
@@ -44,13 +46,8 @@ def limit(
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of forces and errors: png, svg, pdf")
     ] = None,
-    duration: options.RunsDurationOption = None,
-    output_step: options.OutputStepOption = None,
-    samples: options.SamplesOption = None,
-    rtol: options.RunsRtolOption = None,
-    atol: options.RunsAtolOption = None,
-    max_step: options.RunsMaxStepOption = None,
-    assemble: options.AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
@@ -65,10 +62,8 @@ def limit(
     model_reading.require_models([model])
     file_requests.require_outputs(model, output, plot, as_json)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: options.RunSettings = {
-        "constraint": constraint, "unprestressed": unprestressed, "ramp": ramp,
-        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "assemble": True if assemble else None,
+    given: options.Keywords = {
+        "constraint": constraint, "unprestressed": unprestressed, "ramp": ramp, **run_settings
     }  # fmt: skip
     if stiffness:
         given["stiffness"] = stiffness
@@ -88,7 +83,7 @@ def limit(
         raise exits.Exit(exits.STOPPED)
 
 
-def _followed(model: Model, given: options.RunSettings, files: tuple[str | None, str | None]) -> StiffLimit:
+def _followed(model: Model, given: options.Keywords, files: tuple[str | None, str | None]) -> StiffLimit:
     """The answer, the table and the figure of which are written. Raises `exits.UsageError`."""
     from lagcli.api import limit as limiting
 

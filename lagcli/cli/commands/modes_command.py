@@ -57,7 +57,7 @@ def modes(
     page, figure = ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)
     file_requests.require([("MODEL", model)], page, figure)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: options.RunSettings = {
+    given: options.Keywords = {
         "about": about, "assemble": True if assemble else None, "limit": limit,
         "lowest": lowest,
     }  # fmt: skip
@@ -74,7 +74,7 @@ def modes(
         exits.print_err_all(f"note: {note}" for note in found.notes)
 
 
-def _found(model: Model, given: options.RunSettings) -> Modes:
+def _found(model: Model, given: options.Keywords) -> Modes:
     """The modes. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
     from lagcli.api import find_modes
     from lagcli.output.trajectory import SimulationStopped

@@ -11,16 +11,15 @@ import typer
 
 from lagcli.cli.commands import completing, model_reading
 from lagcli.cli.commands.options import (
-    AssembleOption,
     DebugOption,
     FromOption,
-    MethodOption,
-    OutputStepOption,
     QuietOption,
     SetOption,
     WatchOption,
+    with_run_settings,
 )
 from lagcli.cli.terminal import console, exits
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, formats, write_guard
 
 if TYPE_CHECKING:
@@ -64,6 +63,7 @@ PathOption = Annotated[
 
 
 @exits.command
+@with_run_settings()
 def plot(
     files: FilesArgument,
     y: YOption = None,
@@ -83,14 +83,8 @@ def plot(
     show: Annotated[
         bool, typer.Option("--show", help="draw in the terminal, which is usual without -o")
     ] = False,
-    duration: Annotated[float | None, typer.Option(help="length of the run of a model")] = None,
-    output_step: OutputStepOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of its rows, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="its relative tolerance")] = None,
-    atol: Annotated[float | None, typer.Option(help="its absolute tolerance")] = None,
-    max_step: Annotated[float | None, typer.Option("--max-step", help="no step of it is longer")] = None,
-    method: MethodOption = None,
-    assemble: AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     begin: FromOption = None,
     changes: SetOption = None,
     watch: WatchOption = False,
@@ -105,11 +99,7 @@ def plot(
     from lagcli.api import plot as plotting
     from lagcli.cli.terminal import watching
 
-    run = {
-        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "method": method, "assemble": True if assemble else None,
-    }  # fmt: skip
-    asked = plotting.AskedChart(tuple(y or ()), x, tuple(xy or ()), events, log, title, run, begin)
+    asked = plotting.AskedChart(tuple(y or ()), x, tuple(xy or ()), events, log, title, run_settings, begin)
     options = PlotOptions(tuple(files), asked, output, show, tuple(changes or ()), quiet)
     options.require()
     if watch:

@@ -10,18 +10,18 @@ import typer
 
 from lagcli.cli.commands import model_reading
 from lagcli.cli.commands.options import (
-    AssembleOption,
     DebugOption,
-    DurationOption,
+    Keywords,
     LimitOption,
     ModelArgument,
     QuietOption,
-    RunSettings,
     SetOption,
     VerboseOption,
+    with_run_settings,
 )
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, write_guard
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 
 @exits.command
+@with_run_settings()
 def report(
     model: ModelArgument,
     output: Annotated[
@@ -39,12 +40,8 @@ def report(
         ),
     ] = "-",
     title: Annotated[str | None, typer.Option(help="title of the page; by default the model's")] = None,
-    duration: DurationOption = None,
-    samples: Annotated[int | None, typer.Option(help="number of rows of the run, both ends counted")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance of the run")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance of the run")] = None,
-    max_step: Annotated[float | None, typer.Option("--max-step", help="no step of the run is longer")] = None,
-    assemble: AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     digits: Annotated[
         bool, typer.Option("--digits", help="how many digits are right, from the run repeated")
     ] = False,
@@ -72,10 +69,7 @@ def report(
     model_reading.require_models([model])
     _require(model, output, pdf)
     read = model_reading.read(model, changes, False, verbose)
-    given: RunSettings = {
-        "duration": duration, "samples": samples, "rtol": rtol, "atol": atol, "max_step": max_step,
-        "assemble": True if assemble else None, "title": title, "digits": digits, "limit": limit,
-    }  # fmt: skip
+    given: Keywords = {**run_settings, "title": title, "digits": digits, "limit": limit}
     page = _page(read, given)
     if output == "-":
         print(page.html(), end="")
@@ -96,7 +90,7 @@ def report(
         raise exits.Exit(exits.STOPPED)
 
 
-def _page(model: Model, given: RunSettings) -> ReportPage:
+def _page(model: Model, given: Keywords) -> ReportPage:
     """The page. Raises `exits.UsageError`, and `exits.Exit` with 3 where the run stopped before its first row."""
     from lagcli.api import report as reporting
     from lagcli.output.trajectory import SimulationStopped

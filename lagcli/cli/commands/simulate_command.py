@@ -10,6 +10,7 @@ import typer
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats
 
 if TYPE_CHECKING:
@@ -49,29 +50,15 @@ DigitsOption = Annotated[
 
 
 @exits.command
+@options.with_run_settings()
 def simulate(
     model: options.ModelArgument,
     output: OutputOption = None,
     plot: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
     ] = None,
-    duration: options.DurationOption = None,
-    output_step: options.OutputStepOption = None,
-    samples: options.SamplesOption = None,
-    rtol: options.RtolOption = None,
-    atol: options.AtolOption = None,
-    max_step: Annotated[
-        float | None, typer.Option("--max-step", help="no step is longer: for forces that steps may miss")
-    ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help=" or ".join(settings.METHODS),
-            autocompletion=completing.methods,
-        ),
-    ] = None,
-    assemble: options.AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     columns: ColumnsOption = None,
     events: EventsOption = None,
     event_rows: EventRowsOption = False,
@@ -103,11 +90,9 @@ def simulate(
     )  # fmt: skip
     asked.require(model)
     read = model_reading.read(model, changes, as_json)
-    given = {
-        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "method": method, "assemble": True if assemble else None,
-    }  # fmt: skip
-    written = model_reading.reported(lambda: simulate_to_files.begin(read, given, asked, begin), as_json)
+    written = model_reading.reported(
+        lambda: simulate_to_files.begin(read, run_settings, asked, begin), as_json
+    )
     carry_out(written, asked)
 
 

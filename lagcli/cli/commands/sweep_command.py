@@ -10,6 +10,7 @@ import typer
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ SamplesOption = Annotated[int | None, typer.Option(help="number of rows of a run
 
 
 @exits.command
+@options.with_run_settings()
 def sweep(
     models: ModelsArgument,
     over: OverOption = None,
@@ -95,14 +97,8 @@ def sweep(
     resume: ResumeOption = False,
     limit_each: LimitEachOption = None,
     yes: YesOption = False,
-    duration: options.RunsDurationOption = None,
-    output_step: options.OutputStepOption = None,
-    samples: SamplesOption = None,
-    rtol: options.RunsRtolOption = None,
-    atol: options.RunsAtolOption = None,
-    max_step: options.RunsMaxStepOption = None,
-    method: options.MethodOption = None,
-    assemble: options.AssembleOption = False,
+    *,
+    run_settings: RunSettings,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
@@ -129,13 +125,9 @@ def sweep(
             "a sweep is of one MODEL; with --merge the arguments are the tables of its shards"
         )
     request.require(models[0], points)
-    given = {
-        "duration": duration, "output_step": output_step, "samples": samples, "rtol": rtol, "atol": atol,
-        "max_step": max_step, "method": method, "assemble": True if assemble else None,
-    }  # fmt: skip
     computed = sweep_to_files.AskedSweep(
         tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes,
-        tuple(reduce or ()), given, limit, limit_each,
+        tuple(reduce or ()), run_settings, limit, limit_each,
     )  # fmt: skip
     read = model_reading.read(models[0], changes, as_json)
     steps = sweep_to_files.steps(read, computed, request)

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations.system import System
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.global_error.accuracy import KINDS, SURE, Accuracy
 from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
 from lagcli.simulation.run_state.incident import Incident

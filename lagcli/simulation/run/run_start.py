@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.frozen import frozen
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run.row_writer import RowWriter, TableRows
 from lagcli.simulation.run_state.angle_turns import Turns

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from lagcli.compiled import NumericSystem
 from lagcli.model import settings
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import dop853, line_functions
 from lagcli.simulation.scheme.line_functions import Curve
 from lagcli.simulation.scheme.step_end import Compiled

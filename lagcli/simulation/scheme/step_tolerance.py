@@ -17,7 +17,7 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.start import initial
 from lagcli.start.initial import State
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from lagcli.frozen import frozen_value
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.smoothness.time_functions import TimeFunctions
 
 # A last interval shorter than this part of the step is rounding, and no interval.

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction
-from lagcli.model.model import Simulation
+from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident
