@@ -43,7 +43,9 @@ class OneSidedParts:
             self._cut = _holds_incident(t, incidents)
         else:
             self._cut = checks_contact.may_hold_impact(t, states)
-        self._steps = int((np.diff(t) > 0).sum())
+        # Between the two rows of an instant there is no step.
+        is_step = np.diff(t) > 0
+        self._steps, self._cut_steps = int(is_step.sum()), int((self._cut & is_step).sum())
         stretches = [k for k in _split(t, self._closed, self._cut) if len(k) >= checks_flight.FEWEST_ROWS]
         longest = sorted(stretches, key=len, reverse=True)[:MOST]
         self._looked_at = sorted(longest, key=lambda k: int(k[0]))
@@ -57,14 +59,13 @@ class OneSidedParts:
         looked = sum(len(k) - 1 for k in self._looked_at)
         if looked == steps:
             return ()
-        cut = int(self._cut.sum())
-        if not self._has_incidents and cut:
+        if not self._has_incidents and self._cut_steps:
             return (
-                f"{cut} of {steps} steps between rows may hold an impact: they are not judged without --events"
+                f"{self._cut_steps} of {steps} steps between rows may hold an impact: they are not judged without --events"
                 f" ({steps - looked} steps are left out of what is judged by differences)",
             )
         return (
-            f"{cut} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too short for"
+            f"{self._cut_steps} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too short for"
             " differences, or between them",
         )
 
