@@ -68,13 +68,14 @@ class SeriesFunction:
     """The power series of a function's results, from those of its arguments.
 
     is_strict: `UnderflowError` is raised for an operation with a result that varies and is below all doubles, or does
-    not vary in doubles any more.
+    not vary in doubles any more. has_switches: operations ask on which side of zero the first coefficients lie.
     """
 
     def __init__(self, function: ca.Function, is_strict: bool = False) -> None:
         self._is_strict = is_strict
         self._instructions = operation_graph.instructions(function)
         self._sizes = [function.nnz_out(i) for i in range(function.n_out())]
+        self.has_switches = any(op in _SWITCHING for op, *_ in self._instructions)
 
     def at(
         self, arguments: Sequence[Sequence[PowerSeries]], count: int, rounding: float
@@ -154,6 +155,19 @@ _COMPARED: dict[int, Callable[[float], bool]] = {
     ca.OP_EQ: lambda side: side == 0.0,
     ca.OP_NE: lambda side: side != 0.0,
 }
+_SWITCHING = frozenset(
+    {
+        ca.OP_FABS,
+        ca.OP_SIGN,
+        ca.OP_FMIN,
+        ca.OP_FMAX,
+        ca.OP_NOT,
+        ca.OP_AND,
+        ca.OP_OR,
+        ca.OP_IF_ELSE_ZERO,
+        *_COMPARED,
+    }
+)
 
 
 def _sum(a: PowerSeries, b: PowerSeries, sign: float = 1.0) -> PowerSeries:
@@ -193,14 +207,17 @@ def _quotient(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     n = min(a.known, b.known)
     if not n or b.c[0] == 0.0:
         return NOTHING
+    c, steep = _divided(a.c[:n], b.c[:n]), -np.abs(b.c[:n])
+    steep[0] *= -1.0
+    return PowerSeries(c, _divided(a.size[:n] + np.convolve(np.abs(c), b.size[:n])[:n], steep))
 
-    def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
-        back, divisor = slice(k, 0, -1), float(b.c[0])
-        value = (a.c[k] - c[:k] @ b.c[back]) / divisor
-        rounding = a.size[k] + size[:k] @ np.abs(b.c[back]) + np.abs(c[:k]) @ b.size[back]
-        return value, (rounding + abs(value) * b.size[0]) / abs(divisor)
 
-    return _made(n, coefficient)
+def _divided(a: Floats, b: Floats) -> Floats:
+    """The coefficients (n,) of which the products with b (n,) are a (n,)."""
+    c = np.zeros(a.size)
+    for k in range(a.size):
+        c[k] = (a[k] - c[:k] @ b[k:0:-1]) / b[0]
+    return c
 
 
 def _root(a: PowerSeries) -> PowerSeries:

@@ -67,9 +67,15 @@ class MotionSeries:
             found.append((np.asarray(rows, np.intp), np.asarray(columns, np.intp), sparsity.shape))
         return found
 
-    def at(self, here: ContactInstant, a: list[Floats], rounding: float) -> list[list[PowerSeries]]:
+    def count(self, here: ContactInstant, a: list[Floats]) -> int:
+        """The number of coefficients to be made for the order after accelerations a_0, a_1, ...: all while nothing
+        moves, for they stay the same, and where a switch asks for the first that is not zero."""
+        moves = here.state.v.any() or any(each.any() for each in a)
+        return len(a) + 1 if moves and not self._function.has_switches else PARAMETERS.orders
+
+    def at(self, here: ContactInstant, a: list[Floats], count: int, rounding: float) -> list[_Terms]:
         """The results of `NumericSystem.contact_motion` where a_0, a_1, ... are the accelerations, and none beyond."""
-        s, count = here.state, PARAMETERS.orders
+        s = here.state
         n = s.q.size
         time = power_series.constant(s.t, count)
         time.c[1:2] = time.size[1:2] = 1.0
@@ -83,7 +89,7 @@ class MotionSeries:
             *([PowerSeries(row, np.abs(row)) for row in part] for part in (q, v)),
             [power_series.constant(value, count) for value in s.p.tolist()],
         ]
-        return self._function.at(arguments, count, rounding)
+        return [_terms(each, count) for each in self._function.at(arguments, count, rounding)]
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -95,8 +101,8 @@ class _Terms:
     known: int
 
 
-def _terms(series: list[PowerSeries]) -> _Terms:
-    known = min((each.known for each in series), default=PARAMETERS.orders)
+def _terms(series: list[PowerSeries], count: int) -> _Terms:
+    known = min((each.known for each in series), default=count)
     c, size = (
         np.array([getattr(each, part)[:known] for each in series]).reshape(len(series), known)
         for part in ("c", "size")
@@ -149,12 +155,11 @@ class ContactOrders:
         a: list[Floats] = []
         equal: list[Floats] = []
         pushes: list[Floats] = []
-        results = series = None
+        series, count = list[_Terms](), 0
         for k in range(PARAMETERS.orders):
-            if results is None:
-                results = self._series.at(here, a, self._rounding)
-                series = [_terms(each) for each in results]
-            assert series is not None
+            if k >= count or a[-1].any():
+                count = self._series.count(here, a)
+                series = self._series.at(here, a, count, self._rounding)
             if min(each.known for each in series) <= k:
                 break
             found = self._order(series, (a, equal, pushes), (closed, left))
@@ -165,8 +170,6 @@ class ContactOrders:
             left = [j for j in left if j not in {*pressing, *leaving}]
             if not left:
                 break
-            if a[-1].any():
-                results = None
         return dataclasses.replace(forces, closed=tuple(closed))
 
     def _order(
