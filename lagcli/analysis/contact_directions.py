@@ -25,7 +25,7 @@ from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
 from lagcli.equations import kinks
 from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.system import System
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.smoothness import named_functions
@@ -313,17 +313,17 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
     basis = rank.row_basis(A)
     needed = A if len(basis) == len(A) else A[_needed(A)]
     if len(needed) == len(basis):
-        return [ray / np.linalg.norm(ray) for ray in np.linalg.pinv(needed).T], True
+        return [ray / np.linalg.norm(ray) for ray in decompositions.pseudo_inverse(needed).T], True
     if math.comb(len(needed), len(basis) - 1) > PARAMETERS.most_edges:
         middle = least_distance.shortest(A, np.ones(len(A))).x
         return [middle / np.linalg.norm(middle)], False
     over = needed @ basis.T
     found: dict[tuple[int, ...], Floats] = {}
     for edge in itertools.combinations(range(len(needed)), len(basis) - 1):
-        _, sigma, right = np.linalg.svd(over[list(edge)])
-        opened = over @ right[-1]
-        ray = right[-1] if opened.sum() > 0 else -right[-1]
-        if sigma.min(initial=1.0) > rank.PARAMETERS.large and (over @ ray >= -rank.PARAMETERS.large).all():
+        beside = rank.space(over[list(edge)])
+        opened = over @ beside.right[-1]
+        ray = beside.right[-1] if opened.sum() > 0 else -beside.right[-1]
+        if beside.low == len(edge) and (over @ ray >= -rank.PARAMETERS.large).all():
             found[tuple(np.flatnonzero(np.abs(opened) <= rank.PARAMETERS.large).tolist())] = ray @ basis
     return list(found.values()), True
 

@@ -24,7 +24,7 @@ from lagcli.analysis.contact_directions import ContactDirections
 from lagcli.analysis.internal_forces import Internal
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import independent_rows, rank
+from lagcli.linear import decompositions, independent_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
@@ -182,12 +182,10 @@ def _bases(numeric: NumericSystem, state: State, metric: Metric, name: str) -> B
     rows = sample_points.rows(numeric, state)
     found = rank.estimate(rows)
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
-    right = np.zeros((0, state.q.size))
-    if rows.count:
-        right = np.linalg.svd(rows.dense, full_matrices=True)[2][: found.low]
-    # The rest of an orthonormal basis; in the metric it belongs to displacements M^-1/2 z.
-    basis = np.linalg.svd(right, full_matrices=True)[2] if len(right) else np.eye(state.q.size)
-    virtual = np.array([metric.unwhitened(z) for z in basis[len(right) :]]).reshape(-1, state.q.size).T
+    # In the metric the rest of an orthonormal basis belongs to displacements M^-1/2 z.
+    right = decompositions.axes(rows.dense)[1][: found.low]
+    basis = decompositions.axes(right)[1][len(right) :]
+    virtual = np.array([metric.unwhitened(z) for z in basis]).reshape(-1, state.q.size).T
     b = np.array(bias).ravel()
     allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
     plain = LocalRows(B)
@@ -231,7 +229,7 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     dependent = _pivots(B * sizes, rank)
     independent = [i for i in range(B.shape[1]) if i not in set(dependent)]
     right = -np.column_stack([B[:, independent] * sizes[independent], b])
-    solved = np.linalg.lstsq(B[:, dependent] * sizes[dependent], right, rcond=None)[0]
+    solved = decompositions.least_squares(B[:, dependent] * sizes[dependent], right)
     solved = np.where(np.abs(solved) < COMPONENT_ROUNDOFF * np.abs(solved).max(initial=0.0), 0.0, solved)
     solved = solved * sizes[dependent][:, None]
     numbers = _numbers(model)

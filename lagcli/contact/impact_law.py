@@ -221,22 +221,16 @@ class ContactBlock:
 
     def __init__(self, unit: Floats, equalities: int) -> None:
         self._unit, self._count = unit, equalities
-        left, sigma, right = np.linalg.svd(unit[:equalities], full_matrices=False)
-        is_independent = sigma > rank.PARAMETERS.large
-        self._left, self._sigma, self._right = (
-            left[:, is_independent],
-            sigma[is_independent],
-            right[is_independent],
-        )
+        self._equalities = rank.space(unit[:equalities], is_whole=False)
 
     def push(self, asked: Floats, rounding: Floats) -> tuple[Floats, Flags]:
         """The weights (C + k,) of the rows, as `TouchingRows.push`, and which are unique."""
         C, contacts = self._count, self._unit[self._count :]
-        base = self._right.T @ ((self._left.T @ asked[:C]) / self._sigma)
+        base, across = self._equalities.step(asked[:C]), self._equalities.basis
         bare = self._bare(contacts)
         found = complementarity.solve(bare, asked[C:] - contacts @ base, rounding)
         mu = np.concatenate([np.zeros(C), found.multipliers])
-        mu[:C] = self._weights(base - self._right.T @ (self._right @ (contacts.T @ mu[C:])))
+        mu[:C] = self._equalities.weights(base - across.T @ (across @ (contacts.T @ mu[C:])))
         rows = np.concatenate([np.ones(C, dtype=bool), found.holds])
         unique = np.ones(rows.size, dtype=bool)
         mu[rows], unique[rows] = load_sharing.shared(self._unit[rows], mu[rows], C)
@@ -244,24 +238,18 @@ class ContactBlock:
 
     def _bare(self, contacts: Floats) -> Floats:
         """The contacts (k, n) with the equality rows projected out; zero where nothing is left but rounding."""
-        bare = contacts
+        bare, across = contacts, self._equalities.basis
         for _ in range(2):
-            bare = bare - (bare @ self._right.T) @ self._right
+            bare = bare - (bare @ across.T) @ across
         lengths = np.linalg.norm(bare, axis=1)
         return np.where((lengths > PARAMETERS.immobile)[:, None], bare, 0.0)
-
-    def _weights(self, u: Floats) -> Floats:
-        """The shortest weights (C,) of the equality rows with B~^T weights = u, of u in their span."""
-        return np.asarray(self._left @ ((self._right @ u) / self._sigma))
 
     def _refined(self, mu: Floats, asked: Floats) -> Floats:
         """mu with the rows that hold met to rounding: what they are missing is asked for again."""
         rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self._count))
-        left, sigma, _ = np.linalg.svd(self._unit[rows], full_matrices=False)
-        left = left[:, sigma > rank.PARAMETERS.large] / sigma[sigma > rank.PARAMETERS.large]
-        mu = mu.copy()
+        holding, mu = rank.space(self._unit[rows], is_whole=False), mu.copy()
         for _ in range(PARAMETERS.refinements):
             missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)
-            mu[rows] += left @ (left.T @ missing)
+            mu[rows] += holding.weights(holding.step(missing))
         mu[self._count :] = np.maximum(mu[self._count :], 0.0)
         return mu

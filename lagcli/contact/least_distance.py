@@ -17,6 +17,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
+
 Floats = npt.NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)  # the rounding of a double
@@ -77,7 +79,7 @@ def shortest(A: Floats, h: Floats) -> Shortest:
     if h.size == 1:
         return Shortest(A[0] * h[0], h.copy())
     count, n = A.shape
-    factor = A.T if n <= count else np.asarray(np.linalg.qr(A.T, mode="r"), dtype=float)
+    factor = A.T if n <= count else decompositions.triangle(A.T)
     target = np.zeros(min(n, count) + 1)
     target[-1] = 1.0
     cause = None
@@ -115,7 +117,7 @@ def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
 
 def _on(A: Floats, h: Floats) -> tuple[Floats, Floats]:
     """The shortest x with A x = h, and mu with x = A^T mu, of independent rows; with one step of refinement."""
-    Q, R = np.linalg.qr(A.T)
+    Q, R = decompositions.orthonormal(A.T)
     try:
         x, mu = np.zeros(A.shape[1]), np.zeros(h.size)
         for _ in range(2):

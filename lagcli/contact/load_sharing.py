@@ -25,9 +25,6 @@ class LoadSharingParameters:
 
     __slots__ = ()
 
-    same: float = 1e-11
-    """A load is only shared anew where a singular value is below this, for a share moved between rows must
-    not be felt in the sum. `test_a_load_is_shared_anew_where_that_is_not_felt` fails at 1e-12 and 1e-10."""
     none: float = 1e-9
     """A row of the null space of length less than this takes no part in it; a share of the load less than
     this is none. `test_a_share_of_nine_digits_less_is_none` fails at 1e-10 and 1e-8."""
@@ -41,14 +38,13 @@ def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
     count = mu.size
     if not count or (count == 1 and A.any()):
         return mu, np.ones(count, dtype=bool)
-    left, sigma, _ = np.linalg.svd(A, full_matrices=A.shape[1] < count)
-    sigma = np.concatenate([sigma, np.zeros(count - sigma.size)])
-    if sigma[-1] > rank.PARAMETERS.large:
+    found = rank.space(A, is_whole=A.shape[1] < count)
+    if found.low == count:
         return mu, np.ones(count, dtype=bool)
-    free = left[:, sigma <= PARAMETERS.same]
+    free = found.exact_dependences.T
     if free.shape[1]:
         mu = _shortest(mu, free, pulling)
-    return mu, ~_varies(left[:, sigma <= rank.PARAMETERS.large], mu, pulling)
+    return mu, ~_varies(found.dependences.T, mu, pulling)
 
 
 def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:

@@ -67,7 +67,7 @@ def geometry(points: Floats) -> Geometry:
     if size == 0.0:
         raise DegenerateBody
     points = offsets / size  # squares of lengths neither overflow nor vanish
-    base = _base(points)
+    base, directions = _base(points)
     pairs = tuple(itertools.combinations(range(len(base)), 2))
     # In the order of the specification: (1,2), (1,3), (2,3), (1,4), ...
     pairs = tuple(sorted(pairs, key=lambda pair: (pair[1], pair[0])))
@@ -76,7 +76,7 @@ def geometry(points: Floats) -> Geometry:
     edges = (points[list(base[1:])] - points[base[0]]).T
     alpha = np.zeros((len(further), len(base)))
     for row, k in enumerate(further):
-        weights = np.linalg.lstsq(edges, points[k] - points[base[0]], rcond=None)[0]
+        weights = np.linalg.solve(directions @ edges, directions @ (points[k] - points[base[0]]))
         alpha[row, 1:] = weights
         alpha[row, 0] = 1.0 - weights.sum()
     gamma = np.zeros(0)
@@ -88,8 +88,9 @@ def geometry(points: Floats) -> Geometry:
     return Geometry(tuple(base), pairs, distances, further, alpha, gamma)
 
 
-def _base(points: Floats) -> list[int]:
-    """The first particles that span the body, each well off the span of those before it."""
+def _base(points: Floats) -> tuple[list[int], Floats]:
+    """The first particles that span the body, each well off the span of those before it, and an orthonormal basis
+    (k, 3) of the differences of their positions."""
     base = [0]
     directions = np.zeros((0, 3))
     offsets = points - points[0]
@@ -104,4 +105,4 @@ def _base(points: Floats) -> list[int]:
             break
         base.append(k)
         directions = np.vstack([directions, rest[k] / lengths[k]])
-    return base
+    return base, directions

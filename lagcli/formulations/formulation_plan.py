@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Formulation
+from lagcli.linear import decompositions
 from lagcli.model.model import Model
 from lagcli.start import sample_points
 from lagcli.start.initial import State
@@ -63,7 +64,7 @@ def singular(
     found = np.zeros(len(states[0]), dtype=bool)
     for i, (t, q, v) in enumerate(zip(*states, strict=True)):
         rows = sample_points.rows(numeric, State(float(t), q, v, p))
-        sigma = np.linalg.svd(rows.dense, compute_uv=False)
+        sigma = decompositions.singular_values(rows.dense)
         found[i] = rank > 0 and sigma[rank - 1] < NEAR
     return found
 

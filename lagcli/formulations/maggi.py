@@ -22,13 +22,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.formulations.dense_functions import DenseFunctions, DensePoint
+from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
 
-# Rows of length one in the mass metric are dependent where a singular value is below this: at 1e-6
-# `test_rows_are_dependent_in_the_metric_of_the_masses_below_seven_digits` of
-# `tests/unit/test_numbers_of_formulations.py` fails.
-DEPENDENT = 1e-7
 # Newton's iterations for q, and the change, as a part of the size, that ends them.
 ITERATIONS, ARRIVED = 16, 4e-16
 # Steps that do not shrink to SLOW of the one before ask for new derivatives; small ones that do not halve are rounding.
@@ -159,7 +156,7 @@ def multipliers(functions: DenseFunctions, t: float, motion: ReducedMotion) -> F
     lengths = np.linalg.norm(white, axis=0)
     lengths[lengths == 0.0] = 1.0
     right = np.linalg.solve(lower, forces.M @ motion.a - forces.h)
-    return np.asarray(np.linalg.lstsq(white / lengths, right, rcond=DEPENDENT)[0] / lengths)
+    return np.asarray(rank.space((white / lengths).T, is_whole=False).weights(right) / lengths)
 
 
 def reaction(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:
@@ -169,15 +166,17 @@ def reaction(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floa
 
 
 def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:
-    """Independent combinations of rows, (rank, C), and Z^T M of the null space of B (C, n), (n - rank, n)."""
+    """Independent combinations of rows, (rank, C), and Z^T M of the null space of B (C, n), (n - rank, n).
+
+    Raises `ChartError` where the rank is undecided.
+    """
     white = np.linalg.solve(lower, B.T).T
     lengths = np.linalg.norm(white, axis=1)
     lengths[lengths == 0.0] = 1.0
-    if not len(B):
-        return np.zeros((0, 0)), np.asarray(lower.T)
-    left, sigma, right = np.linalg.svd(white / lengths[:, None], full_matrices=True)
-    rank = int((sigma > DEPENDENT).sum())
-    return left[:, :rank].T / lengths, right[rank:] @ lower.T
+    found = rank.space(white / lengths[:, None])
+    if found.value is None:
+        raise ChartError("the rank of the rows is undecided")
+    return found.combinations / lengths, found.kernel.T @ lower.T
 
 
 def _inverse(matrix: Floats) -> Floats:

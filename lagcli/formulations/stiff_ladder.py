@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
+
 Floats = npt.NDArray[np.float64]
 
 # Runs a decade, and of one comparison: with a tenth or ten times as many
@@ -142,12 +144,13 @@ def _line(x: Floats, y: Floats) -> tuple[tuple[float, float, float], float]:
     columns = [np.ones_like(x), x] + ([10.0**-x] if len(x) > 3 else [])
     sizes = [np.abs(column).max() for column in columns]
     scaled = np.column_stack([column / size for column, size in zip(columns, sizes, strict=True)])
-    weights = np.linalg.lstsq(scaled, y, rcond=None)[0]
+    inverse = decompositions.pseudo_inverse(scaled)
+    weights = inverse @ y
     left, spare = y - scaled @ weights, len(x) - len(columns)
     found = [*(weights / sizes), 0.0][:3]
     error = 0.0
     if spare:
-        variance = np.linalg.pinv(scaled.T @ scaled)[1, 1] * (left @ left) / spare
+        variance = (inverse[1] @ inverse[1]) * (left @ left) / spare
         error = float(special.stdtrit(spare, 0.975) * math.sqrt(variance) / sizes[1])
     return (float(found[0]), float(found[1]), float(found[2])), error
 

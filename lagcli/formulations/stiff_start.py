@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
+from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial, projection
@@ -82,9 +83,7 @@ def frequency(numeric: NumericSystem, start: State, index: int) -> float:
     lengths = LocalRows(_metric(numeric, start).whitened(B)).norms
     others = np.delete(dense, index, axis=0)
     own = dense[index] * lengths[index]
-    if others.size:
-        own = own - others.T @ np.linalg.lstsq(others.T, own, rcond=None)[0]
-    return float(np.linalg.norm(own))
+    return float(np.linalg.norm(decompositions.residual(others.T, own)))
 
 
 def _metric(numeric: NumericSystem, start: State) -> Metric:

@@ -25,6 +25,7 @@ from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
 from lagcli.expression import tree
+from lagcli.linear import decompositions
 from lagcli.model import family
 from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
@@ -173,7 +174,7 @@ def effective(built: system.System, start: VakonomicStart) -> Floats:
     symbols = built.symbols
     at = SizedFunction("rows", [symbols.t, symbols.q, built.p], [ca.densify(built.rows.B)])
     B = np.array(at(start.t, start.q, system.values(built))).reshape(count, -1)
-    shares = np.linalg.lstsq(B[list(start.independent)].T, B[s:].T @ start.mu, rcond=None)[0]
+    shares = decompositions.least_squares(B[list(start.independent)].T, B[s:].T @ start.mu)
     found = np.zeros(count)
     found[list(start.independent)] = shares
     return found[s:]

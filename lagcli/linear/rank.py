@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.frozen import frozen
-from lagcli.linear import metric_rows
+from lagcli.linear import decompositions, metric_rows
 from lagcli.linear.metric_rows import MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -56,6 +56,75 @@ class Rank:
         return self.low if self.low == self.high else None
 
 
+@frozen
+class RowSpace:
+    """What rows A (C, n) of about length one span: the rank is between `low` and `high`, and `low` of them are taken.
+
+    left (C, k), sigma (min(C, n),), right (k', n): singular vectors and values, k = C and k' = n where they are whole.
+    """
+
+    left: Floats
+    sigma: Floats
+    right: Floats
+    low: int
+    high: int
+
+    @property
+    def value(self) -> int | None:
+        """The rank, or None where no gap separates the singular values."""
+        return self.low if self.low == self.high else None
+
+    @property
+    def basis(self) -> Floats:
+        """An orthonormal basis (low, n) of what the rows span."""
+        return self.right[: self.low]
+
+    @property
+    def kernel(self) -> Floats:
+        """An orthonormal basis (n, n - low) of what they leave; `right` has to be whole."""
+        return np.asarray(self.right[self.low :].T)
+
+    @property
+    def combinations(self) -> Floats:
+        """Orthonormal combinations (low, C) of rows that are independent."""
+        return np.asarray(self.left[:, : self.low].T)
+
+    @property
+    def dependences(self) -> Floats:
+        """Orthonormal combinations (C - low, C) of rows that vanish; `left` has to be whole."""
+        return np.asarray(self.left[:, self.low :].T)
+
+    @property
+    def exact_dependences(self) -> Floats:
+        """Those (d, C) of them that vanish to rounding."""
+        exact = decompositions.PARAMETERS.rounding
+        return np.asarray(self.left[:, int(np.count_nonzero(self.sigma > exact)) :].T)
+
+    def step(self, b: Floats) -> Floats:
+        """The shortest x (n,) or (n, k) with A x = b (C,) or (C, k), by least squares if it must."""
+        return self.basis.T @ _divided(self.combinations @ b, self.sigma[: self.low])
+
+    def weights(self, u: Floats) -> Floats:
+        """The shortest w (C,) with A^T w = u (n,), by least squares if it must."""
+        return self.combinations.T @ _divided(self.basis @ u, self.sigma[: self.low])
+
+
+def _divided(parts: Floats, sigma: Floats) -> Floats:
+    return np.asarray(parts.T / sigma).T
+
+
+def space(rows: Floats, is_whole: bool = True) -> RowSpace:
+    """What rows (C, n) of about length one span; is_whole: with what they leave, and what vanishes of them."""
+    left, sigma, right = np.linalg.svd(rows, full_matrices=is_whole)
+    low, high = (int(np.count_nonzero(sigma > limit)) for limit in (PARAMETERS.large, PARAMETERS.small))
+    return RowSpace(np.asarray(left), np.asarray(sigma), np.asarray(right), low, high)
+
+
+def pseudo_inverse(rows: Floats) -> Floats:
+    """The inverse (..., n, m) of Moore and Penrose of rows (..., m, n), each measured by its largest singular value."""
+    return np.asarray(np.linalg.pinv(rows, rcond=PARAMETERS.large), dtype=float)
+
+
 def estimate(rows: MetricRows) -> Rank:
     """Rank of C rows. It does not depend on the metric, so that the clearer of two metrics decides.
 
@@ -82,24 +151,17 @@ def _rank(rows: MetricRows) -> Rank:
         return Rank(large, rows.above(PARAMETERS.small), dependences)
     if rows.count > metric_rows.PARAMETERS.most_dense:
         return _rank_of_many(rows)
-    sigma = np.zeros(rows.count)
     # The left vectors are wanted whole; of the right ones there may be many more.
-    wide = rows.dense.shape[1] >= rows.count
-    left, found, _ = np.linalg.svd(rows.dense, full_matrices=not wide)
-    sigma[: found.size] = found
-    large, small = int((sigma > PARAMETERS.large).sum()), int((sigma > PARAMETERS.small).sum())
-    if large == rows.count:
-        return Rank(large, small, np.zeros((0, rows.count)))
-    return Rank(large, small, left.T[large:])
+    found = space(rows.dense, is_whole=rows.dense.shape[1] < rows.count)
+    return Rank(found.low, found.high, found.dependences)
 
 
 def _rank_of_many(rows: MetricRows) -> Rank:
     """The rank of very many rows over few coordinates, with one vector of weights."""
-    left, sigma, _ = np.linalg.svd(rows.dense, full_matrices=False)
-    large = left[:, sigma > PARAMETERS.large]
+    found = space(rows.dense, is_whole=False)
     weights = np.random.default_rng(0).standard_normal(rows.count)
-    weights -= large @ (large.T @ weights)
-    return Rank(large.shape[1], int((sigma > PARAMETERS.small).sum()), weights[None])
+    weights -= found.combinations.T @ (found.combinations @ weights)
+    return Rank(found.low, found.high, weights[None])
 
 
 def nearest_dependence(rows: MetricRows) -> tuple[float, Floats]:
@@ -107,8 +169,8 @@ def nearest_dependence(rows: MetricRows) -> tuple[float, Floats]:
     combination (C,) of rows of length one that comes closest to zero."""
     found = []
     for each in (rows, rows.plain()):
-        left, sigma, _ = np.linalg.svd(each.dense, full_matrices=False)
-        found.append((float(sigma[-1]), left[:, -1]))
+        sizes, left = decompositions.column_axes(each.dense)
+        found.append((float(sizes[-1]), left[:, -1]))
     return max(found, key=lambda one: one[0])
 
 
@@ -121,18 +183,12 @@ def is_near(rows: MetricRows) -> bool:
 
 def null_basis(rows: Floats) -> Floats:
     """An orthonormal basis of the kernel of rows (C, n) of about length one, shape (n, n - rank)."""
-    if rows.shape[0] == 0:
-        return np.eye(rows.shape[1])
-    _, sigma, Vt = np.linalg.svd(rows, full_matrices=True)
-    return np.asarray(Vt[int((sigma > PARAMETERS.large).sum()) :].T)
+    return space(rows).kernel
 
 
 def row_basis(rows: Floats) -> Floats:
     """An orthonormal basis (r, n) of what rows (C, n) of about length one span."""
-    if rows.shape[0] == 0:
-        return np.zeros((0, rows.shape[1]))
-    _, sigma, Vt = np.linalg.svd(rows, full_matrices=False)
-    return np.asarray(Vt[: int((sigma > PARAMETERS.large).sum())])
+    return space(rows, is_whole=False).basis
 
 
 def participants(null_vector: Floats) -> list[int]:

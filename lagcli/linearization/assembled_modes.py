@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
+from lagcli.linear import decompositions
 from lagcli.linearization import floquet, freedoms, lowest, spectrum, stability
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
@@ -196,11 +197,8 @@ def _shapes(found: Spectrum) -> Complex:
 
 
 def _independent(columns: Floats) -> Floats:
-    """A basis of the space of columns (n, k)."""
-    if not columns.size:
-        return columns
-    U, sigma, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(U[:, sigma > 1e-9 * sigma.max()])
+    """An orthonormal basis (n, r) of the space of columns (n, k)."""
+    return decompositions.range_basis(columns)
 
 
 def _tidy_basis(rows: Complex) -> Complex:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 from lagcli.linearization import freedoms, spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 from lagcli.linearization.reference import PATH_PARTS
@@ -174,8 +174,7 @@ def _tangent(linear: Linear, T: float) -> Floats:
     basis = rank.null_basis(freedoms.unit(np.vstack([positions, speeds])))
     # In units of T speeds are of the size of positions.
     basis[n:] /= T
-    basis, _ = np.linalg.qr(basis)
-    return np.asarray(basis)
+    return decompositions.orthonormal(basis)[0]
 
 
 def period(signature: Signature, longest: float) -> float | None:

@@ -11,14 +11,11 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 from lagcli.linearization.linearized import Linear
 
 Floats = npt.NDArray[np.float64]
 
-# Singular values of rows of length one that are smaller are none: at 1e-8
-# `test_rows_leave_what_nine_digits_do_not_hold` of `tests/unit/test_numbers_of_linear_equations.py` fails.
-DEPENDENT = 1e-9
 # Rows that are dependent, and their rates: what is left of them, as a part of their size.
 HIDDEN = 1e-8
 # Of the terms of an entry of K, in what is left of them.
@@ -120,14 +117,12 @@ def _differential(A: Floats, D: Floats, rate: float) -> tuple[Floats, Floats]:
     m = A.shape[1]
     if not A.shape[0]:
         return np.eye(m), np.zeros((m, m))
-    U, sigma, Vt = np.linalg.svd(A)
-    r = int((sigma > DEPENDENT).sum())
-    left = U[:, r:].T @ D
+    found = rank.space(A)
+    left = found.dependences @ D
     if np.abs(left).max(initial=0.0) > HIDDEN * max(np.abs(D).max(initial=0.0), rate):
         raise HiddenConditionError
-    G = Vt[:r].T @ ((U[:, :r].T @ D) / sigma[:r, None])
     # Without rows that hold it, a basis of its own would only turn the coordinates.
-    return (np.eye(m) if r == 0 else Vt[r:].T), G
+    return found.kernel if found.low else np.eye(m), found.step(D)
 
 
 def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats:
@@ -136,8 +131,7 @@ def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats
     if not columns.size:
         return np.zeros((L.shape[0], 0))
     free = rank.null_basis(unit(B[:, columns]))
-    basis, _ = np.linalg.qr(L.T[:, columns] @ free)
-    return np.asarray(basis)
+    return decompositions.orthonormal(L.T[:, columns] @ free)[0]
 
 
 def unit(rows: Floats) -> Floats:

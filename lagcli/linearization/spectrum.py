@@ -13,6 +13,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
 from lagcli.linearization.freedoms import Freedoms
 
 Floats = npt.NDArray[np.float64]
@@ -158,7 +159,7 @@ def deflate(S: Floats, noise: float = 0.0) -> WithoutZeros:
     rest, steps, found, into = S, [], [], np.eye(len(S))
     least = max(floor(len(S)) * float(np.linalg.norm(S, 2)), noise) if S.size else 0.0
     while len(rest):
-        _, sigma, Vt = np.linalg.svd(rest)
+        sigma, Vt = decompositions.axes(rest)
         nullity = int((sigma <= least).sum())
         if not nullity:
             break

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from lagcli.linear import decompositions
 from lagcli.pfaffian.exact import enclosure, guarded, time_limit
 from lagcli.pfaffian.flag import derived_flag as flags
 from lagcli.pfaffian.flag import elimination
@@ -159,7 +160,7 @@ class _Independent:
             rows = [values[i] for values in (*self._surface, *self._rows)]
             if point is None or any(row is None for row in rows):
                 continue
-            weights = np.linalg.lstsq(_units(rows).T, _unit(point), rcond=1e-12)[0]
+            weights = decompositions.least_squares(_units(rows).T, _unit(point))
             first = len(self._surface)
             taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > DEPENDENT}
         return tuple(name for i, name in enumerate(self._block.names) if i in taking)
@@ -173,8 +174,7 @@ class _Independent:
             unit = _unit(point)
             if not rows:
                 return not unit.any()
-            weights = np.linalg.lstsq(_units(rows).T, unit, rcond=1e-12)[0]
-            if np.abs(unit - _units(rows).T @ weights).max() > DEPENDENT:
+            if np.abs(decompositions.residual(_units(rows).T, unit)).max() > DEPENDENT:
                 return False
         return True
 

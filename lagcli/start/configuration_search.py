@@ -18,7 +18,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.parts import TINY
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial
@@ -210,7 +210,7 @@ class Search:
         ahead, _ = surface.values(q + PARAMETERS.ahead * (q - begin))
         if (fades & (np.abs(f) <= roundings) & (np.abs(ahead) <= roundings)).any():
             return True
-        left, sigma, _ = np.linalg.svd(here.dense, full_matrices=False)
+        sigma, left = decompositions.column_axes(here.dense)
         sigma, limit = np.maximum(sigma, TINY), PARAMETERS.drift * self.metric.length(q - begin)
         way = np.linalg.norm((left.T @ (f / here.lengths)) / sigma)
         unknown = np.linalg.norm((np.abs(left).T @ (roundings / here.lengths)) / sigma)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
@@ -95,7 +95,7 @@ def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
 
 def _rest(B: Floats, b: Floats) -> Floats:
     """The part of b that no velocity takes away: a combination y of the rows with y B = 0."""
-    return np.asarray(b - B @ np.linalg.lstsq(B, b, rcond=1e-10)[0]) if len(b) else b
+    return decompositions.residual(B, b)
 
 
 def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnostic:

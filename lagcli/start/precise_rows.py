@@ -17,7 +17,7 @@ import numpy as np
 
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
-from lagcli.linear import independent_rows, rank
+from lagcli.linear import decompositions, independent_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start.initial import State
@@ -66,7 +66,7 @@ class PreciseRows:
     def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
         """The rank of rows with these numbers in the system; `rows` are the same in doubles. None where these leave no
         doubt, and where it is not known in so many digits."""
-        sigma = np.linalg.svd(rows.dense, compute_uv=False)
+        sigma = decompositions.singular_values(rows.dense)
         clear = sigma[sigma > PARAMETERS.rounding]
         if not clear.size or clear.min() > rank.PARAMETERS.large:
             return None  # others are rounding: there is no doubt, and nothing is written out

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact import least_distance
+from lagcli.linear import decompositions, rank
 from lagcli.statics import newton, point_type, refine
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -28,9 +29,6 @@ class ContinuumParameters:
 
     __slots__ = ()
 
-    flat: float = 1e-6
-    """Singular values below this part of the largest may belong to a continuum; a step along it tells.
-    `test_directions_six_digits_flatter_may_be_a_continuum` fails at 1e-7 and 1e-5."""
     step: float = 1e-2
     """The length of that step: far above the digits of a point that is alone and degenerate.
     `test_a_continuum_is_told_by_a_step_of_a_hundredth` fails at 0.001 and 0.1."""
@@ -68,14 +66,8 @@ def directions(equations: RestEquations, x: Floats) -> Floats:
     widths = np.linalg.norm(J, axis=0)
     widths[:n] = widths[:n].max(initial=0.0)
     widths = np.where(widths > 0, widths, 1.0)
-    _, sigma, Vt = np.linalg.svd(J / widths)
-    largest = float(sigma[0]) if sigma.size else 0.0
-    flat = Vt[int((sigma > PARAMETERS.flat * largest).sum()) :] / widths
-    moved = flat[:, :n].T
-    if not moved.size:
-        return np.zeros((n, 0))
-    left, sizes, _ = np.linalg.svd(moved * widths[0], full_matrices=False)
-    return np.asarray(left[:, sizes > 1e-6])
+    flat = rank.null_basis(J / widths).T / widths
+    return rank.row_basis(flat[:, :n] * widths[0]).T
 
 
 def tangent(equations: RestEquations, x: Floats) -> Floats:
@@ -96,7 +88,7 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
         least = min(least, directions(equations, ends[0]).shape[1])
     if not moved:
         return np.zeros((n, 0))
-    left, sizes, _ = np.linalg.svd(basis.T @ np.array(moved).T / length)
+    sizes, left = decompositions.column_axes(basis.T @ np.array(moved).T / length)
     return np.asarray(basis @ left[:, : min(least, int((sizes > PARAMETERS.off).sum()))])
 
 

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from lagcli.contact.least_distance import EPS
 from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
+from lagcli.linear import decompositions, rank
 from lagcli.statics import power_signs
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -44,9 +45,6 @@ class FlatParameters:
     roundings: float = 64.0
     """A coefficient is zero where it is so many roundings of its terms.
     `test_a_coefficient_of_sixty_roundings_is_none` fails at 6.4 and 640."""
-    rank: float = 1e-11
-    """Singular values of the equations across, measured by their rows and columns, that are zero.
-    `test_equations_across_have_rank_to_eleven_digits` fails at 1e-12 and 1e-10."""
     moves: int = 6
     """Moves to where derivatives vanish: each doubles the digits.
     `test_a_point_is_moved_to_where_derivatives_vanish` fails at 0."""
@@ -56,9 +54,6 @@ class FlatParameters:
     exact: float = 1e-11
     """A point that is exact is moved no farther than this part of the size of things.
     `test_an_exact_point_keeps_its_curvature_where_another_has_none` fails at 1e-12 and 1e-10."""
-    level: float = 1e-6
-    """Singular values of the gradients of a form that are zero: it does not depend on this direction.
-    `test_a_form_that_hardly_depends_on_a_direction_is_one_that_does_not` fails at 1e-7 and 1e-5."""
     kept: float = 0.1
     """The part of a curvature that a third derivative may change on the way to the zero: beside a double zero it is
     a half. `test_a_curvature_beside_a_double_zero_is_none` fails at 0.01 and 1."""
@@ -124,7 +119,7 @@ class FlatEquations:
 
     def on(self, axis: Floats) -> FlatEquations:
         """The equations with one direction (k,) of the flat ones set apart, the others staying as they are."""
-        others = self.basis @ np.linalg.svd(axis[None])[2][1:].T
+        others = self.basis @ rank.null_basis(axis[None])
         apart = [self.basis @ axis[:, None], np.hstack([others, self._all[:, self.basis.shape[1] :]])]
         return FlatEquations(self._problem, tuple(self._closed), self.scales, *apart)
 
@@ -169,7 +164,7 @@ class FlatEquations:
         for _ in range(2):
             down /= _lengths(A * down[:, None] * across, 1)
             across /= _lengths(A * down[:, None] * across, 0)
-        inverse = np.linalg.pinv(A * down[:, None] * across, PARAMETERS.rank)
+        inverse = decompositions.pseudo_inverse(A * down[:, None] * across)
         # Entries of rounding are none: what is zero by structure would be divided by the unit of force.
         inverse[np.abs(inverse) <= PARAMETERS.roundings * EPS * np.abs(inverse).max()] = 0.0
         residual = np.concatenate([values.F + rows.T @ lam[self._acting], values.c, g, np.zeros(k)])
@@ -295,7 +290,7 @@ def balanced(
         if found is None or found.vanishes(2):
             return point.q, point.lam
         forces, slopes = found.rho[0, :, 0], found.rho[:, :, 1].T
-        shift = -np.linalg.lstsq(slopes, forces, rcond=None)[0]
+        shift = -decompositions.least_squares(slopes, forces)
         if not np.linalg.norm(shift) <= scales.length:
             return None
         q, lam = equations.settled(q + basis @ shift, lam)
@@ -372,8 +367,10 @@ def _of_first_power(
     )
     if power % 2 or (known.rises and known.falls):
         return _of_signs(known, found, power)
-    _, sizes, axes = np.linalg.svd(found.rho[:, :, power - 1])
-    if sizes[-1] <= PARAMETERS.level * sizes[0]:  # where it lies along the last axis, this form does not tell
+    sizes, axes = decompositions.axes(found.rho[:, :, power - 1])
+    if (
+        sizes[-1] <= rank.PARAMETERS.large * sizes[0]
+    ):  # where it lies along the last axis, this form does not tell
         settled = _moved_along(equations, (q, lam), axes[-1])
         if settled is None:
             return known
@@ -396,7 +393,7 @@ def _moved_along_axes(
     if equations.basis.shape[1] == 1:
         return
     for power in range(3, found.rho.shape[2] + 1):
-        axes, there = np.linalg.svd(found.rho[:, :, power - 1])[2], begin
+        axes, there = decompositions.axes(found.rho[:, :, power - 1])[1], begin
         for axis in (*axes, *axes):
             there = _moved_along(equations, there, axis) or there
         if there is not begin:
@@ -428,7 +425,7 @@ def _moved(
             return None
         # With phi = P(xi - delta) the next lower form is -delta . grad P.
         lower = found.forms[0][:, power - 2]
-        shift = np.linalg.lstsq(found.rho[:, :, power - 1], lower, rcond=PARAMETERS.rank)[0]
+        shift = decompositions.least_squares(found.rho[:, :, power - 1], lower)
         length = float(np.linalg.norm(shift))
         way += length
         if not way <= PARAMETERS.near * size:

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
 from lagcli.statics.rest_equations import RestEquations
 
 Floats = npt.NDArray[np.float64]
@@ -132,7 +133,7 @@ class _Path:
 
     def _tangent(self, z: Floats) -> Floats | None:
         values = self._values(z)
-        return None if values is None else np.asarray(np.linalg.svd(values[1])[2][-1])
+        return None if values is None else decompositions.axes(values[1])[1][-1]
 
     def _corrected(self, z: Floats) -> Floats | None:
         for _ in range(PARAMETERS.corrections):
@@ -141,7 +142,7 @@ class _Path:
                 return None
             if np.linalg.norm(values[0]) <= PARAMETERS.off:
                 return z
-            z = z - np.linalg.lstsq(values[1], values[0], rcond=None)[0]
+            z = z - decompositions.least_squares(values[1], values[0])
         values = self._values(z)
         return z if values is not None and np.linalg.norm(values[0]) <= PARAMETERS.off else None
 

@@ -12,6 +12,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
+
 Floats = npt.NDArray[np.float64]
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 
@@ -31,10 +33,6 @@ class NewtonParameters:
     most_newton: int = 40
     """Newton's steps down to rounding: a few where the zero is alone, one digit in three steps where it is
     double. `test_forty_newton_steps_are_made_of_a_search` fails at 4 and 400."""
-    rank: float = 1e-12
-    """Singular values below this part of the largest are zero: of dependent rows, and along a continuum.
-    At 1e-11 `test_a_slope_below_the_rank_of_rounding_moves_nothing` fails
-    (`tests/unit/test_numbers_of_statics.py`)."""
     near: float = 1e-6
     """Damped steps end where the residual is below this: Newton's steps double its digits from there.
     `test_damped_steps_end_where_newton_takes_over` fails at 1e-7 and 1e-5."""
@@ -134,7 +132,7 @@ def refined(residual: Residual, x: Floats) -> NewtonEnd:
     r, J = found
     size, last = float(np.linalg.norm(r)), np.inf
     for _ in range(PARAMETERS.most_newton):
-        step = np.linalg.lstsq(J, -r, rcond=PARAMETERS.rank)[0]
+        step = decompositions.least_squares(J, -r)
         # Each unknown by itself: beside a large multiplier all steps of coordinates would be rounding.
         length = float((np.abs(step) / (1.0 + np.abs(x))).max(initial=0.0))
         there = residual(x + step)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions, rank
 from lagcli.statics import flat_directions, refine
 from lagcli.statics.flat_directions import FlatVerdict
 from lagcli.statics.refine import EquilibriumPoint
@@ -36,15 +37,9 @@ class PointTypeParameters:
     flat: float = 1e-7
     """Curvatures of this part of the largest are zero. `test_a_curvature_of_seven_digits_less_is_flat` fails
     at 1e-8 and 1e-6."""
-    dependent: float = 1e-9
-    """Singular values of rows of length one that are zero where directions are told.
-    `test_directions_that_rows_leave_are_reported_to_nine_digits` fails at 1e-8."""
     no_force: float = 1e-9
     """A contact that carries this part of the forces carries none.
     `test_a_contact_carries_nothing_below_nine_digits_of_the_forces` fails at 1e-10 and 1e-8."""
-    same_row: float = 1e-7
-    """Rows of length one are dependent for lambda, which is a quotient by it, at a larger singular value.
-    `test_rows_that_are_almost_parallel_have_rank_one` fails at 1e-8 and 1e-6."""
     asymmetric: float = 1e-8
     """Forces have no potential where the Hessian is asymmetric by this part.
     `test_forces_have_no_potential_where_their_gradient_is_asymmetric` fails at 1e-9 and 1e-7."""
@@ -97,16 +92,17 @@ def classify(
     values = problem.at(problem.t, point.q, point.lam)
     B, G = unit(values.B), unit(values.G[list(point.closed)])
     push, is_carrying = _pushes(problem, point, scales)
-    rank = _rank(B)
-    freedom = problem.n - rank
+    independent = rank.space(B, is_whole=False).low
+    freedom = problem.n - independent
     rows = np.vstack([B, G])
-    plain = PointType(None, None, _rank(rows) == len(rows), rank, freedom)
+    is_unique = rank.space(rows, is_whole=False).low == len(rows)
+    plain = PointType(None, None, is_unique, independent, freedom)
     if not has_potential:
         return plain, point
     if freedom == 0:
         return dataclasses.replace(plain, kind="isolated", index=0, is_regular=True), point
     along = np.zeros((problem.n, 0)) if along is None else along
-    Z = kernel(np.vstack([B, G[is_carrying], along.T]))
+    Z = rank.null_basis(np.vstack([B, G[is_carrying], along.T]))
     H, units = _scaled(-Z.T @ values.K @ Z)
     largest = float(np.abs(H).max(initial=0.0))
     if np.abs(H - H.T).max(initial=0.0) > PARAMETERS.asymmetric * largest:
@@ -121,7 +117,7 @@ def classify(
     is_doubtful |= slopes <= max(PARAMETERS.doubtful * float(np.abs(values.K).max()), PARAMETERS.soft * floor)
     bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
-    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.dependent * floor)
+    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.no_force * floor)
     verdict = _of_doubtful(problem, bare, scales, ways[:, is_doubtful], along, signs[is_doubtful])
     if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
         verdict = _of_signs(bare, signs[is_doubtful])
@@ -153,7 +149,9 @@ def _of_doubtful(
     alone, nothing depends on t, and the model is not large; else by the signs (k,) of the curvatures."""
     is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
     if directions.shape[1] and is_small and _is_holonomic(problem, point):
-        return flat_directions.judged(problem, point, scales, np.linalg.qr(directions)[0], along)
+        return flat_directions.judged(
+            problem, point, scales, decompositions.orthonormal(directions)[0], along
+        )
     return _of_signs(point, signs)
 
 
@@ -211,24 +209,9 @@ def _kind(rises: bool, falls: bool, is_strict: bool, pushes: bool, pulls: bool) 
     return "minimum" if rises else "maximum"
 
 
-def kernel(rows: Floats) -> Floats:
-    """An orthonormal basis of the directions that rows of length one leave, (n, n - rank)."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    _, sigma, Vt = np.linalg.svd(rows)
-    return np.asarray(Vt[int((sigma > PARAMETERS.dependent * max(1.0, sigma[0])).sum()) :].T)
-
-
 def unit_rank(rows: Floats) -> int:
     """The rank of rows, each measured by its length."""
-    return _rank(unit(rows))
-
-
-def _rank(rows: Floats) -> int:
-    if not rows.size:
-        return 0
-    sigma = np.linalg.svd(rows, compute_uv=False)
-    return int((sigma > PARAMETERS.same_row * max(1.0, float(sigma[0]))).sum())
+    return rank.space(unit(rows), is_whole=False).low
 
 
 def unit(rows: Floats) -> Floats:
@@ -257,7 +240,7 @@ def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
     found: list[float] = []
     for size in range(len(rows) + 1):
         for on in itertools.combinations(range(len(rows)), size):
-            face = _face(rows[list(on)], H.shape[0])
+            face = rank.null_basis(rows[list(on)])
             if not face.shape[1]:
                 continue
             values, vectors = np.linalg.eigh(face.T @ H @ face)
@@ -265,10 +248,3 @@ def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
             inside = (above >= -PARAMETERS.behind).all(axis=0) | (above <= PARAMETERS.behind).all(axis=0)
             found += values[inside].tolist()
     return (min(found), max(found)) if found else None
-
-
-def _face(rows: Floats, n: int) -> Floats:
-    if not len(rows):
-        return np.eye(n)
-    _, sigma, Vt = np.linalg.svd(rows)
-    return np.asarray(Vt[int((sigma > PARAMETERS.behind).sum()) :].T)

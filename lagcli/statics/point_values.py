@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lagcli.contact import load_sharing
 from lagcli.equations.system import System
+from lagcli.linear import rank
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.statics.static_problem import StaticProblem
 
@@ -23,7 +24,6 @@ Origin = Literal["declared", "integrated", "none"]
 # Parts of the forces, and of their gradients, that are rounding; and points that are looked at.
 FORCE_ROUNDOFF, CURL_ROUNDOFF = 1e-11, 1e-10
 SAMPLES = (0.0, 0.1, 0.5, 1.0, 2.0)
-DEPENDENT_ROWS = 1e-9  # of rows of length one: singular values below it belong to dependent rows
 
 
 class PointColumns:
@@ -112,12 +112,8 @@ def least_multipliers(rows: Floats, force: Floats, lengths: Floats) -> Floats:
 
     rows (C, n), force (n,), lengths (C,) in the mass metric, as in a run.
     """
-    if not len(rows):
-        return np.zeros(0)
     divisors = np.where(lengths > 0, lengths, np.inf)
-    unit = rows / divisors[:, None]
-    found: Floats = np.linalg.lstsq(unit.T, force, rcond=DEPENDENT_ROWS)[0] / divisors
-    return found
+    return rank.space(rows / divisors[:, None], is_whole=False).weights(force) / divisors
 
 
 def pushing_multipliers(rows: Floats, lam: Floats, M: Floats, equalities: int) -> tuple[Floats, bool]:

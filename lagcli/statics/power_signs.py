@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact.least_distance import EPS
+from lagcli.linear import decompositions
 
 Floats = npt.NDArray[np.float64]
 # (i, j) -> the coefficient of a^i b^j and its rounding.
@@ -133,7 +134,7 @@ def _coefficients(
         each for each in itertools.product(range(power + 1), repeat=rays.shape[1]) if sum(each) == power
     ]
     monomials = np.prod(rays[:, None, :] ** np.array(exponents), axis=2)
-    inverse = np.linalg.pinv(monomials)
+    inverse = decompositions.pseudo_inverse(monomials)
     return exponents, inverse @ form, np.abs(inverse) @ rounding
 
 

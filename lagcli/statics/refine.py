@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
 from lagcli.statics import newton, rest_equations
 from lagcli.statics.newton import NewtonEnd
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -139,8 +140,7 @@ def _holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], sca
     for t in problem.later:
         values = problem.at(t, q, problem.nothing)
         rows = np.vstack([values.B, values.G[list(closed)]])
-        lam = np.linalg.lstsq(rows.T, -values.F, rcond=None)[0] if len(rows) else np.zeros(0)
-        left = np.abs(values.F + rows.T @ lam).max(initial=0.0) / scales.force
+        left = np.abs(decompositions.residual(rows.T, values.F)).max(initial=0.0) / scales.force
         apart = np.abs(values.c / (scales.conditions * scales.length)).max(initial=0.0)
         if not max(left, apart) <= 1e-8:
             return False

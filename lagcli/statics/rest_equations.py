@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lagcli.contact.least_distance import EPS
 from lagcli.errors import diagnostics
+from lagcli.linear import decompositions
 from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
@@ -111,9 +112,7 @@ class RestEquations:
                 return None
             lengths = np.linalg.norm(rows, axis=1) + TINY
             unit = rows / lengths[:, None]
-            found.append(
-                np.linalg.lstsq(unit.T, -values.F, rcond=1e-10)[0] / lengths if len(rows) else lengths
-            )
+            found.append(decompositions.least_squares(unit.T, -values.F) / lengths)
         return found
 
     def unbalanced(self, x: Floats) -> float:

@@ -70,11 +70,6 @@ def test_a_combination_is_positive_beyond_rounding(least: float, found: bool) ->
     assert (c is not None) is found
 
 
-@pytest.mark.parametrize(("size", "count"), [(5e-5, 2), (5e-6, None), (5e-7, 1)])
-def test_a_second_derivative_is_there_or_not_with_a_gap(size: float, count: int | None) -> None:
-    assert second_order._clearly(np.array([1.0, size])) == count
-
-
 def part_of(*laws: str) -> scaled_equations.ScaledPart:
     rows = "".join(f"  r{i}: {law} = 0\n" for i, law in enumerate(laws))
     text = "lagcli: 1\ncoordinates: {x: {value: 0}, y: {value: 0}}\nlagrangian: rate(x)**2/2 + rate(y)**2/2\n"

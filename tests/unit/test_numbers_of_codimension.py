@@ -201,7 +201,7 @@ def test_a_start_is_where_the_stress_balances(shift, is_proved, monkeypatch):
     part = Residuals(0.0)
     part.part = SimpleNamespace()
     part.coordinates = [0]
-    assert (second_order.dimension(part, 0, ()) is not None) is is_proved
+    assert (second_order.dimension(part, 1, ()) is not None) is is_proved
 
 
 class Centers:

@@ -158,12 +158,6 @@ def test_loads_are_unique_where_rows_are_independent(sigma, is_unique):
     assert same.tolist() == [is_unique] * 2
 
 
-@pytest.mark.parametrize(("sigma", "is_shared"), [(3e-12, True), (3e-11, False)])
-def test_a_load_is_shared_anew_where_that_is_not_felt(sigma, is_shared):
-    mu, _ = load_sharing.shared(rows_at(sigma), np.array([1.0, 0.0]))
-    assert bool(mu[1] > 0.4) is is_shared
-
-
 @pytest.mark.parametrize(("share", "varies"), [(3e-10, False), (3e-9, True)])
 def test_a_share_of_nine_digits_less_is_none(share, varies):
     # One of the last two would have to pull, if none of them carries anything.

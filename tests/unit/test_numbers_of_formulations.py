@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lagcli.formulations import comparison, maggi, stiff_ladder
+from lagcli.formulations import comparison, stiff_ladder
 from lagcli.formulations.comparison import Formulation, RunEvent
 
 
@@ -32,12 +32,6 @@ def test_an_incident_at_the_very_end_may_be_of_one_run_alone(before_end: float, 
 @pytest.mark.parametrize(("error", "digits"), [(0.0, 16.0), (1e-15, 15.0), (1e-20, 16.0)])
 def test_no_more_digits_are_reported_than_a_double_has(error: float, digits: float) -> None:
     assert comparison.Agreement(1, error, "", 0.0).digits == pytest.approx(digits)
-
-
-@pytest.mark.parametrize(("angle", "rank"), [(1e-6, 2), (1e-8, 1)])
-def test_rows_are_dependent_in_the_metric_of_the_masses_below_seven_digits(angle: float, rank: int) -> None:
-    mix, free = maggi._split(np.array([[1.0, 0.0, 0.0], [1.0, angle, 0.0]]), np.eye(3))
-    assert (len(mix), len(free)) == (rank, 3 - rank)
 
 
 def test_a_ladder_has_two_rungs_a_decade_and_two_hundred_at_most() -> None:

@@ -199,15 +199,6 @@ def test_a_curvature_seven_digits_smaller_is_taken_for_more():
 # Continua
 
 
-@pytest.mark.parametrize(("size", "count"), [(3e-7, 1), (3e-6, 0)])
-def test_directions_six_digits_flatter_may_be_a_continuum(size, count):
-    class Flat(SimpleNamespace):
-        def __call__(self, x):
-            return np.zeros(2), np.diag([1.0, size])
-
-    assert continuum.directions(Flat(problem=fake_problem(2)), np.zeros(2)).shape[1] == count
-
-
 @pytest.fixture
 def along_x(monkeypatch):
     """One flat direction; each step along it is recorded and ends this part of the way."""

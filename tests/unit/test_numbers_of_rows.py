@@ -10,7 +10,7 @@ import pytest
 from lagcli.equations import branch_cuts
 from lagcli.equations.branch_cuts import Cuts
 from lagcli.equations.kinks import Kinks
-from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear import decompositions, independent_rows, metric_rows, rank
 from lagcli.linear.independent_rows import Dependence
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
@@ -38,6 +38,15 @@ def two_rows(sigma):
 @pytest.mark.parametrize(("sigma", "value"), [(1e-5, 2), (1e-6, None), (3e-7, None), (3e-8, 1)])
 def test_singular_values_count_or_are_rounding_with_a_gap(sigma, value):
     assert rank.estimate(two_rows(sigma)).value == value
+
+
+@pytest.mark.parametrize(("part", "is_solved"), [(2e-13, False), (5e-12, True)])
+def test_singular_values_below_twelve_digits_are_not_solved_for(part, is_solved):
+    A = np.diag([1.0, part])
+    assert bool(decompositions.least_squares(A, A @ [1.0, 1.0])[1] > 0.9) is is_solved
+    assert bool(decompositions.pseudo_inverse(A)[1, 1] > 0) is is_solved
+    assert decompositions.range_basis(A).shape[1] == 1 + is_solved
+    assert len(rank.space(A).exact_dependences) == 1 - is_solved
 
 
 @pytest.mark.parametrize(("weight", "rows"), [(3e-7, [0]), (3e-6, [0, 1])])

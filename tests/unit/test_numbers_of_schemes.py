@@ -166,12 +166,6 @@ def test_ten_differences_of_iterates_are_mixed():
     assert len(mixing._changes) == 1 + 10
 
 
-@pytest.mark.parametrize(("apart", "is_told"), [(6e-10, True), (6e-11, False)])
-def test_differences_that_are_parallel_to_ten_digits_are_not_told_apart(apart, is_told):
-    _, found = mixed([((0.0, 0.0), (0.0, 1.0)), ((0.0, 0.0), (1.0, 1.0)), ((1.0, 0.0), (2.0, 1.0 + apart))])
-    assert bool(abs(found[0]) > 100) is is_told
-
-
 @pytest.mark.parametrize(("off", "is_projected"), [(3e-10, True), (3e-9, False)])
 def test_a_state_that_is_off_by_nine_digits_is_not_projected(off, is_projected):
     found = collocation.projected(Projecting(lambda t, y: y, 3, off), 0.0, np.zeros(3))

@@ -19,7 +19,6 @@ from lagcli.statics import (
     algebraic_zeros,
     flat_directions,
     kink_points,
-    newton,
     point_type,
     polynomial_equations,
     power_signs,
@@ -141,16 +140,6 @@ def test_zeros_of_a_vanishing_denominator_are_taken_out() -> None:
     assert (left.value(0), left.value(1)) == (3.0, 0.0)
 
 
-@pytest.mark.parametrize(("angle", "rank"), [(3e-7, 2), (3e-8, 1)])
-def test_rows_that_are_almost_parallel_have_rank_one(angle: float, rank: int) -> None:
-    assert point_type.unit_rank(np.array([[2.0, 0.0], [1.0, angle]])) == rank
-
-
-@pytest.mark.parametrize(("angle", "left"), [(1e-8, 0), (1e-10, 1)])
-def test_directions_that_rows_leave_are_reported_to_nine_digits(angle: float, left: int) -> None:
-    assert point_type.kernel(np.array([[1.0, 0.0], [1.0, angle]])).shape[1] == left
-
-
 @pytest.mark.parametrize(("tilt", "is_allowed"), [(1e-10, True), (1e-8, False)])
 def test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding(
     tilt: float, is_allowed: bool
@@ -160,15 +149,6 @@ def test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding(
     found = point_type.extremes(np.diag([-1.0, 1.0]), walls)
     assert (found == (-1.0, -1.0)) == is_allowed
     assert (found is None) == (not is_allowed)
-
-
-@pytest.mark.parametrize(("size", "moves"), [(1e-11, True), (1e-13, False)])
-def test_a_slope_below_the_rank_of_rounding_moves_nothing(size: float, moves: bool) -> None:
-    def residual(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([x[0] - 1.0, size * (x[1] - 1.0)]), np.diag([1.0, size])
-
-    end = newton.refined(residual, np.zeros(2))
-    assert (abs(end.x[1] - 1.0) < 1e-3) == moves
 
 
 # Flat directions, and kinks
@@ -203,13 +183,6 @@ def test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not() -> None:
 @pytest.mark.parametrize(("part", "flat"), [(2e-13, 0), (6e-15, 1)])
 def test_a_coefficient_of_sixty_roundings_is_none(part: float, flat: int) -> None:
     assert flat_verdict(lambda q: q**2, 0.0, forces=lambda q: q - (1 - part) * q).flat == flat
-
-
-@pytest.mark.parametrize(("part", "is_inverted"), [(2e-10, True), (1.2e-11, False)])
-def test_equations_across_have_rank_to_eleven_digits(part: float, is_inverted: bool) -> None:
-    problem = problem_of(lambda q: q[0] ** 4 + (q[1] + q[2]) ** 2 / 2 + part * q[2] ** 2 / 2, 3)
-    equations = FlatEquations(problem, (), UNITS, np.eye(3)[:, :1], np.zeros((3, 0)))
-    assert bool(np.abs(equations._linear(np.zeros(3), np.zeros(0))[2]).max() > 1e6) is is_inverted
 
 
 def test_a_point_is_moved_to_where_derivatives_vanish() -> None:
@@ -252,16 +225,6 @@ def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: py
     edge = np.vstack([np.polynomial.polynomial.polyfromroots([1, 1, 1 + apart, 1 + apart]), np.full(5, 1e-9)])
     power_signs._on_edge({}, edge, 0, (Fraction(1), Fraction(4)), 8)
     assert len(branches) == count
-
-
-@pytest.mark.parametrize(("part", "count"), [(3e-7, 1), (3e-6, 0)])
-def test_a_form_that_hardly_depends_on_a_direction_is_one_that_does_not(
-    part: float, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    axes: list[np.ndarray] = []
-    monkeypatch.setattr(flat_directions, "_moved_along", lambda _, begin, axis: axes.append(axis) or begin)
-    assert flat_verdict(lambda q: q[0] ** 4 + part * q[1] ** 4, 0.0, 0.0).is_strict
-    assert len(axes) == count
 
 
 @pytest.mark.parametrize(("part", "is_kept"), [(0.05, True), (0.3, False)])

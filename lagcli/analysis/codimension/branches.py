@@ -94,11 +94,10 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
 def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
     """The codimension at a point, or None."""
     _, J = part.at(part.begin, part.state.t)
-    sigma = np.linalg.svd(_unit_rows(J), compute_uv=False)
-    large = int((sigma > rank.PARAMETERS.large).sum())
-    if large != int((sigma > rank.PARAMETERS.small).sum()):
+    count = rank.space(_unit_rows(J)).value
+    if count is None:
         return None
-    return large if large == len(part.rows) or manifold.is_regular(part, large, times) else None
+    return count if count == len(part.rows) or manifold.is_regular(part, count, times) else None
 
 
 def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, size: float) -> Floats | None:
@@ -133,7 +132,7 @@ def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
             if residual <= PARAMETERS.squared * before or before <= limit:
                 return z if done < PARAMETERS.newton_steps else None
             break
-        z = z - np.linalg.lstsq(J / lengths[:, None], F / lengths, rcond=rank.PARAMETERS.small)[0]
+        z = z - rank.space(J / lengths[:, None], is_whole=False).step(F / lengths)
         before = residual
     if residual <= PARAMETERS.slow + limit:
         raise _SlowConvergence

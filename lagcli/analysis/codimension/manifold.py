@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 
@@ -104,13 +104,13 @@ class _DenseLook:
         return np.asarray(np.linalg.norm(self._J, axis=1))
 
     def shortest(self) -> Floats | None:
-        Q, R = np.linalg.qr((self._A @ self._J).T)
+        Q, R = decompositions.orthonormal((self._A @ self._J).T)
         if np.abs(np.diag(R)).min(initial=1.0) < rank.PARAMETERS.small:
             return None
         return np.asarray(Q @ np.linalg.solve(R.T, self.rest))
 
     def tangent(self, direction: Floats) -> Floats:
-        Q, _ = np.linalg.qr((self._A @ self._J).T)
+        Q, _ = decompositions.orthonormal((self._A @ self._J).T)
         return np.asarray(direction - Q @ (Q.T @ direction))
 
 
@@ -236,9 +236,8 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
     _, J = equations.at(z, t)
     if not np.isfinite(J).all():
         return None
-    left, sigma, _ = np.linalg.svd(J)
-    large, small = int((sigma > rank.PARAMETERS.large).sum()), int((sigma > rank.PARAMETERS.small).sum())
-    return Manifold(equations, left[:, :count].T) if large == small == count else None
+    found = rank.space(J)
+    return Manifold(equations, found.combinations) if found.value == count else None
 
 
 def _of_many(part: ScaledPart, chosen: list[int]) -> LargeManifold | None:

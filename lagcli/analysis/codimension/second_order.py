@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
-from lagcli.linear import rank as rank_limits
+from lagcli.linear import rank
 
 Floats = npt.NDArray[np.float64]
 
@@ -38,12 +38,6 @@ class SecondOrderParameters:
 
     __slots__ = ()
 
-    nothing: float = 1e-6
-    """Second derivatives below this are the square root of the rounding of the start.
-    `test_a_second_derivative_is_there_or_not_with_a_gap` fails at 1e-7 and 1e-5."""
-    something: float = 1e-5
-    """Above this they are there; between the two nothing is decided.
-    `test_a_second_derivative_is_there_or_not_with_a_gap` fails at 1e-6 and 1e-4."""
     balanced: float = 1e-13
     """The distance, in units of the scaled coordinates, of the start from where the stress balances:
     rounding. From farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point;
@@ -101,12 +95,14 @@ class Deflated:
         return self.part.rounding
 
 
-def dimension(part: ScaledPart, rank: int, times: Sequence[float]) -> int | None:
+def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | None:
     """The dimension of f = 0 at the begin of the part, whose rows have this rank there, or None if not proved."""
     t = part.state.t
     _, B = part.at(part.begin, t)
-    left, _, right = np.linalg.svd(B)
-    stresses, tangent = left[:, rank:], right[rank:].T
+    rows = rank.space(B)
+    if rows.value != count:
+        return None
+    stresses, tangent = rows.dependences.T, rows.kernel
     rigid = _rigid_stress(part, stresses, tangent)
     if rigid is None:
         return None
@@ -127,7 +123,7 @@ def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
     """The distance of the start from the manifold, in its coordinates; inf where Newton's method finds no way to it."""
     begin = deflated.begin
     F, J = deflated.at(begin, t)
-    step = np.linalg.lstsq(J, F, rcond=rank_limits.PARAMETERS.small)[0]
+    step = rank.space(J, is_whole=False).step(F)
     there = found.reached(begin - step, t)
     if there is None:
         return math.inf
@@ -142,27 +138,18 @@ def _rigid_stress(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[
     d, m = stresses.shape[1], tangent.shape[1]
     forms = np.array([tangent.T @ part.hessian(part.begin, part.state.t, w) @ tangent for w in stresses.T])
     # Stresses of which the forms differ: of redundant rows they do not.
-    mixed, sizes, basis = np.linalg.svd(forms.reshape(d, m * m), full_matrices=False)
-    count = _clearly(sizes)
-    if not count:
+    differing = rank.space(forms.reshape(d, m * m), is_whole=False)
+    if not differing.value:
         return None
-    basis = basis[:count].reshape(count, m, m)
-    _, sigma, directions = np.linalg.svd(basis.reshape(count * m, m), full_matrices=True)
-    across = _clearly(sigma)
-    if across is None:
+    basis = differing.basis.reshape(-1, m, m)
+    across = rank.space(basis.reshape(-1, m))
+    if across.value is None:
         return None
-    across_surface = directions[:across].T
-    c = definite_combination(across_surface.T @ basis @ across_surface)
+    c = definite_combination(across.basis @ basis @ across.basis.T)
     if c is None:
         return None
-    stress = stresses @ (mixed[:, :count] @ (c / sizes[:count]))
-    return stress / np.linalg.norm(stress), m - across
-
-
-def _clearly(sizes: Floats) -> int | None:
-    """The number of sizes that are not zero, or None where that is not clear."""
-    some, all_but_nothing = int((sizes > PARAMETERS.something).sum()), int((sizes > PARAMETERS.nothing).sum())
-    return some if some == all_but_nothing else None
+    stress = stresses @ (differing.combinations.T @ (c / differing.sigma[: differing.low]))
+    return stress / np.linalg.norm(stress), m - across.low
 
 
 def definite_combination(matrices: Floats) -> Floats | None:

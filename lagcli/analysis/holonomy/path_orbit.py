@@ -15,7 +15,7 @@ from numpy.linalg import LinAlgError
 
 from lagcli.analysis.holonomy import controlled_paths
 from lagcli.analysis.holonomy.local_system import LocalPart
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 
 Floats = npt.NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class PathOrbit:
     def lift(self, closed: npt.NDArray[np.int64]) -> Floats | None:
         """The tangent vectors (k + 1, a) with unit components along coordinates `closed` (a,), if they have one."""
         picked = self.tangent[closed]
-        sigma = np.linalg.svd(picked, compute_uv=False)
+        sigma = decompositions.singular_values(picked)
         if sigma.size == 0 or sigma[-1] < PARAMETERS.seen:
             return None
         found = self.tangent @ np.linalg.inv(picked)
@@ -99,7 +99,7 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
     vectors, is_explored = _carried(frame, point, control, size)
     lengths = np.linalg.norm(vectors, axis=0)
     vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
-    left, sigma, _ = np.linalg.svd(vectors / np.linalg.norm(vectors, axis=0), full_matrices=False)
+    sigma, left = decompositions.column_axes(vectors / np.linalg.norm(vectors, axis=0))
     many = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
     return PathOrbit(left[:, :many], kernel, timed, is_explored)
 

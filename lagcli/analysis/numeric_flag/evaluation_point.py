@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.compiled import program, row_block
 from lagcli.compiled.row_block import RowBlock
-from lagcli.linear import independent_rows, metric_rows, rank
+from lagcli.linear import decompositions, independent_rows, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
@@ -136,7 +136,7 @@ class EvaluationPoint:
             values = values / np.where(size > 0, size, 1.0)[:, None]
         if not np.isfinite(values).all():
             return np.zeros(0)
-        return np.asarray(np.linalg.svd(values, compute_uv=False)) / math.sqrt(values.shape[1])
+        return decompositions.singular_values(values) / math.sqrt(values.shape[1])
 
     @cached_property
     def terms(self) -> Floats:

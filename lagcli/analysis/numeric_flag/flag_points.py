@@ -25,7 +25,7 @@ from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations import kinks
 from lagcli.equations.system import System
-from lagcli.linear import generic_direction
+from lagcli.linear import decompositions, generic_direction
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.start import initial
@@ -242,7 +242,7 @@ def _projected(A: Sparse, u: Floats) -> Floats:
         return u
     if rows.is_large:
         return u + rows.correction(np.array(A @ u).ravel())
-    Q, _ = np.linalg.qr(rows.dense.T)
+    Q, _ = decompositions.orthonormal(rows.dense.T)
     v = u - Q @ (Q.T @ u)
     return np.asarray(v - Q @ (Q.T @ v))
 

@@ -23,6 +23,7 @@ from lagcli.analysis.numeric_flag.precise_brackets import Exact
 from lagcli.analysis.numeric_flag.span import Limits, Span, unit
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
+from lagcli.linear import decompositions
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -246,7 +247,7 @@ def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
     """The weights of a row by least squares."""
     dense, differential = point.rows.dense, len(point.differential)
     lengths = point.rows.lengths
-    found = np.linalg.lstsq(dense[point.independent].T, dense[row], rcond=None)[0]
+    found = decompositions.least_squares(dense[point.independent].T, dense[row])
     scale = Decimal(float(np.abs(found).max(initial=0.0)))
     weights = []
     for k, value in zip(

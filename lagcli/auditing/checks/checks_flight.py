@@ -22,7 +22,7 @@ from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import COST, RESOLVED, SAFETY, Evidence
-from lagcli.auditing.evidence.virtual_space import NEAR
+from lagcli.auditing.evidence.virtual_space import VirtualSpace
 
 FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the next row or incident")
 # Rows between two incidents that are examined by differences; fewer are, one by one, as flights. At 4
@@ -330,20 +330,16 @@ class _FreeMotion:
             return a
         demanded = laws.demanded(r.t, r.q, r.v, a)
         W = laws.matrix(r.t, r.q, r.v) / self._roots
-        lengths = np.linalg.norm(W, axis=2)
         usable = (
-            np.isfinite(W).all(axis=(1, 2)) & (lengths > 0).all(axis=1) & np.isfinite(demanded).all(axis=1)
+            np.isfinite(W).all(axis=(1, 2)) & (W != 0).any(axis=2).all(axis=1) & np.isfinite(demanded).all(axis=1)
         )
         usable &= W.shape[1] <= W.shape[2]
         found = np.full(a.shape, np.nan)
         if not usable.any():
             return found
-        W, lengths, demand = W[usable], lengths[usable], demanded[usable]
-        left, sigma, across = np.linalg.svd(W / lengths[:, :, None], full_matrices=False)
-        along = np.einsum("pik,pi->pk", left, demand / lengths) / np.where(sigma > 0, sigma, np.nan)
-        pulled = np.einsum("pkj,pk->pj", across, along) / self._roots
-        independent = sigma[:, -1] > NEAR * sigma[:, 0]
-        found[usable] = np.where(independent[:, None], a[usable] - pulled, np.nan)
+        space = VirtualSpace(W[usable])
+        pulled = space.step(demanded[usable]) / self._roots
+        found[usable] = np.where(space.are_apart[:, None], a[usable] - pulled, np.nan)
         return found
 
     def spread(self, r: Record, a: Array) -> Array:

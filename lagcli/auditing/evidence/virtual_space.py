@@ -63,6 +63,11 @@ class VirtualSpace:
         shares = np.where(self._independent[:, None, :], self._left**2, 0.0).sum(axis=2)
         self.is_unique = (shares > 1 - 1e-6) & (self.lengths > 0)
 
+    @property
+    def are_apart(self) -> Array:
+        """True for each of the M rows of a table where no row of B is near a combination of the others."""
+        return np.asarray(self.sigma[:, -1] > NEAR * self.sigma[:, 0])
+
     def virtual(self, w: Array) -> Array:
         """The part of w (M, n) along virtual displacements: the sum over an orthonormal basis of (w . e) e."""
         return np.asarray(w - self._constrained(w))

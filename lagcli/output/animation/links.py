@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations import rigid
+from lagcli.linear import rank
 from lagcli.model import model as nouns
 from lagcli.output.animation import quadratic_form, scene
 from lagcli.output.animation.quadratic_algebra import PicturedRow, SpringLength
@@ -275,9 +276,10 @@ def _pivot(positions: Floats, size: float) -> tuple[Floats, float] | None:
         return None
     square = (offsets**2).sum(axis=1)
     # |p|^2 = 2 c . p + d; the mean is taken off, so that the solution of least norm lies in the plane of the positions.
-    matrix, right = offsets, (square - square.mean()) / 2
-    centre, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-9)
+    right, scale = (square - square.mean()) / 2, float(np.linalg.norm(offsets))
+    found = rank.space(offsets / scale, is_whole=False)
+    centre = found.step(right / scale)
     distances = np.linalg.norm(offsets - centre, axis=1)
-    if rank < 2 or np.ptp(distances) > TIE_ROUNDOFF * size:
+    if found.low < 2 or np.ptp(distances) > TIE_ROUNDOFF * size:
         return None
     return middle + centre, float(distances.mean())

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import decompositions
+
 Floats = npt.NDArray[np.float64]
 # Of points (T, k, 3) to values (T, k); T = 1 for what does not move.
 Function = Callable[[Floats], Floats]
@@ -84,7 +86,7 @@ def nearest(functions: Sequence[Function], points: Floats, size: float) -> tuple
         if np.all(reached | ~known):
             break
         moving = known & ~reached
-        inverse = np.linalg.pinv(np.where(moving[..., None, None], rows, 0.0))
+        inverse = decompositions.pseudo_inverse(np.where(moving[..., None, None], rows, 0.0))
         move = -(inverse @ np.where(moving[..., None], values, 0.0)[..., None])[..., 0]
         move[np.linalg.norm(move, axis=-1) > size] = np.nan
         points = np.where(known[..., None], points + move, np.nan)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from lagcli.linear import decompositions
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -98,7 +99,7 @@ class RandomSample(Sample):
             B = np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
             bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
             f[bad], B[bad] = 0.0, 0.0
-            step = np.linalg.pinv(B) @ f[:, :, None]
+            step = decompositions.pseudo_inverse(B) @ f[:, :, None]
             points = points - step[:, :, 0]
         points[np.any(np.abs(f) > _ON_SURFACE, axis=1) | bad] = np.nan
         self._known = {s: v for s, v in self._known.items() if s.is_Symbol}

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from lagcli.linear import decompositions
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.integrals import kernel_frame as frames
@@ -237,7 +238,7 @@ class Known:
             norms = np.linalg.norm(matrix, axis=1)
             if not (np.all(norms > _DEPENDENT) and np.all(np.isfinite(norms))):
                 continue
-            singular = np.linalg.svd(matrix / norms[:, None], compute_uv=False)
+            singular = decompositions.singular_values(matrix / norms[:, None])
             if len(singular) == len(matrix) and singular[-1] > _RANK:
                 return True
         return False

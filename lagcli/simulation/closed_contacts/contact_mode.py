@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
-from lagcli.linear import independent_rows
+from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric_rows import MetricRows, stacked
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactForces, ContactsUndecided
@@ -21,8 +21,6 @@ from lagcli.start.initial import State
 FAR, STEPS = 1e-3, 5
 # Of the way ahead, what a gap may be off that stays closed. One that opens like a square is off by FAR of it.
 CLOSED = 1e-8
-# Directions of rows that are this small are rounding.
-NO_DIRECTION = 1e-8
 # Sets of contacts that are tried, where not all that are closed can stay so.
 MOST_TRIED = 256
 # Accelerations that differ by less than this part of them are the same.
@@ -65,7 +63,7 @@ def _on_contacts(here: ContactInstant, state: State, contacts: list[int]) -> Sta
         A = np.array(here.metric.whitened(stacked(B, instant.gradients(np.array(contacts, dtype=np.intp)))))
         if not (np.isfinite(off).all() and np.isfinite(A).all()):
             return None
-        back = np.linalg.lstsq(A, -off, rcond=NO_DIRECTION)[0]
+        back = rank.space(A, is_whole=False).step(-off)
         state = dataclasses.replace(state, q=state.q + here.metric.unwhitened(back))
     return state
 

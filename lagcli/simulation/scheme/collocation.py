@@ -16,6 +16,7 @@ import numpy.typing as npt
 from numpy.polynomial import legendre
 
 from lagcli.compiled.bound_function import BoundFunction
+from lagcli.linear import decompositions
 
 Floats = npt.NDArray[np.float64]
 
@@ -43,9 +44,6 @@ class CollocationParameters:
     depth: int = 10
     """Differences of iterates that are mixed; each costs a row of a small least squares problem.
     `test_ten_differences_of_iterates_are_mixed` fails at 1 and 100."""
-    singular: float = 1e-10
-    """Singular values of these differences, as parts of the largest, that are rounding.
-    `test_differences_that_are_parallel_to_ten_digits_are_not_told_apart` fails at 1e-11 and 1e-9."""
     most_residual: float = 1e-9
     """A state that is off the constraints by more than this part of its size after the projection is on none.
     `test_a_state_that_is_off_by_nine_digits_is_not_projected` fails at 1e-10 and 1e-8."""
@@ -133,7 +131,7 @@ class _Mixing:
         with np.errstate(over="ignore"):  # states that fly off are no solution, and are found out as such
             lengths = np.linalg.norm(differences, axis=0)
         lengths[lengths == 0] = 1.0
-        weights = np.linalg.lstsq(differences / lengths, changes[-1], rcond=PARAMETERS.singular)[0] / lengths
+        weights = decompositions.least_squares(differences / lengths, changes[-1]) / lengths
         mixed = np.asarray(values[-1] - weights @ np.diff(values, axis=0)).reshape(g.shape)
         return np.asarray(mixed * self._sizes)
 

@@ -71,7 +71,7 @@ def closest(numeric: NumericSystem, state: State, is_alone: bool) -> tuple[int, 
     if rows.is_large:
         weights = np.abs(rows.weakest)
     else:
-        weights = np.abs(np.linalg.svd(rows.dense)[0][:, -1])
+        weights = np.abs(rank.nearest_dependence(rows)[1])
     return tuple(independent[i] for i in np.flatnonzero(weights > PART * weights.max()))
 
 

@@ -1,0 +1,74 @@
+"""Decompositions of dense matrices, the only ones of the program: least squares, orthonormal bases, singular values.
+
+Entries are known to rounding here, and what is smaller is zero. Rows at a state are known to fewer digits: what they
+span and what follows from what is for `rank` to say.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+class DecompositionParameters:
+    """The test is of `tests/unit/test_numbers_of_rows.py`."""
+
+    __slots__ = ()
+
+    rounding: float = 1e-12
+    """Singular values below this part of the largest are rounding of the entries.
+    `test_singular_values_below_twelve_digits_are_not_solved_for` fails at 1e-13 and 1e-11."""
+
+
+PARAMETERS = DecompositionParameters()
+
+
+def least_squares(A: Floats, b: Floats) -> Floats:
+    """The shortest x (n,) or (n, k) that makes |A x - b| least, A (m, n), b (m,) or (m, k)."""
+    return np.asarray(np.linalg.lstsq(A, b, rcond=PARAMETERS.rounding)[0], dtype=float)
+
+
+def residual(A: Floats, b: Floats) -> Floats:
+    """b - A x (m,) of the best x, A (m, n): the part of b that no combination of columns makes."""
+    return np.asarray(b - A @ least_squares(A, b))
+
+
+def pseudo_inverse(A: Floats) -> Floats:
+    """The inverse (..., n, m) of Moore and Penrose of matrices (..., m, n)."""
+    return np.asarray(np.linalg.pinv(A, rcond=PARAMETERS.rounding), dtype=float)
+
+
+def singular_values(A: Floats) -> Floats:
+    """Those of a matrix (m, n), the largest first."""
+    return np.asarray(np.linalg.svd(A, compute_uv=False))
+
+
+def axes(A: Floats) -> tuple[Floats, Floats]:
+    """Singular values (k,), k = min(m, n), and all right singular vectors (n, n) in rows, of a matrix (m, n)."""
+    _, sizes, right = np.linalg.svd(A, full_matrices=True)
+    return np.asarray(sizes), np.asarray(right)
+
+
+def range_basis(columns: Floats) -> Floats:
+    """An orthonormal basis (m, r) of what columns (m, n) span."""
+    sizes, left = column_axes(columns)
+    return np.asarray(left[:, sizes > PARAMETERS.rounding * sizes.max(initial=0.0)])
+
+
+def column_axes(A: Floats) -> tuple[Floats, Floats]:
+    """Singular values (k,), k = min(m, n), and their left vectors (m, k) in columns, of a matrix (m, n)."""
+    left, sizes, _ = np.linalg.svd(A, full_matrices=False)
+    return np.asarray(sizes), np.asarray(left)
+
+
+def orthonormal(columns: Floats) -> tuple[Floats, Floats]:
+    """Q (m, k) and R (k, n), k = min(m, n), with columns (m, n) = Q R, Q orthonormal and R upper triangular."""
+    Q, R = np.linalg.qr(columns)
+    return np.asarray(Q, dtype=float), np.asarray(R, dtype=float)
+
+
+def triangle(columns: Floats) -> Floats:
+    """The R of `orthonormal` alone."""
+    return np.asarray(np.linalg.qr(columns, mode="r"), dtype=float)
