@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -67,8 +67,7 @@ def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int
     columns = PointColumns(ready.system, problem.t, problem.p)
     kinks = kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
-    are_unique = all(point.unique_multipliers for point in points)
-    notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, are_unique, starts)]
+    notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, points, starts)]
     if whole.is_told:
         notes.append(whole.reason)
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
@@ -103,19 +102,22 @@ def _point(
     )
 
 
-def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint) -> tuple[Floats, bool]:
+def _multipliers(
+    ready: CompiledModel, asked: StaticQuestion, found: FoundPoint
+) -> tuple[Floats, bool | None]:
     """lambda of all rows of the system (C + K,): as found, or where they are not unique those of least norm, as in a
-    run; and whether they are."""
+    run; and whether they are, None where the rank of the rows does not say."""
     problem, point, t = asked.problem, found.point, asked.problem.t
     system, numeric = ready.system, ready.numeric
     count, s = len(system.rows.rows), system.holonomic_count
     is_own = asked.called == "potential" or len(asked.rows) == s == problem.C
     lam = np.zeros(count + problem.K)
-    if is_own and found.type.unique:
+    if is_own and found.type.unique is not False:
         lam[list(asked.rows)] = point.lam[: problem.C]
         lam[count:] = point.lam[problem.C :]
         if found.touching == point.closed:
-            return lam, True
+            return lam, found.type.unique
+    unique: bool | None
     values = problem.at(t, point.q, point.lam)
     v = np.zeros(problem.n)
     B = numeric.rows(t, point.q, v, problem.p)[0].full()[list(asked.rows)]
@@ -133,7 +135,9 @@ def _multipliers(ready: CompiledModel, asked: StaticQuestion, found: FoundPoint)
     return lam, unique
 
 
-def _remarks(search: PointSearch, source: Origin, are_unique: bool, starts: int) -> Iterator[str]:
+def _remarks(
+    search: PointSearch, source: Origin, points: Sequence[StaticPoint], starts: int
+) -> Iterator[str]:
     """Notes on what was found and what was not looked for."""
     if source == "integrated":
         yield "forces that are declared without a potential have one; it is counted from the start"
@@ -144,7 +148,13 @@ def _remarks(search: PointSearch, source: Origin, are_unique: bool, starts: int)
         count = sum(one.dimension == size for one in search.points)
         what = "one point stands for a continuum" if count == 1 else f"{count} points stand for continua"
         yield f"{what} of dimension {size}"
-    if not are_unique:
+    near = sum(point.unique_multipliers is None for point in points)
+    if near:
+        yield (
+            f"{'one point is' if near == 1 else f'{near} points are'} so near to where rows are dependent that their"
+            " rank is undecided there: multipliers may have no right digit, and be unique or not"
+        )
+    if any(point.unique_multipliers is False for point in points):
         yield "multipliers that are not unique are those of least norm, as in a run"
     if len(search.problem.times) > 1:
         t = search.problem.t

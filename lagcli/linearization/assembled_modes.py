@@ -134,15 +134,10 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
 def _free(functions: LinearizedFunctions, found: Steady) -> freedoms.Freedoms:
     try:
         return freedoms.find(found.linear, functions.stiffness_terms(found.here, found.linear))
-    except freedoms.HiddenConditionError:
-        built = functions.system
-        row = built.rows.rows[built.holonomic_count]
-        message = (
-            "the differential rows are dependent there, and hold small deviations of positions to more than they"
-            " say"
-        )
+    except freedoms.NoFreedomsError as error:
+        row = functions.system.rows.rows[-1]
         raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("singular-constraints", message, row.location)]
+            [diagnostics.Diagnostic("singular-constraints", str(error), row.location)]
         ) from None
 
 

@@ -22,8 +22,8 @@ HIDDEN = 1e-8
 STIFFNESS_ROUNDOFF = 2e-13
 
 
-class HiddenConditionError(Exception):
-    """Differential rows that are dependent there hold the deviations of positions to more than they say."""
+class NoFreedomsError(Exception):
+    """Rows that do not tell the deviations they leave: a sentence why."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ class Freedoms:
 def find(linear: Linear, terms: Floats) -> Freedoms:
     """The free coordinates of linear equations; terms (n, n): the sizes of what the entries of K are sums of.
 
-    Raises `HiddenConditionError`.
+    Raises `NoFreedomsError`.
     """
     M, C, K, B, A, D = (
         part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
@@ -88,7 +88,7 @@ def find(linear: Linear, terms: Floats) -> Freedoms:
     # In y = L^T dq the metric is the plain one.
     white = np.linalg.solve(L, B.T).T
     first = _cyclic_basis(linear.cyclic, B, L)
-    rest = rank.null_basis(np.vstack([unit(white), first.T]))
+    rest = _decided(np.vstack([unit(white), first.T])).kernel
     Z = np.linalg.solve(L.T, np.hstack([first, rest]))
     c = first.shape[1]
     K_Z, C_Z, A_Z, D_Z = Z.T @ K @ Z, Z.T @ C @ Z, A @ Z, D @ Z
@@ -105,6 +105,16 @@ def find(linear: Linear, terms: Floats) -> Freedoms:
     return Freedoms(Z, N, G, K_Z, C_Z, c, noise)
 
 
+def _decided(rows: Floats) -> rank.RowSpace:
+    """What rows of length one span. Raises `NoFreedomsError` where their rank is undecided."""
+    found = rank.space(rows)
+    if found.value is None:
+        raise NoFreedomsError(
+            "the rank of the rows is undecided there, which is too near to where they are dependent"
+        )
+    return found
+
+
 def _noise(linear: Linear, terms: Floats, Z: Floats) -> float:
     """The most that rounding of the entries of K makes of Z^T K Z."""
     inertia = linear.inertia[:, None]
@@ -117,10 +127,12 @@ def _differential(A: Floats, D: Floats, rate: float) -> tuple[Floats, Floats]:
     m = A.shape[1]
     if not A.shape[0]:
         return np.eye(m), np.zeros((m, m))
-    found = rank.space(A)
+    found = _decided(A)
     left = found.dependences @ D
     if np.abs(left).max(initial=0.0) > HIDDEN * max(np.abs(D).max(initial=0.0), rate):
-        raise HiddenConditionError
+        raise NoFreedomsError(
+            "the differential rows are dependent there, and hold small deviations of positions to more than they say"
+        )
     # Without rows that hold it, a basis of its own would only turn the coordinates.
     return found.kernel if found.low else np.eye(m), found.step(D)
 

@@ -62,13 +62,14 @@ PARAMETERS = PointTypeParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PointType:
-    """kind and index (negative directions) are None where the forces have no potential; unique: whether lambda is;
+    """kind and index (negative directions) are None where the forces have no potential, or the rank of the equality
+    rows is undecided; unique: whether lambda is, None where the rank of the rows does not say;
     rank: of the equality rows; freedom: what these leave; is_regular: whether all curvatures are known and none
     vanishes, so that no other point is near."""
 
     kind: Kind | None
     index: int | None
-    unique: bool
+    unique: bool | None
     rank: int
     freedom: int
     is_regular: bool = False
@@ -92,12 +93,11 @@ def classify(
     values = problem.at(problem.t, point.q, point.lam)
     B, G = unit(values.B), unit(values.G[list(point.closed)])
     push, is_carrying = _pushes(problem, point, scales)
-    independent = rank.space(B, is_whole=False).low
-    freedom = problem.n - independent
-    rows = np.vstack([B, G])
-    is_unique = rank.space(rows, is_whole=False).low == len(rows)
-    plain = PointType(None, None, is_unique, independent, freedom)
-    if not has_potential:
+    equalities, rows = rank.space(B, is_whole=False), rank.space(np.vstack([B, G]), is_whole=False)
+    freedom = problem.n - equalities.low
+    is_unique = None if rows.value is None else rows.value == len(rows.left)
+    plain = PointType(None, None, is_unique, equalities.low, freedom)
+    if not has_potential or equalities.value is None:
         return plain, point
     if freedom == 0:
         return dataclasses.replace(plain, kind="isolated", index=0, is_regular=True), point

@@ -20,7 +20,9 @@ class StaticPoint:
 
     at: positions and coordinates; multipliers: lambda by row, 0 of open contacts; reactions: R; value: f or the
     potential, None where there is none; type, index: of the bordered Hessian; residual: the largest |F + B^T lambda|,
-    |f_i| as they are written; dimension: of the continuum it stands for, 0 of a point alone.
+    |f_i| as they are written;
+    unique_multipliers: None where the rank of the rows is undecided; dimension: of the continuum it stands for, 0 of a
+    point alone.
     """
 
     at: Mapping[str, float]
@@ -30,7 +32,7 @@ class StaticPoint:
     type: str | None
     index: int | None
     residual: float
-    unique_multipliers: bool
+    unique_multipliers: bool | None
     dimension: int
 
     def as_json(self, called: Value) -> dict[str, object]:

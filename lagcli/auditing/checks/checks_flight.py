@@ -331,7 +331,9 @@ class _FreeMotion:
         demanded = laws.demanded(r.t, r.q, r.v, a)
         W = laws.matrix(r.t, r.q, r.v) / self._roots
         usable = (
-            np.isfinite(W).all(axis=(1, 2)) & (W != 0).any(axis=2).all(axis=1) & np.isfinite(demanded).all(axis=1)
+            np.isfinite(W).all(axis=(1, 2))
+            & (W != 0).any(axis=2).all(axis=1)
+            & np.isfinite(demanded).all(axis=1)
         )
         usable &= W.shape[1] <= W.shape[2]
         found = np.full(a.shape, np.nan)
