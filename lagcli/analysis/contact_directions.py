@@ -217,7 +217,7 @@ def _cone(left: RowDisplacements, G: LocalRows, g_t: Floats, closed: list[int]) 
     rate = rows @ left.allowed + rates
     terms = np.abs(rows) @ np.abs(left.allowed) + np.abs(rates)
     rate = np.where(np.abs(rate) <= impact_law.PARAMETERS.safe * least_distance.EPS * terms, 0.0, rate)
-    moves = sizes > impact_law.PARAMETERS.immobile
+    moves = sizes > rank.PARAMETERS.small
     taken = np.flatnonzero(moves)
     cone = _Cone(
         [closed[i] for i in taken], over[taken] / sizes[taken, None], -rate[taken] / (lengths * sizes)[taken]

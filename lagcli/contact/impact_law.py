@@ -37,10 +37,6 @@ class ImpactParameters:
     gained: float = 1e-9
     """The part of the energy at hand, and through contacts, which they may gain: speeds of gaps are no better
     known. `test_an_impact_may_gain_nine_digits_less_than_goes_through_it` fails at 1e-10 and 1e-8."""
-    immobile: float = 1e-7
-    """A contact of which the equality rows leave no more than this part cannot move: what is left is
-    rounding. `test_a_contact_of_which_equality_rows_leave_seven_digits_less_cannot_move` fails at 1e-8 and
-    1e-6."""
     refinements: int = 2
     """Each refinement gains all the digits there are; the second finds nothing but rounding.
     `test_rows_of_an_impact_are_met_to_rounding_after_two_refinements` fails at 0."""
@@ -242,7 +238,7 @@ class ContactBlock:
         for _ in range(2):
             bare = bare - (bare @ across.T) @ across
         lengths = np.linalg.norm(bare, axis=1)
-        return np.where((lengths > PARAMETERS.immobile)[:, None], bare, 0.0)
+        return np.where((lengths > rank.PARAMETERS.small)[:, None], bare, 0.0)
 
     def _refined(self, mu: Floats, asked: Floats) -> Floats:
         """mu with the rows that hold met to rounding: what they are missing is asked for again."""
@@ -250,6 +246,6 @@ class ContactBlock:
         holding, mu = rank.space(self._unit[rows], is_whole=False), mu.copy()
         for _ in range(PARAMETERS.refinements):
             missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)
-            mu[rows] += holding.weights(holding.step(missing))
+            mu[rows] += holding.weights_of_step(missing)
         mu[self._count :] = np.maximum(mu[self._count :], 0.0)
         return mu

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 
 Floats = npt.NDArray[np.float64]
@@ -33,10 +33,6 @@ class IndependentRowsParameters:
     """The next independent row is the first in the file's order that is this part as far from the others as
     the farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest` fails at 0.03 and
     3."""
-    weight: float = 1e-7
-    """A row takes part in a dependency if its weight is above this; of rows that are on the surface to
-    rounding, and dependent on it alone, rounding leaves its square root.
-    `test_a_row_takes_part_in_a_dependency_with_seven_digits` fails at 1e-8 and 1e-6."""
     shift: float = 1e-13
     """It is added to the diagonal of the Gram matrix of many rows, whose largest pivots are those of independent rows.
     `test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added` fails at 1e-14 and 1e-12."""
@@ -80,7 +76,7 @@ class Dependence:
     def selection(self) -> Selection:
         """The rows to step with, and the dependencies."""
         dependencies = tuple(
-            (row, *(i for i in sorted(of) if abs(of[i]) > PARAMETERS.weight))
+            (row, *(i for i in sorted(of) if abs(of[i]) > rank.PARAMETERS.small))
             for row, of in zip(self.rest, self.weights, strict=True)
         )
         return Selection(self.independent, dependencies)
@@ -103,7 +99,7 @@ class Dependence:
 
 
 def _without_rounding(vector: Mapping[int, float]) -> dict[int, float]:
-    least = PARAMETERS.weight * max(map(abs, vector.values()), default=0.0)
+    least = rank.PARAMETERS.small * max(map(abs, vector.values()), default=0.0)
     return {i: weight for i, weight in vector.items() if abs(weight) > least}
 
 
@@ -186,7 +182,7 @@ def rebased(selection: Selection, independent: tuple[int, ...]) -> Selection | N
 
 
 def _smallest_singular_value(rows: MetricRows, independent: tuple[int, ...]) -> float:
-    return float(np.linalg.svd(rows.dense[list(independent)], compute_uv=False).min(initial=1.0))
+    return float(decompositions.singular_values(rows.dense[list(independent)]).min(initial=1.0))
 
 
 def independent(rows: MetricRows, count: int, first: Sequence[int] = ()) -> list[int]:
@@ -202,7 +198,7 @@ def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
     known = _near_weights(rows, independent, rest) if rows.is_large else {}
     far = [row for row in rest if row not in known]
     for some in (far[k : k + PARAMETERS.together] for k in range(0, len(far), PARAMETERS.together)):
-        least = PARAMETERS.weight if rows.is_large else 0.0
+        least = rank.PARAMETERS.small if rows.is_large else 0.0
         for row, weights in zip(some, _combinations(rows, list(independent), some), strict=True):
             among = np.flatnonzero(np.abs(weights) > least).tolist()
             known[row] = {independent[k]: float(weights[k]) for k in among}
@@ -250,10 +246,10 @@ def _weights_among(
     B = np.zeros((len(near) + 1, len(columns)))
     for k, i in enumerate((*near, row)):
         B[k, [at[j] for j in by_row[i]]] = list(by_row[i].values())
-    weights = np.linalg.lstsq(B[:-1].T, B[-1], rcond=None)[0]
+    weights = decompositions.least_squares(B[:-1].T, B[-1])
     if np.linalg.norm(weights @ B[:-1] - B[-1]) > PARAMETERS.spanned:
         return None
-    return {i: w for i, w in zip(near, weights.tolist(), strict=True) if abs(w) > PARAMETERS.weight}
+    return {i: w for i, w in zip(near, weights.tolist(), strict=True) if abs(w) > rank.PARAMETERS.small}
 
 
 def joined(first: Selection, others: Iterable[Selection]) -> Selection:
@@ -289,7 +285,7 @@ def _share(names: Sequence[str]) -> str:
 def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> Floats:
     """The weights (k, r) of unit rows in `rest` over those in `independent`."""
     if not rows.is_large:
-        return np.asarray(np.linalg.lstsq(rows.dense[independent].T, rows.dense[rest].T, rcond=None)[0]).T
+        return decompositions.least_squares(rows.dense[independent].T, rows.dense[rest].T).T
     among, others = rows.unit[independent, :], rows.unit[rest, :]
     gram = ca.mtimes(among, among.T)
     factors = ca.Linsol("among", "ldl", gram.sparsity())
@@ -336,7 +332,7 @@ def farthest(
     taken must not depend on rounding, as it does with the pivots of LAPACK. It ends where all are nearer than `least`.
     """
     independent = list(first)
-    basis = np.linalg.qr(rows[independent].T)[0]
+    basis = decompositions.orthonormal(rows[independent].T)[0]
     rest = rows - rows @ basis @ basis.T
     while len(independent) < count:
         lengths = np.linalg.norm(rest, axis=1)

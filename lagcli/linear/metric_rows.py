@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import generic_direction
+from lagcli.linear import decompositions, generic_direction
 from lagcli.linear.metric import Metric
 
 Floats = npt.NDArray[np.float64]
@@ -40,9 +40,6 @@ class MetricRowsParameters:
     shift: float = 1e-14
     """It is added to the diagonal of a Gram matrix of which rows may be the same: far below what is asked
     for. `test_rows_that_are_the_same_leave_what_is_added_to_their_gram_matrix` fails at 1e-15 and 1e-13."""
-    gram_roundoff: float = 1e-12
-    """Of the Gram matrix smaller eigenvalues than this part of the largest are rounding.
-    `test_eigenvalues_of_the_gram_matrix_are_rounding_below_twelve_digits` fails at 1e-13 and 1e-11."""
     dense: int = 150
     """More rows than these, over more coordinates than these, are never looked at densely: their singular
     values would take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many` fails at 15 and 1500."""
@@ -268,7 +265,7 @@ class MetricRows:
         if rest.size:
             others = self.take(rest.tolist())
             touched = np.unique(LocalRows(others.unit).column)
-            least = float(np.linalg.svd(np.array(others.unit[:, touched.tolist()]), compute_uv=False)[-1])
+            least = float(decompositions.singular_values(np.array(others.unit[:, touched.tolist()]))[-1])
             if touched.size < rest.size or least == 0.0:
                 return 0.0
         across = np.sqrt(self.count - rest.size)  # as long as X is at most, of rows of length one
@@ -337,7 +334,7 @@ class MetricRows:
 
     @cached_property
     def _singular_values(self) -> Floats:
-        return np.asarray(np.linalg.svd(self.dense, compute_uv=False))
+        return decompositions.singular_values(self.dense)
 
     @property
     def is_large(self) -> bool:
@@ -376,10 +373,11 @@ class MetricRows:
         if self.are_independent or self.is_large:
             return self._solved(scaled, 0.0 if self.are_independent else PARAMETERS.shift)
         if self.count > self.unit.shape[1]:
-            left, sigma, _ = np.linalg.svd(self.dense, full_matrices=False)
-            fixed = left[:, sigma > np.sqrt(PARAMETERS.gram_roundoff) * sigma.max(initial=0.0)]
+            sigma, left = decompositions.column_axes(self.dense)
+            limit = decompositions.PARAMETERS.rounding**0.5
+            fixed = left[:, sigma > limit * sigma.max(initial=0.0)]
             return np.asarray(fixed @ ((fixed.T @ scaled) / sigma[: fixed.shape[1]] ** 2))
-        return np.asarray(np.linalg.lstsq(np.array(self._gram), scaled, rcond=PARAMETERS.gram_roundoff)[0])
+        return decompositions.least_squares(np.array(self._gram), scaled)
 
 
 def are_many(count: int, coordinates: int) -> bool:

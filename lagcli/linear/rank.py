@@ -56,18 +56,22 @@ class Rank:
         return self.low if self.low == self.high else None
 
 
-@frozen
 class RowSpace:
     """What rows A (C, n) of about length one span: the rank is between `low` and `high`, and `low` of them are taken.
 
     left (C, k), sigma (min(C, n),), right (k', n): singular vectors and values, k = C and k' = n where they are whole.
     """
 
-    left: Floats
-    sigma: Floats
-    right: Floats
-    low: int
-    high: int
+    __slots__ = ("left", "low", "right", "sigma")
+
+    def __init__(self, left: Floats, sigma: Floats, right: Floats) -> None:
+        self.left, self.sigma, self.right = left, sigma, right
+        self.low = int(np.count_nonzero(sigma > PARAMETERS.large))
+
+    @property
+    def high(self) -> int:
+        """The number of singular values that are more than rounding."""
+        return int(np.count_nonzero(self.sigma > PARAMETERS.small))
 
     @property
     def value(self) -> int | None:
@@ -102,22 +106,21 @@ class RowSpace:
 
     def step(self, b: Floats) -> Floats:
         """The shortest x (n,) or (n, k) with A x = b (C,) or (C, k), by least squares if it must."""
-        return self.basis.T @ _divided(self.combinations @ b, self.sigma[: self.low])
+        found = (self.combinations @ b).T / self.sigma[: self.low]
+        return np.asarray(self.basis.T @ found.T)
 
     def weights(self, u: Floats) -> Floats:
         """The shortest w (C,) with A^T w = u (n,), by least squares if it must."""
-        return self.combinations.T @ _divided(self.basis @ u, self.sigma[: self.low])
+        return np.asarray((self.basis @ u / self.sigma[: self.low]) @ self.combinations)
 
-
-def _divided(parts: Floats, sigma: Floats) -> Floats:
-    return np.asarray(parts.T / sigma).T
+    def weights_of_step(self, b: Floats) -> Floats:
+        """The weights (C,) of `step`, x = A^T w."""
+        return np.asarray((self.combinations @ b / self.sigma[: self.low] ** 2) @ self.combinations)
 
 
 def space(rows: Floats, is_whole: bool = True) -> RowSpace:
     """What rows (C, n) of about length one span; is_whole: with what they leave, and what vanishes of them."""
-    left, sigma, right = np.linalg.svd(rows, full_matrices=is_whole)
-    low, high = (int(np.count_nonzero(sigma > limit)) for limit in (PARAMETERS.large, PARAMETERS.small))
-    return RowSpace(np.asarray(left), np.asarray(sigma), np.asarray(right), low, high)
+    return RowSpace(*np.linalg.svd(rows, full_matrices=is_whole))
 
 
 def pseudo_inverse(rows: Floats) -> Floats:

@@ -48,9 +48,6 @@ class ContinuumParameters:
     """Points on a straight way at which it is looked whether they are points of rest too; at no common
     period. `test_points_at_equal_distances_are_no_straight_continuum` fails at a tenth and at ten times of
     it."""
-    no_side: float = 1e-7
-    """Lengths of rows, and of what is left of one of length one, that are rounding.
-    `test_contacts_that_lean_by_rounding_leave_no_side` fails at 1e-8 and 1e-6."""
 
 
 PARAMETERS = ContinuumParameters()
@@ -195,9 +192,9 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
 def _without_side(G: Floats) -> list[bool]:
     """For each row of G (k, d), whether G u >= 0 of all rows leaves it at 0: then its opposite is a sum of rows with
     weights that are not negative (Farkas)."""
-    sizes = np.linalg.norm(G, axis=1)
-    rows = G / np.where(sizes > PARAMETERS.no_side, sizes, 1.0)[:, None]
-    if (rows @ rows.sum(axis=0) > PARAMETERS.no_side).all():  # one direction leaves all of them
+    sizes, nothing = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
+    rows = G / np.where(sizes > nothing, sizes, 1.0)[:, None]
+    if (rows @ rows.sum(axis=0) > nothing).all():  # one direction leaves all of them
         return [False] * len(rows)
     left = (least_distance.residual(rows.T, -row) for row in rows)
-    return [rest is not None and float(np.linalg.norm(rest)) <= PARAMETERS.no_side for rest in left]
+    return [rest is not None and float(np.linalg.norm(rest)) <= nothing for rest in left]

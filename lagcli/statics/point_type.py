@@ -52,9 +52,6 @@ class PointTypeParameters:
     soft: float = 1e-3
     """And so may those of this part of force over length.
     `test_a_curvature_is_looked_at_again_below_a_part_of_force_over_length` fails at 1e-4 and 1e-2."""
-    behind: float = 1e-9
-    """Of rows and directions of length one: what is behind a contact.
-    `test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding` fails at 1e-8."""
 
 
 PARAMETERS = PointTypeParameters()
@@ -236,7 +233,7 @@ def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
     of the cone, on which some rows are zero, and of several the smaller faces have their own.
     """
     lengths = np.linalg.norm(G, axis=1)
-    rows = G[lengths > PARAMETERS.behind] / lengths[lengths > PARAMETERS.behind, None]
+    rows = G[lengths > rank.PARAMETERS.small] / lengths[lengths > rank.PARAMETERS.small, None]
     found: list[float] = []
     for size in range(len(rows) + 1):
         for on in itertools.combinations(range(len(rows)), size):
@@ -245,6 +242,8 @@ def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
                 continue
             values, vectors = np.linalg.eigh(face.T @ H @ face)
             above = rows @ (face @ vectors)
-            inside = (above >= -PARAMETERS.behind).all(axis=0) | (above <= PARAMETERS.behind).all(axis=0)
+            inside = (above >= -rank.PARAMETERS.small).all(axis=0) | (above <= rank.PARAMETERS.small).all(
+                axis=0
+            )
             found += values[inside].tolist()
     return (min(found), max(found)) if found else None
