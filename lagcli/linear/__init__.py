@@ -3,6 +3,7 @@
 In: M and B at a point
 Out: lengths, projections, a rank or its doubt, independent rows and what the others follow from
 
-`metric` measures with M, `rank` finds a rank by the gap in the singular values, `decompositions` are for other matrices, and `independent_rows` chooses rows and
-tells which others follow from them. `generic_direction` belongs to no model.
+`metric` measures with M, `rank` finds a rank by the gap in the singular values, and `independent_rows` chooses rows and
+tells which others follow from them. `decompositions` are those of matrices known to rounding; `generic_direction`
+belongs to no model.
 """
