@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
@@ -13,11 +12,8 @@ from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 
 if TYPE_CHECKING:
-    # Most models have no differential rows, and load nothing that judges them.
-    from lagcli.analysis.classification.integral_searches import KnownSearches
     from lagcli.compiled.selection import Selection
     from lagcli.start.assembly import Assembly
-    from lagcli.start.consistent_start import KnownStarts
     from lagcli.start.initial import State
 
 
@@ -33,39 +29,17 @@ class ExaminedStart:
     known: KnownIntegrals
 
 
-@dataclasses.dataclass(slots=True, eq=False)
-class KnownAnswers:
-    """Findings about one text with some values, kept for others which they do not depend on."""
+def first_integrals(system: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
+    """The first integrals of the differential rows as far as they are found in `limit` seconds."""
+    if not system.model.differential:
+        return KnownIntegrals()
+    from lagcli.analysis.classification import integral_searches
 
-    _starts: KnownStarts | None = None
-    _searches: KnownSearches | None = None
-
-    def starts(self, system: System) -> KnownStarts:
-        """The consistent starts that are known."""
-        if self._starts is None:
-            from lagcli.start.consistent_start import (
-                KnownStarts,  # here, as counts and verdicts come without a run
-            )
-
-            self._starts = KnownStarts(system)
-        return self._starts
-
-    def first_integrals(self, system: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
-        """The first integrals of the differential rows as far as they are found in `limit` seconds.
-
-        Another run with the same values, or with others that the rows do not hold, asks for no other search.
-        """
-        if not system.model.differential:
-            return KnownIntegrals()
-        if self._searches is None:
-            from lagcli.analysis.classification.integral_searches import KnownSearches
-
-            self._searches = KnownSearches(system)
-        return self._searches.search(system, numeric, limit)
+    return integral_searches.search(system, numeric, limit)
 
 
 def examine(
-    system: System, numeric: NumericSystem, answers: KnownAnswers, given: KnownIntegrals | None, limit: float
+    system: System, numeric: NumericSystem, given: KnownIntegrals | None, limit: float
 ) -> ExaminedStart:
     """The start of a model, on hidden conditions too.
 
@@ -76,10 +50,10 @@ def examine(
     from lagcli.start import consistent_start
 
     def integrals() -> KnownIntegrals:
-        return answers.first_integrals(system, numeric, limit) if given is None else given
+        return first_integrals(system, numeric, limit) if given is None else given
 
     try:
-        begin = answers.starts(system).find(system, numeric)
+        begin = consistent_start.known(system, numeric)
         known = integrals()
     except diagnostics.ModelError as error:
         from lagcli.analysis.classification import classify

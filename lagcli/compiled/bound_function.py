@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, cast
 
@@ -13,39 +12,6 @@ if TYPE_CHECKING:
     import casadi as ca
 
 Floats = npt.NDArray[np.float64]
-
-
-# Of functions that were bound before: entries of each argument; shape and entries of each result.
-_Layout = tuple[tuple[int, ...], tuple[tuple[tuple[int, int], int], ...]]
-_layouts: weakref.WeakKeyDictionary[ca.Function, _Layout] = weakref.WeakKeyDictionary()
-# The same functions with full results, of those that have a result with zeros by structure.
-_full: weakref.WeakKeyDictionary[ca.Function, ca.Function] = weakref.WeakKeyDictionary()
-
-
-def _layout(function: ca.Function) -> _Layout:
-    known = _layouts.get(function)
-    if known is None:
-        made = tuple((function.size_out(i), function.nnz_out(i)) for i in range(function.n_out()))
-        known = _layouts[function] = (tuple(function.nnz_in(i) for i in range(function.n_in())), made)
-    return known
-
-
-def _with_full_results(function: ca.Function) -> ca.Function:
-    """Give each result of a function all of its entries: what is zero by structure, as the multiplier of an open
-    contact is, differs from mode to mode, and the size of a result must not."""
-    if all(shape[0] * shape[1] == entries for shape, entries in _layout(function)[1]):
-        return function
-    known = _full.get(function)
-    if known is None:
-        # Loaded where there is a function of its own: this module is asked for before.
-        import casadi as ca
-
-        from lagcli.smoothness.sized_function import SizedFunction
-
-        inputs = function.mx_in()
-        results = [ca.densify(result) for result in function.call(inputs)]
-        known = _full[function] = SizedFunction(function.name(), inputs, results)
-    return known
 
 
 class Buffer(Protocol):
@@ -79,13 +45,17 @@ class BoundFunction:
         wanted: int | None = None,
         is_sparse: bool = False,
     ) -> None:
+        # Loaded where there is a function: this module is asked for before.
+        from lagcli.smoothness.sized_function import SizedFunction
+
+        assert isinstance(function, SizedFunction), function
         if not is_sparse:
-            function = _with_full_results(function)
+            function = function.with_full_results
         self._buffer, self.trigger = buffer(function)
         self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
-        taken, made = _layout(function)
+        taken, made = function.layout
         # Of an argument that is left out CasADi makes zeros.
         assert len(self.arguments) == len(taken), (function.name(), len(self.arguments), len(taken))
         for i, array in enumerate(arguments):

@@ -11,9 +11,9 @@ import operator
 import random
 from collections.abc import Callable, Sequence
 from decimal import Decimal
-from functools import lru_cache
 from typing import Any
 
+from lagcli import memory
 from lagcli.compiled.program import Program
 from lagcli.expression import functions
 
@@ -35,7 +35,7 @@ def decimal_of(value: float) -> Decimal:
     return Decimal(repr(value))
 
 
-@lru_cache(maxsize=4096)
+@memory.remembered(4096)
 def perturbed(value: Decimal, least: Decimal = ZERO) -> Decimal:
     """A number moved by about PERTURBATION of its size or of `least`, each another way; an integer is unchanged."""
     if value == value.to_integral_value():
@@ -167,7 +167,7 @@ class _Functions:
         return PLAIN["sign"](_first(a))
 
 
-@lru_cache(maxsize=4096)
+@memory.remembered(4096)
 def _real(name: str, a: Decimal, digits: int) -> Decimal:
     import mpmath  # here, as only such functions need it and every count would load it
 

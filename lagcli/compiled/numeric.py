@@ -24,10 +24,10 @@ import numpy.typing as npt
 from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
-from lagcli.compiled.recent_answers import RecentAnswers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import narrow_functions
 from lagcli.equations.system import System
+from lagcli.memory import Memory
 from lagcli.smoothness import named_functions
 from lagcli.smoothness.sized_function import SizedFunction
 
@@ -70,10 +70,8 @@ class NumericSystem:
     ) -> None:
         self._system, self._switched = system, switched
         self._parts = parts or shared.build(system)
-        # By their selections; None where switches do not pay.
-        self._all_closed: dict[Selection, NumericSystem | None] = {}
         self.n: int = system.symbols.q.numel()
-        self.recent = RecentAnswers()
+        self.memory = Memory()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
         """The system with first integrals enforced in these charts; its p goes on with the two constants of each."""
@@ -118,12 +116,15 @@ class NumericSystem:
         whole = selection.switched(self._parts.B.shape[0])
         if whole is None:
             return self.keeping(selection)
-        if whole not in self._all_closed:
+
+        def all_closed() -> NumericSystem | None:
+            """None where switches do not pay: they stand in expanded factors alone."""
             parts = self._parts.switched(whole)
             every = None if parts is None else NumericSystem(self._system, parts)
-            # Switches stand in expanded factors alone.
-            self._all_closed[whole] = every if every and isinstance(every._way, Expanded) else None
-        return NumericSystem(self._system, self._parts.keeping(selection), self._all_closed[whole])
+            return every if every and isinstance(every._way, Expanded) else None
+
+        every = self.memory.answer(("all closed", whole), all_closed)
+        return NumericSystem(self._system, self._parts.keeping(selection), every)
 
     @property
     def stepped(self) -> NumericSystem:

@@ -20,6 +20,7 @@ import textwrap
 import tomllib
 from typing import Literal
 
+from lagcli import memory
 from lagcli.errors import diagnostics
 
 Stage = Literal["input", "read", "start", "run"]
@@ -96,7 +97,7 @@ def render(page: Page) -> str:
     return "\n\n".join(parts)
 
 
-@functools.cache
+@memory.remembered()
 def _read(code: str) -> Page:
     keys = tomllib.loads((FOLDER / f"{code}.toml").read_text(encoding="utf-8"))
     return Page(code, **keys | {key: " ".join(keys[key].split()) for key in SENTENCES})

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import sympy
 
+from lagcli.memory import Memory
 from lagcli.pfaffian import joint
 from lagcli.pfaffian.flag.function_field import Values
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
@@ -42,17 +43,17 @@ class VerdictMemo:
 
     def __init__(self) -> None:
         self._numbering = _Numbering()
-        self._known: dict[_FormPattern, tuple[Form, FormVerdict]] = {}
+        self._memory = Memory()
 
     def classify(self, form: Form, deadline: float) -> FormVerdict:
         """Classify as `frobenius.classify` does."""
         pattern = self._pattern(form)
-        known = self._known.get(pattern)
-        if known is not None and _is_renamable(known[0], form):
-            return _renamed(known[1], known[0], form)
-        verdict = frobenius.classify(form, deadline)
-        self._known.setdefault(pattern, (form, verdict))
-        return verdict
+        known, verdict = self._memory.answer(pattern, lambda: (form, frobenius.classify(form, deadline)))
+        if known is form:
+            return verdict
+        if _is_renamable(known, form):
+            return _renamed(verdict, known, form)
+        return frobenius.classify(form, deadline)
 
     def _pattern(self, form: Form) -> _FormPattern:
         """The form with its coordinates numbered instead of named."""
@@ -100,15 +101,13 @@ class JointMemo:
 
     def __init__(self) -> None:
         self._numbering = _Numbering()
-        self._flags: dict[_BlockPattern, tuple[PfaffianBlock, Flagged]] = {}
-        self._solutions: dict[_BlockPattern, tuple[PfaffianBlock, Solution]] = {}
+        self._memory = Memory()
 
     def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
         """Find the flag as `joint.flagged` does."""
-        pattern = self._pattern(block)
-        if pattern not in self._flags:
-            self._flags[pattern] = block, joint.flagged(block, time, values, deadline)
-        known, found = self._flags[pattern]
+        known, found = self._memory.answer(
+            ("flag", self._pattern(block)), lambda: (block, joint.flagged(block, time, values, deadline))
+        )
         return found if known is block else _Renaming(known, block).flagged(found)
 
     def solution(
@@ -119,10 +118,9 @@ class JointMemo:
         deadline: float,
     ) -> Solution:
         """Solve as `joint.solution` does, with the `found` flag of the block."""
-        pattern = self._pattern(block)
-        if pattern not in self._solutions:
-            self._solutions[pattern] = block, joint.solution(found, verdicts, deadline)
-        known, solved = self._solutions[pattern]
+        known, solved = self._memory.answer(
+            ("solution", self._pattern(block)), lambda: (block, joint.solution(found, verdicts, deadline))
+        )
         return solved if known is block else _Renaming(known, block).solution(solved)
 
     def _pattern(self, block: PfaffianBlock) -> _BlockPattern:

@@ -11,8 +11,9 @@ from lagcli.equations import level_functions, size_limits
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
+from lagcli.memory import Memory
 from lagcli.model.invariant import FirstIntegral
-from lagcli.model.model import Model, Parameter
+from lagcli.model.model import Model
 from lagcli.simulation.run import run_start
 from lagcli.simulation.run.row_writer import TableRows
 from lagcli.simulation.run.run_start import RunStart
@@ -34,41 +35,36 @@ class CachedFunctions:
     """Steps by method, first integrals with their charts, and the functions of t, each built when a run asks for it."""
 
     numeric: NumericSystem
-    _plain: invariants.RunFunctions | None = None
-    _integrals: dict[Found, invariants.Integrals] = dataclasses.field(default_factory=dict)
-    _totals: dict[tuple[tuple[str, float], ...], bool] = dataclasses.field(default_factory=dict)
-    _timed: tuple[tuple[Parameter, ...], time_functions.TimeFunctions | None] | None = None
+    _memory: Memory = dataclasses.field(default_factory=Memory)
 
     @property
     def plain(self) -> invariants.RunFunctions:
         """The functions of the system by itself."""
-        if self._plain is None:
-            self._plain = invariants.RunFunctions(self.numeric)
-        return self._plain
+        return self._memory.answer("plain", lambda: invariants.RunFunctions(self.numeric))
 
     def integrals(self, system: System, found: Found) -> invariants.Integrals:
         """The integrals with their functions, built anew where a value is built in that has changed."""
-        known = self._integrals.get(found)
-        if known is None or not known.hold_for(system):
-            known = self._integrals[found] = invariants.Integrals(system, self.plain, found)
-        elif known.system is not system:  # whose start, values and restitutions a run reads
-            known = self._integrals[found] = known.of(system)
+        known = self._memory.known(found)
+        if not isinstance(known, invariants.Integrals) or not known.hold_for(system):
+            known = invariants.Integrals(system, self.plain, found)
+        known = known.of(system)  # whose start, values and restitutions a run reads
+        self._memory.keep(found, known)
         return known
 
     def has_total_columns(self, system: System) -> bool:
         """See `operation_rules.has_total_columns`."""
-        if system.built_in not in self._totals:
-            from lagcli.equations import operation_rules
+        from lagcli.equations import operation_rules
 
-            self._totals[system.built_in] = operation_rules.has_total_columns(system)
-        return self._totals[system.built_in]
+        return self._memory.answer(system.built_in, lambda: operation_rules.has_total_columns(system))
 
     def timed(self, model: Model) -> time_functions.TimeFunctions | None:
         """The functions of t alone, None where the model has none, whatever its parameters are."""
-        known = self._timed
-        if known is None or (known[1] is not None and known[0] != model.parameters):
-            known = self._timed = model.parameters, time_functions.functions(model)
-        return known[1]
+        if self._memory.known("no functions of t"):
+            return None
+        timed = self._memory.answer(("timed", model.parameters), lambda: time_functions.functions(model))
+        if timed is None:
+            self._memory.keep("no functions of t", True)
+        return timed
 
 
 @frozen

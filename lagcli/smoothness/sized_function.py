@@ -22,6 +22,26 @@ class SizedFunction(ca.Function):
     def _taken(self) -> tuple[int, ...]:
         return tuple(self.size1_in(i) for i in range(self.n_in()))
 
+    @cached_property
+    def layout(self) -> tuple[tuple[int, ...], tuple[tuple[tuple[int, int], int], ...]]:
+        """The entries of each argument; shape and entries of each result."""
+        made = tuple((self.size_out(i), self.nnz_out(i)) for i in range(self.n_out()))
+        return tuple(self.nnz_in(i) for i in range(self.n_in())), made
+
+    @property
+    def with_full_results(self) -> SizedFunction:
+        """The function with all entries of each result: what is zero by structure, as the multiplier of an open contact
+        is, differs from mode to mode, and the size of a result must not."""
+        is_full = all(shape[0] * shape[1] == entries for shape, entries in self.layout[1])
+        return (
+            self if is_full else self._filled
+        )  # a function that kept itself would be freed by a collection alone
+
+    @cached_property
+    def _filled(self) -> SizedFunction:
+        inputs = self.mx_in()
+        return SizedFunction(self.name(), inputs, [ca.densify(result) for result in self.call(inputs)])
+
     if not TYPE_CHECKING:  # the types of a call are those of CasADi
 
         def __call__(self, *arguments: object) -> object:

@@ -12,7 +12,6 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from lagcli.expression import evaluate, intervals, tree
 from lagcli.expression import functions as language
 from lagcli.expression.intervals import Range
 from lagcli.frozen import frozen_value
+from lagcli.memory import Memory
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
 
@@ -71,7 +71,7 @@ class TimeFunctions:
     switches: tuple[int, ...]
     oscillations: tuple[int, ...]
     is_mixed: bool
-    cached: dict[tuple[float, ...], Any] = dataclasses.field(default_factory=dict, compare=False, repr=False)
+    cached: Memory = dataclasses.field(default_factory=Memory, compare=False, repr=False)
 
     @property
     def is_bounded(self) -> bool:

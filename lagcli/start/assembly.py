@@ -113,10 +113,9 @@ def assemble(
     """
     values = tuple(part.tobytes() for part in (state.q, state.v, state.p))
     question = ("assembly", state.t, *values, system.model.simulation.duration, keep, one_sided)
-    if question not in numeric.recent:
-        with numeric.recent.refusals(question):
-            numeric.recent.keep(question, _assembled(system, numeric, state, keep, one_sided))
-    return numeric.recent.answer(question, Assembly)
+    return numeric.memory.answer(
+        question, lambda: _assembled(system, numeric, state, keep, one_sided), (diagnostics.ModelError,)
+    )
 
 
 def _assembled(

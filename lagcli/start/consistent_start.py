@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import OrderedDict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,28 +77,16 @@ def nearest(system: System, numeric: NumericSystem) -> Assembly:
     return assembly.assemble(system, numeric, declared, keep, one_sided=True)
 
 
-class KnownStarts:
-    """The starts of one text that were found consistent or were assembled, by what they depend on.
+def known(built: System, numeric: NumericSystem) -> ConsistentStart:
+    """The consistent start of a model, found for whatever it depends on.
 
     Assembly and the look at the residuals ask inertia, rows and contacts, the duration of the run and the settings of
     assembly, and nothing else: with another weight or another spring the same start is found, to the bit.
+    Raises `diagnostics.ModelError` where no run can begin.
     """
-
-    MOST = 64  # that are kept: the inner one of two loops over values comes again for each value of the outer
-
-    def __init__(self, built: System) -> None:
-        self._parameters = row_parameters.of_start(built)
-        self._found: OrderedDict[tuple[object, ...], ConsistentStart] = OrderedDict()
-
-    def find(self, built: System, numeric: NumericSystem) -> ConsistentStart:
-        """The consistent start of a model. Raises `diagnostics.ModelError` where no run can begin."""
-        size_limits.require_run(built)
-        declared, chosen = initial.declared(built), built.model.simulation
-        parts = declared.q.tobytes(), declared.v.tobytes(), declared.p[self._parameters].tobytes()
-        key = (declared.t, *parts, chosen.duration, chosen.assemble, chosen.keep)
-        known = self._found.get(key)
-        if known is None:
-            known = self._found[key] = find(built, numeric)
-            while len(self._found) > self.MOST:
-                self._found.popitem(last=False)
-        return known.with_numbers(declared.p)
+    size_limits.require_run(built)
+    declared, chosen = initial.declared(built), built.model.simulation
+    held = numeric.memory.answer("parameters of starts", lambda: row_parameters.of_start(built))
+    parts = declared.q.tobytes(), declared.v.tobytes(), declared.p[held].tobytes()
+    question = ("start", declared.t, *parts, chosen.duration, chosen.assemble, chosen.keep)
+    return numeric.memory.answer(question, lambda: find(built, numeric)).with_numbers(declared.p)

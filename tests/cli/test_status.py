@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli import progress
-from lagcli.api.models import cache
+from lagcli import memory, progress
 from lagcli.api.runs import prepare_run
 from lagcli.cli.terminal import status_line
 
@@ -140,7 +139,7 @@ class Heard:
     ],
 )  # fmt: skip
 def test_all_work_is_a_phase(work, wanted) -> None:
-    cache.forget()  # nothing is left of other tests
+    memory.forget()  # nothing is left of other tests
     heard = Heard()
     with progress.reported_to(heard):
         work(lagcli.load(MODEL))

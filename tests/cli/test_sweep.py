@@ -18,9 +18,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import progress
+from lagcli import memory, progress
 from lagcli.analysis.numeric_flag import undecided
-from lagcli.api.models import cache
 from lagcli.api.sweeps import drawn_points, reductions
 from lagcli.output.sweeps import shard_merge, sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_table import PointRow
@@ -178,11 +177,11 @@ def test_a_point_is_ended_before_its_run_too(
         return work(*arguments, **named)
 
     monkeypatch.setattr(progress, "time", types.SimpleNamespace(process_time=lambda: clock[0]))
-    cache.forget()
+    memory.forget()
     whole = run(*common)
     assert whole.returncode == 0
     monkeypatch.setattr(owner, attribute, slow)
-    cache.forget()
+    memory.forget()
     ended = run(*common)
     assert ended.returncode == 3
     told = "it takes longer than 3600 s and was ended before its first row"

@@ -10,6 +10,7 @@ import pytest
 import sympy
 
 import lagcli
+from lagcli import memory
 from lagcli.analysis.classification import integral_searches, known_integrals
 from lagcli.analysis.classification.case import Case
 from lagcli.api.models import cache
@@ -445,10 +446,10 @@ def test_an_integral_on_the_surface_of_a_holonomic_row(
 ) -> None:
     if not expanded:
         monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", 0)
-        cache.forget()
+        memory.forget()
     found = (*held("w - x**3/3", LevelFunction("w - x**3/3")), *held("w - x*z/3", LevelFunction("w - x*z/3")))
     going, columns = run(SURFACE, found, duration=20, rtol=1e-7)
-    cache.forget()
+    memory.forget()
     assert chart_of(going) == [0, None]
     assert not going.notes
     phi = columns["w"] - columns["x"] ** 3 / 3
@@ -592,13 +593,13 @@ def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyP
         return known_integrals.KnownIntegrals()
 
     monkeypatch.setattr(integral_searches, "_searched", search)
-    cache.forget()
+    memory.forget()
     for changes in ({}, {}, {"k": 3}, {"k": 3}, {"x.value": 2}, {"x.value": 2}, {}):
         lagcli.simulate(lagcli.loads(POWER, changes), duration=0.1, assemble=True)
     assert len(searches) == 3  # the last values are the first again
     lagcli.simulate(lagcli.loads(POWER), duration=0.1, limit=1)
     assert len(searches) == 4
-    cache.forget()
+    memory.forget()
 
 
 @pytest.mark.parametrize("limit", [-1.0, math.nan])

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli import memory
 from lagcli.contact import complementarity
 from lagcli.simulation.scheme.dop853 import DormandPrince853
 from tests.helpers.spent import at_most_calls
@@ -51,7 +51,7 @@ def test_particles_that_land_one_by_one_cost_work_by_the_square_of_their_number_
 
 def test_functions_of_steps_are_built_for_two_sets_of_contacts_whatever_lands(monkeypatch):
     """All open, and any closed."""
-    monkeypatch.setattr(cache, "_cached", type(cache._cached)())
+    memory.forget()
     step, built = DormandPrince853.step, []
 
     def counted(self, numeric):

@@ -11,7 +11,6 @@ from scipy import linalg
 
 import lagcli
 from lagcli.analysis.classification import integral_searches
-from lagcli.analysis.classification.integral_searches import KnownSearches
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api import find_modes
 from lagcli.api.find_modes import NoEquilibriumError
@@ -169,7 +168,7 @@ def test_the_bicycle_has_its_published_eigenvalues_at_every_speed(monkeypatch: p
         return built[0]
 
     # None of its rows can be integrated, and its functions are those of every speed.
-    monkeypatch.setattr(KnownSearches, "search", lambda *given: KnownIntegrals())
+    monkeypatch.setattr(integral_searches, "search", lambda *given: KnownIntegrals())
     monkeypatch.setattr(find_modes, "_functions", functions)
     for v in (0.1, 3, 6, 13.7):
         found = lagcli.modes(lagcli.loads(whipple.MODEL, parameters={"v": v}))
@@ -333,7 +332,7 @@ def test_random_systems_have_the_eigenvalues_of_their_own_linear_equations(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text, wanted = random_system(seed)
-    monkeypatch.setattr(KnownSearches, "search", lambda *given: KnownIntegrals())
+    monkeypatch.setattr(integral_searches, "search", lambda *given: KnownIntegrals())
     found = lagcli.modes(lagcli.loads(text), about="start")
     assert found.about == "equilibrium"
     values = found.eigenvalues[found.eigenvalues != 0]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli import memory
 from lagcli.analysis.classification import classify
-from lagcli.api.models import cache
 from lagcli.expression import tree
 from lagcli.start import assembly
 
@@ -41,9 +41,9 @@ holonomic:
 
 
 def fresh(load, change: dict[str, object], **options: object) -> np.ndarray:
-    cache.forget()
+    memory.forget()
     rows = lagcli.simulate(load(change), **ROWS, **options).rows
-    cache.forget()
+    memory.forget()
     return rows
 
 
@@ -76,7 +76,7 @@ def test_a_proof_is_made_again_only_where_rows_hold_what_has_changed(monkeypatch
     calls: list[object] = []
     proof = classify.certainly_nonholonomic
     monkeypatch.setattr(classify, "certainly_nonholonomic", lambda case: calls.append(case) or proof(case))
-    cache.forget()
+    memory.forget()
     model = lagcli.load(MODELS / "rolling-disk.yaml")
     assert {p.name for p in model.parameters} >= {"M", "a"}
     counts = []

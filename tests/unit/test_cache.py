@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lagcli
+from lagcli import memory
 from lagcli.api.models import cache
 from lagcli.model.model import Model
 
@@ -46,17 +47,17 @@ ANSWERS: dict[str, Answer] = {
 
 @pytest.fixture
 def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each system that is asked for is built anew."""
-    compiled = cache.compiled
+    """All memories are emptied each time that one of them is asked."""
+    known = memory.Memory.known
 
-    def anew(model: Model) -> object:
-        cache.forget()
-        return compiled(model)
+    def forgetting(self: memory.Memory, question: Hashable) -> object:
+        memory.forget()
+        return known(self, question)
 
-    monkeypatch.setattr(cache, "compiled", anew)
+    monkeypatch.setattr(memory.Memory, "known", forgetting)
 
 
-@pytest.fixture(params=["pendulum-angle", "spoke"])
+@pytest.fixture(params=["pendulum-angle", "spoke", "rope-slack-and-taut"])
 def model(request: pytest.FixtureRequest) -> Model:
     return lagcli.load(MODELS / f"{request.param}.yaml")
 
@@ -73,21 +74,21 @@ def test_where_everything_is_forgotten_all_answers_are_the_same(model, kept, for
 
 
 def test_a_system_that_had_other_values_gives_the_same_rows(model) -> None:
-    cache.forget()
+    memory.forget()
     first = model.parameters[0]
     values = {first.name: 1.25 * float(np.ravel(first.value)[0])}
     table(model)
     after = table(other := lagcli.load(model.path, values))
-    cache.forget()
+    memory.forget()
     assert table(other) == after
 
 
 def test_a_comparison_keeps_the_system_of_its_model_and_no_other() -> None:
-    cache.forget()
+    memory.forget()
     model = lagcli.load(MODELS / "pendulum-angle.yaml")
     found = lagcli.compare(model, duration=0.1, samples=3)
     assert "freed" in [one.name for one in found.formulations]
-    assert list(cache._cached) == [(model.path, model.fingerprint)]
+    assert list(cache._compiled._answers) == [(model.path, model.fingerprint)]
 
 
 def test_an_error_is_located_in_the_file_that_was_asked_for(tmp_path) -> None:

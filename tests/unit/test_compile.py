@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import compiled
-from lagcli.api.models import cache
+from lagcli import compiled, memory
 from lagcli.compiled import numeric
 from lagcli.equations import system
 
@@ -27,7 +26,7 @@ NAMES = (
 @pytest.fixture
 def always_factored(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", -1.0)
-    monkeypatch.setattr(cache, "_cached", type(cache._cached)())
+    memory.forget()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -35,7 +34,7 @@ def test_a_run_with_numeric_factors_equals_one_with_expanded_factors(name, alway
     model = lagcli.load(MODELS / f"{name}.yaml")
     factored = lagcli.simulate(model, duration=1.0, samples=11)
     monkeypatch.setattr(numeric, "EXPANDED_OPERATIONS", 3e5)
-    monkeypatch.setattr(cache, "_cached", type(cache._cached)())
+    memory.forget()
     expanded = lagcli.simulate(model, duration=1.0, samples=11)
     scale = np.abs(expanded.rows).max(axis=0) + 1.0
     assert np.abs((factored.rows - expanded.rows) / scale).max() < 1e-10

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli import memory
 from lagcli.equations import family_rows, system
 from lagcli.errors import diagnostics
 from lagcli.input import overrides
@@ -328,7 +328,7 @@ def require_same_reports(family: Any, other: Any) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_a_family_is_what_it_is_written_out(name: str, worth: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(family_rows, "WORTH", worth)
-    cache.forget()
+    memory.forget()
     require_same(MODELS[name])
 
 
@@ -705,9 +705,9 @@ def test_runs_with_other_members_and_starts_do_not_get_into_each_other() -> None
     ]  # fmt: skip
     alone_found = []
     for changes in variants:
-        cache.forget()
+        memory.forget()
         alone_found.append(run(changes))
-    cache.forget()
+    memory.forget()
     for _ in range(2):
         for changes, expected in zip(variants, alone_found, strict=True):
             np.testing.assert_array_equal(run(changes), expected)

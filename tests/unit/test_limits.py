@@ -12,11 +12,10 @@ import pytest
 import sympy
 
 import lagcli
-from lagcli import progress
+from lagcli import memory, progress
 from lagcli.analysis.holonomy import local_system
 from lagcli.analysis.numeric_flag import bracket_values
 from lagcli.api import check as checking
-from lagcli.api.models import cache
 from lagcli.compiled import lie_brackets, paths
 from lagcli.derivation import derivation
 from lagcli.equations import system
@@ -41,7 +40,7 @@ def racing(monkeypatch):
     """A clock of the wall on which hours pass from one look to the next."""
     clock = itertools.count(0.0, 3600.0)
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
-    cache.forget()
+    memory.forget()
 
 
 @pytest.mark.parametrize(("text", "freedoms"), [(KNIFE, (3, 2)), (NUMBERS, (3, 2))])
@@ -94,7 +93,7 @@ def test_the_same_work_is_reckoned_alike(monkeypatch):
     """Of numbers; what SymPy does depends on what it remembers."""
 
     def reckoned():
-        cache.forget()
+        memory.forget()
         spent = []
         monkeypatch.setattr(progress, "reckon", spent.append)
         lagcli.dof(lagcli.loads(NUMBERS))
@@ -106,7 +105,7 @@ def test_the_same_work_is_reckoned_alike(monkeypatch):
 
 
 def test_a_search_that_is_over_leaves_its_rows_undecided():
-    cache.forget()
+    memory.forget()
     found = lagcli.dof(lagcli.loads(NUMBERS), limit=progress.Counted(1e-6))
     assert found.configuration_dof is None
     assert "limit" in found.reason or "time" in found.reason

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from lagcli.memory import Memory
 from lagcli.simulation.scheme import collocation, dop853, dop853_tableau, work_integral
 from lagcli.simulation.scheme.collocation import Step
 from lagcli.simulation.scheme.work_integral import WorkIntegral
@@ -192,7 +193,7 @@ class OfTime:
     """Functions of t, as a timetable asks for them: `of` a cell gives the bounds; `cells` are those asked for."""
 
     def __init__(self, of, size=1, waves=False):
-        self.of, self.size, self.cached, self.cells = of, size, {}, []
+        self.of, self.size, self.cached, self.cells = of, size, Memory(), []
         self.switches, self.oscillations = ((), (0,)) if waves else ((0,), ())
 
     def values(self, span, which):
@@ -231,14 +232,6 @@ def test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function()
     Timetable(functions, 0.0, 1.0).shortened(0.0, 0.01)
     shortest = min(float(right[0] - left[0]) for left, right in functions.cells if left.size == 1)
     assert shortest == 1024.0 / 2**13
-
-
-def test_sixteen_pieces_are_kept_for_the_next_run():
-    functions = OfTime(never)
-    table = Timetable(functions, 0.0, 2.0**-10)
-    for k in range(20):
-        table.shortened(float(k), 0.5)
-    assert len(functions.cached) == 16
 
 
 def test_no_more_than_four_thousand_cells_are_halved():

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import lagcli
+from lagcli import memory
 from lagcli.analysis.classification import classify
-from lagcli.api.models import cache
-from lagcli.compiled.recent_answers import RecentAnswers
+from lagcli.memory import Memory
 from lagcli.start import assembly
 
 ROOT = Path(lagcli.__file__).parent.parent
@@ -36,7 +36,7 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     for module, name in ((assembly, "_assembled"), (classify, "_classified")):
         monkeypatch.setattr(module, name, counted(name, getattr(module, name)))
-    cache.forget()
+    memory.forget()
     return made
 
 
@@ -53,7 +53,7 @@ def test_a_search_in_vain_is_made_once_and_reported_each_time(searches: list[str
     assert found[0] in refusal(lagcli.simulate, lagcli.loads(APART), duration=1.0)
     # Another duration is another question: conflicts are looked for later in time too.
     assert searches.count("_assembled") == 2
-    cache.forget()
+    memory.forget()
     assert refusal(lagcli.check, lagcli.loads(APART)) == found
 
 
@@ -65,9 +65,9 @@ def test_what_is_known_is_what_would_be_found(name: str, searches: list[str]) ->
     run = lagcli.simulate(path, duration=0.1, samples=3)
     assert searches.count("_assembled") == 2  # the run is shorter than that of the file
     for question, known in ((lagcli.check, report), (lagcli.dof, count)):
-        cache.forget()
+        memory.forget()
         assert question(path).as_json() == known
-    cache.forget()
+    memory.forget()
     assert lagcli.simulate(path, duration=0.1, samples=3).rows.tobytes() == run.rows.tobytes()
 
 
@@ -81,18 +81,43 @@ def test_other_values_are_another_question(searches: list[str]) -> None:
 
 
 def test_the_last_answers_are_kept() -> None:
-    recent = RecentAnswers()
-    for question in range(RecentAnswers.MOST):
-        recent.keep(question, question)
-    assert recent.answer(0, int) == 0
-    recent.keep("one more", "another")
-    assert 0 in recent
-    assert 1 not in recent
-    assert 2 in recent
+    few = Memory(2)
+    for question in "aba":
+        assert few.answer(question, lambda asked=question: asked) == question
+    few.keep("c", None)
+    assert (few.known("a"), few.known("b")) == ("a", None)
+
+
+def test_nothing_is_an_answer() -> None:
+    asked: list[int] = []
+    nothing = Memory()
+    for _ in range(2):
+        assert nothing.answer("the same", lambda: asked.append(1)) is None
+    assert asked == [1]
 
 
 def test_what_is_no_refusal_is_not_kept() -> None:
-    recent = RecentAnswers()
-    with pytest.raises(ZeroDivisionError), recent.refusals("the same"):
-        recent.keep("the same", 1 / 0)
-    assert "the same" not in recent
+    recent = Memory()
+    with pytest.raises(ZeroDivisionError):
+        recent.answer("the same", lambda: 1 / 0, (lagcli.ModelError,))
+    assert recent.known("the same") is None
+
+
+def test_all_memories_are_emptied() -> None:
+    asked: list[int] = []
+
+    @memory.remembered()
+    def remembering(question: int) -> int:
+        asked.append(question)
+        return question
+
+    kept = Memory()
+    kept.keep("the same", 1)
+    for _ in range(2):
+        assert remembering(3) == 3
+    memory.forget()
+    assert remembering(3) == 3
+    assert asked == [3, 3]
+    assert kept.known("the same") is None
+    kept.keep("the same", 2)
+    assert kept.known("the same") == 2

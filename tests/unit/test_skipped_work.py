@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli import memory
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run
 from lagcli.linear import metric_rows
@@ -73,7 +74,7 @@ def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
     assert (len(asked), len(searched)) == (1, once)
     other = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
     assert len(asked) == 2
-    cache.forget()
+    memory.forget()
     anew = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
     assert (other.rows == anew.rows).all()
 

@@ -66,10 +66,9 @@ def classified(system: System, numeric: NumericSystem, limit: float = settings.L
     values = tuple(part.tobytes() for part in (start.q, start.v, start.p))
     settled = row_parameters.formulas(model), model.simulation.duration, limit
     question = ("classification", start.t, *values, *settled)
-    if question not in numeric.recent:
-        with numeric.recent.refusals(question):
-            numeric.recent.keep(question, _classified(system, numeric, limit))
-    return numeric.recent.answer(question, Classified)
+    return numeric.memory.answer(
+        question, lambda: _classified(system, numeric, limit), (diagnostics.ModelError,)
+    )
 
 
 def _classified(system: System, numeric: NumericSystem, limit: float) -> Classified:

@@ -4,7 +4,6 @@ are unknown and therefore not enforced."""
 from __future__ import annotations
 
 import dataclasses
-from collections import OrderedDict
 from collections.abc import Iterable
 
 import numpy as np
@@ -25,40 +24,29 @@ Floats = npt.NDArray[np.float64]
 MOST_NAMES = 4  # more rows are counted and not named
 
 
-class KnownSearches:
-    """Findings of searches for some values, kept for others that rows and consistent start do not tell apart.
+def search(built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
+    """The first integrals of the differential rows as far as they are found in `limit` seconds. Where numbers show that
+    there are none, no algebra is asked.
 
     A search looks at the rows, at the consistent state nearest to the start, and at the duration of the run, and at
-    nothing else: masses and forces that rows do not hold have no part in it.
+    nothing else: other masses and forces that rows do not hold ask for no other search.
     """
-
-    MOST = 64  # that are kept: the inner one of two loops over values comes again for each value of the outer
-
-    def __init__(self, built: system.System) -> None:
-        self._parameters = row_parameters.of_rows(built)
-        self._found: OrderedDict[tuple[object, ...], KnownIntegrals] = OrderedDict()
-
-    def search(self, built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
-        """The integrals found in `limit` seconds. Where numbers show that there are none, no algebra is asked."""
-        try:
-            case = _case(built, numeric)
-        except diagnostics.ModelError as error:
-            if not classify.is_conflict(error):
-                raise
-            return _classified(built, numeric, limit)
-        begin = case.begin
-        parts = begin.q.tobytes(), begin.v.tobytes(), begin.p[self._parameters].tobytes()
-        model = built.model
-        key = (begin.t, *parts, row_parameters.formulas(model), model.simulation.duration, limit)
-        known = self._found.get(key)
-        if known is not None:
-            return dataclasses.replace(known, orbits=_at(known.orbits, begin.p))
+    try:
+        case = _case(built, numeric)
+    except diagnostics.ModelError as error:
+        if not classify.is_conflict(error):
+            raise
+        return _classified(built, numeric, limit)
+    begin, model = case.begin, built.model
+    held = numeric.memory.answer("parameters of rows", lambda: row_parameters.of_rows(built))
+    parts = begin.q.tobytes(), begin.v.tobytes(), begin.p[held].tobytes()
+    question = ("search", begin.t, *parts, row_parameters.formulas(model), model.simulation.duration, limit)
+    found = numeric.memory.known(question)
+    if not isinstance(found, KnownIntegrals):
         found = _searched(case, built, numeric, limit)
         if not found.conditions:  # those are looked for at other states too
-            self._found[key] = found
-            while len(self._found) > self.MOST:
-                self._found.popitem(last=False)
-        return found
+            numeric.memory.keep(question, found)
+    return dataclasses.replace(found, orbits=_at(found.orbits, begin.p))
 
 
 def _at(orbits: tuple[Orbit, ...], p: Floats) -> tuple[Orbit, ...]:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import yaml_tree
+from lagcli import memory, yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, functions, parser, tree
 from lagcli.expression.evaluate import Value
@@ -158,7 +158,7 @@ def _stands_at(name: str, text: str, at: int) -> bool:
     return text.startswith(name, at) and after != "(" and not _PART_OF_NAME.match(after)
 
 
-@functools.lru_cache(maxsize=256)
+@memory.remembered(256)
 def _tree(text: str, known: frozenset[str]) -> tuple[tree.Node, dict[int, str]]:
     marked, found = _marked(text, known)
     return parser.parse(marked), found

@@ -7,10 +7,10 @@ as short as they are on paper, and cheap at any number of particles.
 from __future__ import annotations
 
 import dataclasses
-import functools
 
 import sympy
 
+from lagcli import memory
 from lagcli.pfaffian.forms.notation import TIME, ZERO
 
 Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
@@ -129,7 +129,7 @@ def slope(value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     return sympy.diff(value, x)
 
 
-@functools.lru_cache(maxsize=128)
+@memory.remembered(128)
 def _terms(value: sympy.Expr) -> dict[sympy.Expr, list[sympy.Expr]]:
     """The terms of a long sum by the symbols they hold: it is differentiated by each of them."""
     found: dict[sympy.Expr, list[sympy.Expr]] = {}

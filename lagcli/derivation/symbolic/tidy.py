@@ -5,10 +5,11 @@ No general simplification: every step costs little, and an expression of many op
 
 from __future__ import annotations
 
-import functools
 import math
 
 import sympy
+
+from lagcli import memory
 
 # Beyond this many operations nothing is tried.
 MAX_OPERATIONS = 250
@@ -18,7 +19,7 @@ MOST_PARTS = 20_000
 FEW = 5
 
 
-@functools.lru_cache(maxsize=4096)
+@memory.remembered(4096)
 def tidy(value: sympy.Expr) -> sympy.Expr:
     """An equal expression, not longer than this one."""
     operations = value.count_ops()

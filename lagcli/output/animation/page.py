@@ -7,7 +7,6 @@ length.
 from __future__ import annotations
 
 import base64
-import functools
 import hashlib
 import html
 import json
@@ -18,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import __version__
+from lagcli import __version__, memory
 from lagcli.output.animation import still
 from lagcli.output.animation.scene import DrawnSurface, Link, Mode, Scene, TimeCurve
 from lagcli.output.figures import labels
@@ -69,7 +68,7 @@ def in_script(data: str) -> str:
     return data
 
 
-@functools.cache
+@memory.remembered()
 def _asset(name: str) -> str:
     return (ASSETS / name).read_text(encoding="utf-8")
 

@@ -12,13 +12,13 @@ import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 
 import mpmath
 import sympy
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
 from mpmath.libmp import ComplexResult
 
+from lagcli import memory
 from lagcli.pfaffian.forms import form as forms
 
 # Cancellation of thirty digits leaves a sign.
@@ -244,7 +244,7 @@ def _random(symbols: Sequence[sympy.Symbol], generator: random.Random) -> Point:
     return {s: Fraction(generator.randrange(-2000, 2000), 997) for s in symbols}
 
 
-@lru_cache(maxsize=32)
+@memory.remembered(32)
 def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
     """Points by Newton's method with the smallest steps, from random points."""
     symbols = _symbols(surface)

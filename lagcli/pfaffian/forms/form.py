@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import reduce
 from itertools import combinations
 
 import sympy
+
+from lagcli import memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,7 @@ class PfaffianBlock:
         )
 
 
-@lru_cache(maxsize=4096)
+@memory.remembered(4096)
 def partial(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     """The partial derivative away from kinks: d|u| = |u|/u du."""
     derivative = sympy.diff(expression, x)

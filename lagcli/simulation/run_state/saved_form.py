@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import math
 import types
 from collections.abc import Callable
 from typing import TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
+
+from lagcli import memory
 
 # Whole numbers above this are none as doubles.
 MOST_COUNT = 2**53
@@ -75,7 +76,7 @@ def _of_fields(kind: type, tree: object, path: str) -> object:
     return make(**{name: _read(of, found[name], f"{path}.{name}") for name, of in fields.items()})
 
 
-@functools.cache
+@memory.remembered()
 def _fields(kind: type) -> dict[str, object]:
     return get_type_hints(kind)
 

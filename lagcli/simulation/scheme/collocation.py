@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import legendre
 
+from lagcli import memory
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.linear import decompositions
 
@@ -184,26 +184,26 @@ def nodes(count: int) -> list[float]:
     return [float(x) for x in _gauss(count)[0]]
 
 
-@lru_cache
+@memory.remembered()
 def _gauss(count: int) -> tuple[Floats, Floats]:
     """Nodes (s,) in (0, 1), and A (s, s): integrals of the Lagrange polynomials up to the nodes."""
     nodes = (legendre.leggauss(count)[0] + 1) / 2
     return nodes, np.array([_weights(count, x) for x in nodes])
 
 
-@lru_cache(4096)
+@memory.remembered(4096)
 def _weights(count: int, x: float) -> Floats:
     """Integrals from 0 to x of the Lagrange polynomials of the nodes, (s,)."""
     return np.asarray(legendre.legval(2 * x - 1, _integrals(count)) / 2)
 
 
-@lru_cache
+@memory.remembered()
 def _integrals(count: int) -> Floats:
     """Integrals from -1 of the Lagrange polynomials of the nodes, in those of Legendre, (s + 1, s)."""
     return np.asarray(legendre.legint(_terms(count).T, lbnd=-1))
 
 
-@lru_cache
+@memory.remembered()
 def _terms(count: int) -> Floats:
     """Lagrange polynomials of the nodes, (s,), in those of Legendre on (-1, 1): l_j = sum_k (k + 1/2) w_j P_k(x_j) P_k,
     exact for the degrees at hand."""

@@ -8,10 +8,11 @@ projected state is the first stage of the next step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache, reduce
+from functools import reduce
 
 import casadi as ca
 
+from lagcli import memory
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.scheme import dop853_tableau, step_end
 from lagcli.simulation.scheme.line_functions import Curve
@@ -113,7 +114,7 @@ def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
     return reduce(_plus, (_times(w, k) for w, k in zip(weights, stages, strict=True) if w))
 
 
-@lru_cache
+@memory.remembered()
 def _hidden(dip: float) -> ca.Function:
     """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> how far they are from having
     gone through zero within the step and come back; below zero where they may have.

@@ -25,6 +25,7 @@ from lagcli.frozen import frozen
 from lagcli.linear import generic_direction, independent_rows, metric_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
+from lagcli.memory import Memory
 from lagcli.model.invariant import FirstIntegral
 from lagcli.simulation.scheme.method import Method, Scheme
 from lagcli.simulation.scheme.step_end import Compiled
@@ -60,15 +61,13 @@ Tried = frozenset[tuple[int, int]]  # integrals and their charts
 class RunFunctions:
     """Compiled functions of a system, with those of a method built when a run first asks for them."""
 
-    def __init__(self, numeric: NumericSystem, schemes: dict[str, Scheme] | None = None) -> None:
+    def __init__(self, numeric: NumericSystem, schemes: Memory | None = None) -> None:
         self.numeric = numeric
-        self._schemes = {} if schemes is None else schemes
+        self._schemes = Memory() if schemes is None else schemes
 
     def scheme(self, method: Method) -> Scheme:
         """The compiled step and dense output of a method."""
-        if method.name not in self._schemes:
-            self._schemes[method.name] = Scheme(method, self.numeric)
-        return self._schemes[method.name]
+        return self._schemes.answer(method.name, lambda: Scheme(method, self.numeric))
 
 
 class Integrals:
@@ -84,11 +83,10 @@ class Integrals:
         self._first_plain = plain.numeric
         self._first = np.cumsum([0, *(len(f.charts) for f in found)]).tolist()
         self._charts = level_functions.charts(system, [chart for f in found for chart in f.charts])
-        self._built: dict[tuple[int | None, ...], RunFunctions] = {}
         self.selection = plain.numeric.selection
-        # What was built for each selection; not the integrals themselves, which would hold each other.
-        self._by_selection = {self.selection: (plain, self._built)}
-        self._schemes: dict[NumericSystem, dict[str, Scheme]] = {}
+        # What was built for each selection, choice of charts and stepped system; not the integrals themselves, which
+        # would hold each other.
+        self._memory = Memory()
 
     def hold_for(self, system: System) -> bool:
         """True if all that was built holds for other values of parameters too."""
@@ -106,13 +104,13 @@ class Integrals:
         """The integrals with a system stepped with other independent rows."""
         if selection == self.selection:
             return self
-        if selection not in self._by_selection:
+
+        def build() -> RunFunctions:
             numeric = self._first_plain.switching(selection)
-            schemes = self._schemes.setdefault(numeric.stepped, {})
-            self._by_selection[selection] = RunFunctions(numeric, schemes), {}
+            return RunFunctions(numeric, self._memory.answer(numeric.stepped, Memory))
+
         other = copy.copy(self)
-        other.selection = selection
-        other._plain, other._built = self._by_selection[selection]
+        other.selection, other._plain = selection, self._memory.answer(selection, build)
         return other
 
     @cached_property
@@ -131,9 +129,9 @@ class Integrals:
         taken = [self._charts.charts[self._first[i] + c] for i, c in enumerate(choice) if c is not None]
         if not taken:
             return self._plain
-        if choice not in self._built:
-            self._built[choice] = RunFunctions(self._plain.numeric.holding(taken))
-        return self._built[choice]
+        return self._memory.answer(
+            (self.selection, choice), lambda: RunFunctions(self._plain.numeric.holding(taken))
+        )
 
     def at(self, state: State) -> _Forms:
         """All charts at a state."""

@@ -37,9 +37,6 @@ class TimetableParameters:
     most_halvings: int = 14
     """How often a piece is halved in which there is too much to find, less often the more there is to evaluate.
     `test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function` fails at 1 and 140."""
-    most_cached: int = 16
-    """Pieces that are kept for the next run of the same model.
-    `test_sixteen_pieces_are_kept_for_the_next_run` fails at 1 and 160."""
     most_cells: int = 2**12
     """Cells of a piece at a time that are halved further.
     `test_no_more_than_four_thousand_cells_are_halved` fails at 409 and 40960."""
@@ -198,14 +195,13 @@ class Timetable:
     def _found(self, begin: float, high: float) -> tuple[list[SwitchSpan] | None, list[float] | None]:
         """The switches and stations between two times, kept for the next run; None where there is too much."""
         assert self._functions is not None
-        cached, span = self._functions.cached, (begin, high)
-        found: tuple[list[SwitchSpan] | None, list[float] | None] | None = cached.get((*span, self._piece))
-        if found is None:
-            switches = _switches(self._functions, span, PARAMETERS.grain * self._piece)
-            found = switches, _stationary_times(self._functions, self._functions.oscillations, span)
-            if len(cached) < PARAMETERS.most_cached:
-                cached[*span, self._piece] = found
-        return found
+        functions, span = self._functions, (begin, high)
+
+        def find() -> tuple[list[SwitchSpan] | None, list[float] | None]:
+            switches = _switches(functions, span, PARAMETERS.grain * self._piece)
+            return switches, _stationary_times(functions, functions.oscillations, span)
+
+        return functions.cached.answer((*span, self._piece), find)
 
     def _add(self, switches: list[SwitchSpan], stations: list[float]) -> None:
         for switch in switches:
