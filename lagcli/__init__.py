@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from lagcli.input.overrides import OverrideError
     from lagcli.linearization.linear_modes import Modes
     from lagcli.model.model import Model
-    from lagcli.output.report.report_page import ReportPage
-    from lagcli.output.trajectory import SimulationStopped, Trajectory
+    from lagcli.reporting.report_page import ReportPage
+    from lagcli.running.trajectory import SimulationStopped, Trajectory
     from lagcli.statics.static_report import StaticReport
 
 __version__ = "0.1.0"
@@ -94,11 +94,11 @@ _CLASSES = {
     "Modes": "linearization.linear_modes",
     "OverrideError": "input.overrides",
     "Report": "analysis.check_report",
-    "ReportPage": "output.report.report_page",
-    "SimulationStopped": "output.trajectory",
+    "ReportPage": "reporting.report_page",
+    "SimulationStopped": "running.trajectory",
     "StaticReport": "statics.static_report",
     "StiffLimit": "formulations.stiff_ladder",
-    "Trajectory": "output.trajectory",
+    "Trajectory": "running.trajectory",
 }
 # File of `lagcli.api` of each function.
 _FUNCTIONS = {

@@ -18,7 +18,7 @@ from lagcli.output.animation.builder import Motion
 from lagcli.output.animation.point_tracks import PointTracks
 from lagcli.output.animation.scene import Scene, TimeCurve
 from lagcli.output.figures import labels
-from lagcli.output.trajectory import SimulationStopped
+from lagcli.running.trajectory import SimulationStopped
 
 Floats = npt.NDArray[np.float64]
 Table = Mapping[str, Floats]

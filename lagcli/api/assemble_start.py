@@ -14,7 +14,7 @@ from lagcli.start import assembly_moves, consistent_start, initial
 from lagcli.start.assembly import Assembly
 
 if TYPE_CHECKING:
-    from lagcli.output.runs.simulation_run import SimulationRun
+    from lagcli.running.simulation_run import SimulationRun
 
 
 def assembled(model: Model) -> tuple[Model, Assembly]:

@@ -16,10 +16,10 @@ from lagcli.api.simulate import simulate
 from lagcli.equations import system
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
-from lagcli.output import table_columns
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.running import table_columns
+from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance

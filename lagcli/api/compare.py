@@ -17,9 +17,9 @@ from lagcli.api.runs import prepare_run, run_settings
 from lagcli.equations import particle_form, size_limits
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
-from lagcli.output import table_columns
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import column_choice
+from lagcli.running import table_columns
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ from lagcli.input import given_expression
 from lagcli.input.overrides import OverrideError
 from lagcli.model import settings
 from lagcli.model.model import Model
-from lagcli.output import table_columns
-from lagcli.output.runs.simulation_run import SimulationRun
+from lagcli.running import table_columns
+from lagcli.running.simulation_run import SimulationRun
 
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Formulation

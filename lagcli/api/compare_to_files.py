@@ -12,9 +12,9 @@ from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Comparison, Formulation
 from lagcli.model.model import Model
 from lagcli.output.files import write_guard
-from lagcli.output.runs import safe_table
-from lagcli.output.runs.safe_table import TablePlan
 from lagcli.output.tables import provenance
+from lagcli.running import safe_table
+from lagcli.running.safe_table import TablePlan
 
 
 def compare_to_files(

@@ -16,7 +16,7 @@ from lagcli.formulations import stiff_start, stiff_system
 from lagcli.formulations.stiff_start import StiffRow
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
-from lagcli.output.runs.simulation_run import SimulationRun
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
 from lagcli.start.initial import State
 

@@ -13,7 +13,7 @@ from lagcli.api.runs import run_settings
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.output import table_columns
+from lagcli.running import table_columns
 from lagcli.start import assembly, assembly_moves, initial, sample_points
 
 if TYPE_CHECKING:

@@ -74,9 +74,9 @@ def limit_to_files(
     lines = []
     if output is not None:
         # Most limits are printed alone.
-        from lagcli.output.runs import safe_table
-        from lagcli.output.runs.safe_table import TablePlan
         from lagcli.output.tables import provenance
+        from lagcli.running import safe_table
+        from lagcli.running.safe_table import TablePlan
 
         names, rows = found.table
         whence = provenance.of(model).as_json() | {"limit": {"constraint": found.constraint}}

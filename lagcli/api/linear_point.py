@@ -14,9 +14,8 @@ from lagcli.api.runs import prepare_run, run_settings
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model
-from lagcli.output import table_columns
-from lagcli.output.runs import run_in_memory
-from lagcli.output.trajectory import SimulationStopped
+from lagcli.running import run_in_memory, table_columns
+from lagcli.running.trajectory import SimulationStopped
 from lagcli.start import initial
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from lagcli.model.model import Model
 from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import read_table
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from lagcli.output.charts.chart import ChartData

@@ -15,16 +15,16 @@ from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.output import table_columns
-from lagcli.output.trajectory import Trajectory
+from lagcli.running import table_columns
+from lagcli.running.trajectory import Trajectory
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit
     from lagcli.output.animation.scene import Scene
-    from lagcli.output.report.report_contents import PageEquations, PageFigure
-    from lagcli.output.report.report_page import ReportPage
+    from lagcli.reporting.report_contents import PageEquations, PageFigure
+    from lagcli.reporting.report_page import ReportPage
 
 
 @progress.phase("writing the report")
@@ -45,7 +45,7 @@ def report(
     `passed`. Raises `ModelError` where the model is invalid or its start inconsistent, `ValueError` for bad options.
     """
     # Other commands write no pages.
-    from lagcli.output.report import report_page, report_sections
+    from lagcli.reporting import report_page, report_sections
 
     model = as_model(model)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, settings))
@@ -81,7 +81,7 @@ def _audited(model: Model, run: Trajectory) -> Audit:
 
 def _equations(model: Model, limit: float | None) -> PageEquations | str:
     """The equations, or why they are not written."""
-    from lagcli.output.report.report_contents import PageEquations
+    from lagcli.reporting.report_contents import PageEquations
 
     try:
         found = derive.derive(model, limit=limit)
@@ -96,7 +96,7 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
         return None
     from lagcli.api import animate
     from lagcli.output.animation import point_tracks, still
-    from lagcli.output.report import report_contents
+    from lagcli.reporting import report_contents
 
     try:
         animate.require_few(model)
@@ -120,7 +120,7 @@ def _curves(model: Model, run: Trajectory) -> PageFigure | None:
     if not len(run.rows):
         return None
     from lagcli.output.figures import figure, panels
-    from lagcli.output.report import report_contents
+    from lagcli.reporting import report_contents
 
     marks = list(zip(run.events.t.tolist(), run.events.kinds, strict=True)) if len(run.events) else []
     facts = panels.PanelFacts(
@@ -142,7 +142,7 @@ def _zeros(model: Model, run: Trajectory) -> list[str]:
 def _checks(found: Audit, time: str) -> PageFigure:
     """The figure of the audit."""
     from lagcli.output.figures import audit_figure
-    from lagcli.output.report import report_contents
+    from lagcli.reporting import report_contents
 
     words = "The checks of the audit over time, each as a part of its limit."
     return report_contents.picture("audit", audit_figure.compose(found, time), words)

@@ -11,8 +11,8 @@ from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.output.runs import run_in_memory
-from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.running import run_in_memory
+from lagcli.running.trajectory import SimulationStopped, Trajectory
 
 
 @progress.phase("simulating")

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model.model import Model
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.runs.run_request import RunRequest
-from lagcli.output.runs.written_run import WrittenRun
+from lagcli.running.run_request import RunRequest
+from lagcli.running.written_run import WrittenRun
 from lagcli.simulation.run_state import checkpoint
 
 

@@ -19,7 +19,7 @@ from lagcli.formulations.stiff_ladder import Rung, StiffLimit
 from lagcli.formulations.stiff_system import Stiffness
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
-from lagcli.output import table_columns
+from lagcli.running import table_columns
 from lagcli.simulation.run_state import run_stop
 
 Floats = npt.NDArray[np.float64]

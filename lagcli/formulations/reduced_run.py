@@ -10,12 +10,13 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled import dop853_tableau
 from lagcli.equations.system import System
 from lagcli.formulations import maggi
 from lagcli.formulations.dense_functions import DenseFunctions
 from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
 from lagcli.model.settings import Simulation
-from lagcli.simulation.scheme import controller, dop853_tableau, step_tolerance
+from lagcli.simulation.scheme import controller, step_tolerance
 from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.timetable import Timetable
 

@@ -1,9 +1,8 @@
-"""Files that leave the program: tables, checkpoints, figures; and the trajectory they are made of.
+"""Files that leave the program: tables, figures, charts, animations.
 
 In: rows of numbers with names
-Out: files, or a refusal before the run
+Out: files, or a refusal before the work for them
 
-`runs` writes runs as they come, `trajectory` is the result of one, `tables` writes and reads tables, `figures` draws,
-`atomic_file` puts a file in place as a whole, `interrupts` holds signals back meanwhile, `table_columns` says what can
-be read off the rows.
+`tables` writes and reads tables, `figures` and `charts` draw, `files` puts a file in place as a whole and holds signals
+back meanwhile.
 """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 
 from . import models, networks
 

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.scheme import dop853_tableau
+from lagcli.compiled import dop853_tableau
 
 Floats = npt.NDArray[np.float64]
 

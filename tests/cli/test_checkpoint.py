@@ -18,8 +18,7 @@ import lagcli
 from lagcli.analysis.classification import known_integrals
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model import invariant
-from lagcli.output import checkpoint_file
-from lagcli.output.runs import simulation_run
+from lagcli.running import checkpoint_file, simulation_run
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint, saved_form
 from tests.helpers import in_process

@@ -34,8 +34,8 @@ from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure
 from lagcli.output.files import formats, interrupts
-from lagcli.output.runs import run_request
 from lagcli.output.tables import sinks
+from lagcli.running import run_request
 from tests.helpers import pendulum
 
 PENDULUM = pendulum.PENDULUM + "simulation: {duration: 0.5, samples: 6}\n"

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file
-from lagcli.output.runs import run_tables
 from lagcli.output.tables import incident_table, read_table, sinks
+from lagcli.running import checkpoint_file, run_tables
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.stepping import stepper

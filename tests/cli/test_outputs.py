@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file, file_requests, write_guard
-from lagcli.output.runs import written_run
 from lagcli.output.tables import csv_format, sinks
+from lagcli.running import checkpoint_file, written_run
 from tests.helpers import in_process, pendulum
 from tests.helpers.in_process import command
 

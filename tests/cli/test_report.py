@@ -11,14 +11,10 @@ import pytest
 
 import lagcli
 from lagcli.api import simulate
+from lagcli.output import latex_text
 from lagcli.output.figures import labels
-from lagcli.output.report import (
-    latex_text,
-    model_on_page,
-    pdf_programs,
-    report_writer,
-)
-from lagcli.output.report.report_contents import ReportContents
+from lagcli.reporting import model_on_page, pdf_programs, report_writer
+from lagcli.reporting.report_contents import ReportContents
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]

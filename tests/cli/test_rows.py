@@ -16,10 +16,9 @@ import pytest
 
 import lagcli
 from lagcli.api.runs import prepare_run
-from lagcli.output import checkpoint_file
 from lagcli.output.files import atomic_file, interrupts
-from lagcli.output.runs import run_tables, simulation_run
 from lagcli.output.tables import parquet_format, read_table, row_file, sinks
+from lagcli.running import checkpoint_file, run_tables, simulation_run
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller

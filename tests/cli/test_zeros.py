@@ -8,8 +8,8 @@ import pytest
 import lagcli
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model import dimension_facts
-from lagcli.output import table_columns
 from lagcli.output.figures import panels
+from lagcli.running import table_columns
 from tests.helpers import in_process
 
 command = in_process.command

@@ -32,7 +32,7 @@ import lagcli
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.errors import catalogue, diagnostics
 from lagcli.expression import evaluate, facts, integers, parser, tree
-from lagcli.output.runs import simulation_run
+from lagcli.running import simulation_run
 from lagcli.simulation.run_state import checkpoint, run_stop
 from tests.helpers import documents, jets, systems
 

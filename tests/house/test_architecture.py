@@ -17,8 +17,8 @@ PACKAGE = ROOT / "lagcli"
 # Bottom first: a package imports only from packages before it; files of one package import each other in no circle.
 ROOMS = tuple(
     "frozen memory progress errors yaml_tree expression model input smoothness equations compiled linear contact start"
-    " pfaffian simulation statics analysis auditing linearization output formulations derivation api cli"
-    " __main__".split()
+    " pfaffian simulation statics analysis auditing linearization output running formulations derivation reporting"
+    " api cli __main__".split()
 )
 
 DOORS = {
@@ -38,8 +38,8 @@ DOORS = {
         "lagcli.output.animation.film",
     ),
     "plotille": ("lagcli.output.charts.chart_terminal",),
-    "jinja2": ("lagcli.output.report.report_writer",),
-    "markupsafe": ("lagcli.output.report.report_writer",),
+    "jinja2": ("lagcli.reporting.report_writer",),
+    "markupsafe": ("lagcli.reporting.report_writer",),
     "orjson": ("lagcli.output.tables.cell_text",),
     "pyarrow": ("lagcli.output.tables.parquet_format",),
     "sympy": (

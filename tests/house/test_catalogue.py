@@ -10,12 +10,11 @@ import pytest
 
 import lagcli
 from lagcli import yaml_tree
-from lagcli.analysis import energy_warning
 from lagcli.errors import catalogue, diagnostics
 from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
 from lagcli.input import document
-from lagcli.output import run_account
+from lagcli.running import energy_warning, run_account
 from lagcli.simulation.run_state import run_stop
 from tests.house.test_architecture import FILES, nodes
 

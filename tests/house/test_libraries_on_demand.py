@@ -89,9 +89,9 @@ def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
         "numpy.random",
         "numpy.polynomial",
         "lagcli.output.tables.row_file",
-        "lagcli.output.checkpoint_file",
+        "lagcli.running.checkpoint_file",
         "lagcli.simulation.run_state.saved_form",
-        "lagcli.output.runs.rows_before",
+        "lagcli.running.rows_before",
     }
     # With JSON come the numbers of a table.
     assert ("lagcli.simulation.run.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")

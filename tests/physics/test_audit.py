@@ -21,7 +21,7 @@ from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.auditing.evidence.tolerances import Evidence, Tolerance
 from lagcli.output.figures import audit_figure
 from lagcli.output.tables import read_table, sinks
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 from tests.helpers.in_process import Command, command
 from tests.helpers.spent import at_most_calls
 

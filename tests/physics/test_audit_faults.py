@@ -17,7 +17,7 @@ from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable
 from lagcli.auditing.evidence.tolerances import Evidence, Tolerance, WholeRun
 from lagcli.output.tables import sinks
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 
 ROOT = Path(__file__).resolve().parents[2]
 Floats = npt.NDArray[np.float64]

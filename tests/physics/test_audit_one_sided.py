@@ -15,7 +15,7 @@ from lagcli.auditing import all_checks
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.auditing.evidence.table_input import AuditedTable, EventTable, TableError
 from lagcli.auditing.evidence.tolerances import Tolerance
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 from tests.helpers import bouncing_ball
 from tests.helpers.bouncing_ball import COLUMNS, EVENTS, MODEL, Ball, G, M
 from tests.helpers.in_process import Command, command

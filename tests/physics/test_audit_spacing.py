@@ -8,7 +8,7 @@ import pytest
 import lagcli
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.auditing.evidence import turning
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 
 KNIFE = """
 lagcli: 1

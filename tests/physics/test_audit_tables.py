@@ -13,7 +13,7 @@ import pytest
 import lagcli
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 from tests.helpers.in_process import Command, command
 
 __all__ = ["command"]

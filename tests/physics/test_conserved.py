@@ -19,8 +19,8 @@ from lagcli.cli.commands import simulate_command as telling
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System
 from lagcli.model.invariant import FirstIntegral, LevelFunction
-from lagcli.output.runs import run_request, simulation_run, written_run
 from lagcli.pfaffian import level_charts
+from lagcli.running import run_request, simulation_run, written_run
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import invariants
 

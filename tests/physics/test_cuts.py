@@ -13,7 +13,7 @@ from lagcli.api.runs import prepare_run
 from lagcli.compiled import pattern
 from lagcli.equations import system
 from lagcli.errors import diagnostics
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 from lagcli.simulation.run_state import checkpoint
 
 HELIX = """\

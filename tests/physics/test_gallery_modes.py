@@ -10,7 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.equations import system
-from lagcli.output import table_columns
+from lagcli.running import table_columns
 
 pytestmark = pytest.mark.numeric
 

@@ -5,8 +5,9 @@ import pytest
 
 import lagcli
 from lagcli.api.runs import run_settings
+from lagcli.compiled import dop853_tableau
 from lagcli.model.settings import Simulation
-from lagcli.simulation.scheme import dop853, dop853_tableau, step_tolerance
+from lagcli.simulation.scheme import dop853, step_tolerance
 from lagcli.simulation.stepping import stepper
 
 

@@ -15,9 +15,9 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli.analysis.energy_warning import EnergyError
 from lagcli.equations import narrow_functions, operation_rules
 from lagcli.input import document
+from lagcli.running.energy_warning import EnergyError
 from tests.helpers import in_process
 
 Floats = npt.NDArray[np.float64]

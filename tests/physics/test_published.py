@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lagcli
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.trajectory import Trajectory
 from tests.helpers import andrews_mechanism, published_quantities
 
 REFERENCE = pathlib.Path(__file__).parents[1] / "reference"

@@ -9,7 +9,6 @@ import pytest
 
 import lagcli
 from lagcli.api.models import cache
-from lagcli.output import table_columns
 from lagcli.output.animation import curve_pictures, links, nets, quadratic_form, rounds, row_pictures, scene
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
@@ -19,6 +18,7 @@ from lagcli.output.animation.scene import Viewpoint
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.figures import labels, panels
 from lagcli.output.tables.provenance import TableFacts
+from lagcli.running import table_columns
 from lagcli.start import initial
 
 MODEL = """lagcli: 1

@@ -15,7 +15,7 @@ from lagcli.errors import diagnostics
 from lagcli.linear import metric, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
-from lagcli.output import table_columns
+from lagcli.running import table_columns
 from lagcli.start import initial
 
 # The room gives a function of the same name.

@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from lagcli.compiled import dop853_tableau
 from lagcli.memory import Memory
-from lagcli.simulation.scheme import collocation, dop853, dop853_tableau, work_integral
+from lagcli.simulation.scheme import collocation, dop853, work_integral
 from lagcli.simulation.scheme.collocation import Step
 from lagcli.simulation.scheme.work_integral import WorkIntegral
 from lagcli.simulation.stepping import timetable

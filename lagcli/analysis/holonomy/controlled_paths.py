@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.holonomy.local_system import LocalPart
-from lagcli.compiled import paths
-from lagcli.simulation.scheme import dop853_tableau
+from lagcli.compiled import dop853_tableau, paths
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]

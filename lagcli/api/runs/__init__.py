@@ -1,5 +1,5 @@
 """Runs that are ready to go, from a start, from a row of a table, or on from a checkpoint.
 
 In: `model.Model` and settings
-Out: `output.runs.simulation_run.SimulationRun`: blocks of rows, an account
+Out: `running.simulation_run.SimulationRun`: blocks of rows, an account
 """

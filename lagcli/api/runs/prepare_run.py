@@ -15,7 +15,7 @@ from lagcli.api.runs import run_settings
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
-from lagcli.output.runs.simulation_run import PreparedRun, SimulationRun
+from lagcli.running.simulation_run import PreparedRun, SimulationRun
 from lagcli.simulation import run_entry
 from lagcli.simulation.run_entry import RunPlan
 from lagcli.simulation.run_state import checkpoint as checkpoints

@@ -28,9 +28,9 @@ from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
 from lagcli.output.files import file_lock
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.sweeps.sweep_table import DONE, INVALID, STOPPED, PlannedRows, PointRow
 from lagcli.output.tables import sinks
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
 from lagcli.start import assembly
 

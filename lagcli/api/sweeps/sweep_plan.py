@@ -17,8 +17,8 @@ from lagcli.errors import diagnostics
 from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
-from lagcli.output import table_columns
 from lagcli.output.sweeps.sweep_table import PlannedRows
+from lagcli.running import table_columns
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

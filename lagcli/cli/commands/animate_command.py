@@ -112,7 +112,7 @@ class AnimateOptions:
 def carry_out(options: AnimateOptions, given: RunSettings, row: str | None) -> None:
     """Make the scene and write it. Raises `exits.Exit` with 3 where the run stopped before its end."""
     from lagcli.output.animation.point_tracks import NothingToShow
-    from lagcli.output.trajectory import SimulationStopped
+    from lagcli.running.trajectory import SimulationStopped
 
     write = writer(options.file)
     try:

@@ -122,7 +122,7 @@ def _audited(model: Model, given: RunSettings, options: AuditOptions) -> Audit:
     from lagcli.api import audit as auditing
     from lagcli.auditing.evidence.table_input import TableError
     from lagcli.output.tables import read_table
-    from lagcli.output.trajectory import SimulationStopped
+    from lagcli.running.trajectory import SimulationStopped
 
     try:
         return auditing.audit(model, options.table, digits=options.digits, events=_events(options), **given)

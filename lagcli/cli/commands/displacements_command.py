@@ -54,7 +54,7 @@ def carry_out(model: Model, at: float | None, given: RunSettings, as_json: bool,
     """Run to the time and print the displacements. Raises `exits.UsageError`, `exits.Exit` where the motion does not
     get there."""
     from lagcli.api import find_displacements
-    from lagcli.output.trajectory import SimulationStopped
+    from lagcli.running.trajectory import SimulationStopped
 
     try:
         found = find_displacements.displacements(model, at, **given)

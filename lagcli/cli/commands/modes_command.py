@@ -77,7 +77,7 @@ def modes(
 def _found(model: Model, given: options.Keywords) -> Modes:
     """The modes. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
     from lagcli.api import find_modes
-    from lagcli.output.trajectory import SimulationStopped
+    from lagcli.running.trajectory import SimulationStopped
 
     try:
         return find_modes.modes(model, **given)

@@ -26,7 +26,7 @@ from lagcli.output.files import file_requests, write_guard
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
-    from lagcli.output.report.report_page import ReportPage
+    from lagcli.reporting.report_page import ReportPage
 
 
 @exits.command
@@ -64,7 +64,7 @@ def report(
 
     The page is written where the run stops (exit 3) and where the audit fails (exit 1) too, and says so at its top.
     """
-    from lagcli.output.report import pdf_programs
+    from lagcli.reporting import pdf_programs
 
     model_reading.require_models([model])
     _require(model, output, pdf)
@@ -93,7 +93,7 @@ def report(
 def _page(model: Model, given: Keywords) -> ReportPage:
     """The page. Raises `exits.UsageError`, and `exits.Exit` with 3 where the run stopped before its first row."""
     from lagcli.api import report as reporting
-    from lagcli.output.trajectory import SimulationStopped
+    from lagcli.running.trajectory import SimulationStopped
 
     try:
         return reporting.report(model, **given)
@@ -106,7 +106,7 @@ def _page(model: Model, given: Keywords) -> ReportPage:
 
 def _require(model: str, output: str, pdf: str | None) -> None:
     """Refuse what cannot be done with this MODEL, before any work."""
-    from lagcli.output.report import pdf_programs, report_page
+    from lagcli.reporting import pdf_programs, report_page
 
     is_pdf = pathlib.Path(output).suffix.lower() == ".pdf"
     if pdf is not None and not is_pdf:

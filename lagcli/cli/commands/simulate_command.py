@@ -14,9 +14,9 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats
 
 if TYPE_CHECKING:
-    from lagcli.output.run_account import Stats
-    from lagcli.output.runs.run_request import RunRequest
-    from lagcli.output.runs.written_run import RunEnding, WrittenRun
+    from lagcli.running.run_account import Stats
+    from lagcli.running.run_request import RunRequest
+    from lagcli.running.written_run import RunEnding, WrittenRun
 
 
 OutputOption = Annotated[
@@ -82,7 +82,7 @@ def simulate(
     so far are in FILE.partial, and FILE is as it was.
     """
     from lagcli.api import simulate_to_files
-    from lagcli.output.runs import run_request
+    from lagcli.running import run_request
 
     asked = run_request.RunRequest(
         output, plot, stats, columns, as_json, quiet, verbose,

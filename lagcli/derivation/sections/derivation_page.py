@@ -12,7 +12,7 @@ import sympy
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import render_latex, render_mathml, render_text
-from lagcli.output.report import latex_text
+from lagcli.output import latex_text
 
 WIDTH = 100  # columns where there is no terminal
 # Sides wider than this do not push the others of their section to the right.

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing.paper_names import LETTERS
 from lagcli.expression import functions
-from lagcli.output.report.latex_text import RESERVED
+from lagcli.output.latex_text import RESERVED
 
 _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
 _KNOWN = frozenset(row.written or row.name for row in functions.ROWS if row.has_latex)

@@ -13,8 +13,8 @@ from functools import reduce
 import casadi as ca
 
 from lagcli import memory
-from lagcli.compiled import NumericSystem
-from lagcli.simulation.scheme import dop853_tableau, step_end
+from lagcli.compiled import NumericSystem, dop853_tableau
+from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.line_functions import Curve
 from lagcli.simulation.scheme.step_end import Expression
 from lagcli.smoothness.sized_function import SizedFunction

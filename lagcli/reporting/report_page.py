@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 
 from lagcli.output.files import atomic_file, formats
-from lagcli.output.report import pdf_programs, report_writer
-from lagcli.output.report.report_contents import ReportContents
+from lagcli.reporting import pdf_programs, report_writer
+from lagcli.reporting.report_contents import ReportContents
 
 FORMATS = ("html", "md", "pdf")
 

@@ -12,12 +12,12 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.checkpoint_file import CheckpointWriter
 from lagcli.output.figures.decimate import DecimatedRows
 from lagcli.output.files import file_lock
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import incident_table
-from lagcli.output.trajectory import SimulationStopped, Trajectory
+from lagcli.running.checkpoint_file import CheckpointWriter
+from lagcli.running.simulation_run import SimulationRun
+from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.run_state import run_stop
 
 Floats = npt.NDArray[np.float64]

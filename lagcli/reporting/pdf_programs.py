@@ -9,8 +9,8 @@ import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 
-from lagcli.output.report import report_writer
-from lagcli.output.report.report_contents import ReportContents
+from lagcli.reporting import report_writer
+from lagcli.reporting.report_contents import ReportContents
 
 MAKERS = ("browser", "latex")
 _LACKING = {

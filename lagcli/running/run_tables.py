@@ -12,18 +12,18 @@ import numpy.typing as npt
 
 from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.runs import safe_table
-from lagcli.output.runs.run_request import RunRequest
-from lagcli.output.runs.safe_table import RowsBefore, SafeTable, TablePlan
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import incident_table, provenance
+from lagcli.running import safe_table
+from lagcli.running.run_request import RunRequest
+from lagcli.running.safe_table import RowsBefore, SafeTable, TablePlan
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.run_state.incident import KINDS, Incident
 
 if TYPE_CHECKING:
     # Most runs keep no checkpoints and are not drawn.
-    from lagcli.output.checkpoint_file import CheckpointWriter
     from lagcli.output.figures.decimate import DecimatedRows
+    from lagcli.running.checkpoint_file import CheckpointWriter
 
 Floats = npt.NDArray[np.float64]
 NO_INCIDENTS: tuple[Incident, ...] = ()
@@ -69,7 +69,7 @@ class RunTables:
 
     def keep_checkpoints(self, path: str, first: RowsBefore | None, happened: RowsBefore | None) -> None:
         """Keep a checkpoint in a file; the rows of tables that are files too are safe at each of them."""
-        from lagcli.output.checkpoint_file import CheckpointWriter
+        from lagcli.running.checkpoint_file import CheckpointWriter
 
         self._checkpoint = path
         rows = None if self._rows is None else self._rows.keep_rows(first)

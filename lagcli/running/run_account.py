@@ -12,8 +12,8 @@ from lagcli.output.tables import provenance
 from lagcli.output.tables.provenance import Provenance
 
 if TYPE_CHECKING:
-    from lagcli.analysis.energy_warning import RunWarning
     from lagcli.equations.system import System
+    from lagcli.running.energy_warning import RunWarning
     from lagcli.simulation.global_error.accuracy import Accuracy
     from lagcli.simulation.run_in_blocks import RunReport
     from lagcli.start.assembly import Assembly

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.errors import diagnostics
-from lagcli.output.run_account import Stats
 from lagcli.output.tables import incident_table, provenance
 from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.provenance import TableFacts
+from lagcli.running.run_account import Stats
 
 if TYPE_CHECKING:
     from lagcli.output.figures.figure_page import NotebookFigure

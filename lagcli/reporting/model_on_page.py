@@ -22,7 +22,7 @@ from lagcli.model.model import (
     Vector3,
     VectorExpression,
 )
-from lagcli.output.report.report_contents import PageListing, PageTable
+from lagcli.reporting.report_contents import PageListing, PageTable
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,8 +13,9 @@ from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
 from lagcli.model.model import Model, Units
 from lagcli.output.figures import labels
-from lagcli.output.report import model_on_page
-from lagcli.output.report.report_contents import (
+from lagcli.output.tables.incident_table import IMPULSE, IncidentTable
+from lagcli.reporting import model_on_page
+from lagcli.reporting.report_contents import (
     Block,
     PageEquations,
     PageFigure,
@@ -23,9 +24,8 @@ from lagcli.output.report.report_contents import (
     PageTable,
     ReportContents,
 )
-from lagcli.output.run_account import Stats
-from lagcli.output.tables.incident_table import IMPULSE, IncidentTable
-from lagcli.output.trajectory import Trajectory
+from lagcli.running.run_account import Stats
+from lagcli.running.trajectory import Trajectory
 
 # Rows of a table of incidents or of constraints, and names of what fails: the files of `simulate` hold them all.
 MOST_ROWS, MOST_FAULTS = 60, 6

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagcli.output.files import atomic_file, interrupts, json_text, write_guard
 from lagcli.output.files.write_guard import BadRequest, WriteError
-from lagcli.output.run_account import INTERRUPTED, NOT_WRITTEN, Outcome, Stats, Stopped
-from lagcli.output.runs import run_tables
-from lagcli.output.runs.run_request import RunRequest
-from lagcli.output.runs.run_tables import RunTables
-from lagcli.output.runs.safe_table import RowsBefore
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import incident_table
+from lagcli.running import run_tables
+from lagcli.running.run_account import INTERRUPTED, NOT_WRITTEN, Outcome, Stats, Stopped
+from lagcli.running.run_request import RunRequest
+from lagcli.running.run_tables import RunTables
+from lagcli.running.safe_table import RowsBefore
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import step_tolerance
 
@@ -96,7 +96,7 @@ class WrittenRun:
         if run.resumed is None:
             return None, None
         # Most runs go on from no checkpoint.
-        from lagcli.output.runs import rows_before
+        from lagcli.running import rows_before
 
         plans = [plan for plan in (self._table, self._events) if plan is not None]
         found = {plan.option: rows_before.before(run, resume, plan) for plan in plans}
@@ -150,7 +150,7 @@ class WrittenRun:
             yield f"note: {count} rows of {names} columns are {size / 10**9:.3g} {unit}"
 
     def _messages_before(self) -> Iterator[str]:
-        from lagcli.output.runs import rows_before
+        from lagcli.running import rows_before
 
         run, request = self._run, self._request
         for file, first, lost in (
@@ -259,7 +259,7 @@ class WrittenRun:
 
     def _figure(self, decimated: DecimatedRows) -> Iterator[str]:
         # matplotlib is loaded only where a figure is asked for.
-        from lagcli.output.runs import run_figure
+        from lagcli.running import run_figure
 
         run, request = self._run, self._request
         if request.plot is None:

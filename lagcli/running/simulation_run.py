@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis import energy_warning, run_remarks
-from lagcli.analysis.energy_warning import EnergyError
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 from lagcli.model.invariant import FirstIntegral
-from lagcli.output import run_account, table_columns
-from lagcli.output.run_account import Outcome, Stats, Stopped
-from lagcli.output.table_columns import GeneralizedForces
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
+from lagcli.running import energy_warning, run_account, run_remarks, table_columns
+from lagcli.running.energy_warning import EnergyError
+from lagcli.running.run_account import Outcome, Stats, Stopped
+from lagcli.running.table_columns import GeneralizedForces
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
 from lagcli.simulation.run_in_blocks import RunInBlocks
 from lagcli.simulation.run_state import checkpoint as checkpoints

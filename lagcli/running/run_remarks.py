@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis import energy_warning
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
+from lagcli.running import energy_warning
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial

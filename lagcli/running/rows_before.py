@@ -10,12 +10,12 @@ import pathlib
 from collections.abc import Sequence
 from typing import Literal
 
-from lagcli.output import checkpoint_file
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.runs.run_request import RunRequest
-from lagcli.output.runs.safe_table import RowsBefore, TablePlan
-from lagcli.output.runs.simulation_run import SimulationRun
 from lagcli.output.tables import read_table, row_file
+from lagcli.running import checkpoint_file
+from lagcli.running.run_request import RunRequest
+from lagcli.running.safe_table import RowsBefore, TablePlan
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state.checkpoint import CheckpointTable
 
 

@@ -21,8 +21,8 @@ from lagcli.output.tables import cell_text, sinks, table_format
 
 if TYPE_CHECKING:
     # Rows are kept beside checkpoints, which most runs have none of.
-    from lagcli.output.checkpoint_file import SyncedRows
     from lagcli.output.tables.row_file import RowFile, SafeRows
+    from lagcli.running.checkpoint_file import SyncedRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -116,8 +116,8 @@ class SafeTable:
         plan = self._plan
         if not self._sink.is_file or plan.file is None:
             return None
-        from lagcli.output.checkpoint_file import SyncedRows
         from lagcli.output.tables import row_file
+        from lagcli.running.checkpoint_file import SyncedRows
 
         self._before = first
         rows = row_file.path_of(plan.path)

@@ -11,7 +11,7 @@ from lagcli.model import dimension_facts
 from lagcli.output.figures import panels
 from lagcli.output.figures.decimate import DecimatedRows
 from lagcli.output.files import write_guard
-from lagcli.output.runs.simulation_run import SimulationRun
+from lagcli.running.simulation_run import SimulationRun
 
 Floats = npt.NDArray[np.float64]
 

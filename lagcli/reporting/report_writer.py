@@ -16,9 +16,9 @@ import jinja2
 import markupsafe
 
 from lagcli.errors import diagnostics
+from lagcli.output import latex_text
 from lagcli.output.figures import labels
-from lagcli.output.report import latex_text
-from lagcli.output.report.report_contents import PageFigure, PageListing, ReportContents
+from lagcli.reporting.report_contents import PageFigure, PageListing, ReportContents
 
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
 
@@ -66,7 +66,7 @@ def _head(contents: ReportContents) -> str:
 def _environment(finalize: Callable[[object], object], *, autoescape: bool) -> jinja2.Environment:
     """The templates of reports; each value is written by `finalize`."""
     return jinja2.Environment(
-        loader=jinja2.PackageLoader("lagcli.output.report"),
+        loader=jinja2.PackageLoader("lagcli.reporting"),
         autoescape=autoescape,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -1,1 +1,0 @@
-"""The page of `lagcli report`: what it holds, and its files in HTML, Markdown and PDF."""
