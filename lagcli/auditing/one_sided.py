@@ -61,12 +61,12 @@ class OneSidedParts:
             return ()
         if not self._has_incidents and self._cut_steps:
             return (
-                f"{self._cut_steps} of {steps} steps between rows may hold an impact: they are not judged without --events"
-                f" ({steps - looked} steps are left out of what is judged by differences)",
+                f"{self._cut_steps} of {steps} steps between rows may hold an impact: they are not judged without"
+                f" --events ({steps - looked} steps are left out of what is judged by differences)",
             )
         return (
-            f"{self._cut_steps} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too short for"
-            " differences, or between them",
+            f"{self._cut_steps} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too"
+            " short for differences, or between them",
         )
 
     def by_sets(self, checks: Sequence[Findings]) -> list[Check]:
