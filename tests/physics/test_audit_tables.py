@@ -85,8 +85,8 @@ def test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits(
     assert code in (None, 0), out
     written = json.loads(out)["written"]
     count = int(style[1:-1])
-    if count >= 12:  # it passes with all its digits
-        assert written is None
+    if count >= 12:  # it passes as one with all digits, or weak impacts show how many there are
+        assert written in (None, {"digits": count, "decimals": 0})
     else:
         assert written == {"digits": count * style.endswith("g"), "decimals": count * style.endswith("f")}
         word = "digits" if style.endswith("g") else "decimals"
@@ -153,6 +153,18 @@ def test_incidents_that_are_repeated_renamed_or_idle_fail(text: str) -> None:
     )
     for sabotaged in (twice, renamed, phantom):
         assert "recorded" in fails(lagcli.audit(model, run, events=sabotaged))
+
+
+@pytest.mark.parametrize("number", [0, 3, 8, 12])
+def test_an_impulse_that_is_off_by_a_millionth_of_itself_fails_however_weak_it_is(number: int) -> None:
+    """The impacts of a series become weaker by 0.4; the tolerance of the first is not that of the last."""
+    model = lagcli.loads(ROPE)
+    run = lagcli.simulate(model)
+    e, k = run.events, run.events.columns.index("impulse.rope") - 2
+    numbers = e.numbers.copy()
+    numbers[number, k] *= 1 + 1e-6
+    assert e.kinds[number] == "impact"
+    assert fails(lagcli.audit(model, run, events=IncidentTable(e.columns, e.kinds, e.names, numbers)))
 
 
 BOX = """

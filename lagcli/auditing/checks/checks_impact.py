@@ -23,16 +23,18 @@ from functools import cached_property
 
 import numpy as np
 
-from lagcli.auditing.checks import checks_contact, checks_motion
+from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues
 from lagcli.auditing.evidence.table_input import CHANGING, Incidents, Record
-from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
+from lagcli.auditing.evidence.tolerances import FORCE_ROUNDOFF, RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
-ROWS_AFTER = CheckedLaw("kept", "D.2, D.6", "f = 0 and B v(+) + b = 0 at every incident")
+ROWS_AFTER = CheckedLaw(
+    "kept", "D.2, D.6, D.27", "f = 0, B v(+) + b = 0, r_k = x_k(q, t) and v_k = dx_k/dt at every incident"
+)
 IMPACTS = CheckedLaw("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 0) >= 0, one of them 0")
 TOUCHED = CheckedLaw(
     "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
@@ -70,22 +72,47 @@ class ImpactEvidence:
         self.impulse_limit = float(self.before.recorded(largest)) + self.tolerance.atol
 
     def jumps(self) -> Check:
-        """The jump of the momenta of all coordinates."""
+        """The jump of the momenta of all coordinates.
+
+        The states before and after are off together: what lies between them is known to a part of itself.
+        """
         one, other = self.before, self.after
-        p, off_p = momenta(one)
-        p_after, off_after = momenta(other)
-        limit = off_p + off_after + one.noise("pull") + self.tolerance.atol
+        r, s = one.record, other.record
+        jump = momenta(other, s.q, s.v, s.u, other.values) - momenta(one, r.q, r.v, r.u, one.values)
+        own = momenta(other, s.q, s.v, other.values.u, other.values)
+        own = own - momenta(one, r.q, r.v, one.values.u, one.values)
+        q, v = one.moved
+        after, off_v = other.moved[1], SAFETY * one.masses * one.off_v
+        if not self.tolerance.written.is_short:
+            after = s.v + (v - r.v) * (1 + self.tolerance.rtol * np.abs(s.v - r.v) / one.off_v)
+            off_v = SAFETY * one.masses * self.tolerance.rtol * np.abs(s.v - r.v)
+        values = one.moved_values, one.laws.values(s.t, q, after, s.lam)
+        moved = momenta(other, q, after, values[1].u, values[1]) - momenta(one, q, v, values[0].u, values[0])
+        pull, pull_moved = one.values.pull, one.moved_values.pull
+        # The tolerance of a strong impact is not that of a weak one.
+        size = np.maximum(np.abs(own), np.abs(pull)).max(axis=1, initial=0.0, keepdims=True)
+        size = np.where(size > 0, size, 1.0)
+        limit = size * (one.spread(own / size, moved / size) + one.spread(pull / size, pull_moved / size))
+        rounding = FORCE_ROUNDOFF * np.abs(momenta(one, r.q, r.v, one.values.u, one.values))
         names = [f"p({name})" for name in one.names.q]
-        return judge(JUMPS, names, self.incidents.t, p_after - p - one.values.pull, limit)
+        limit = limit + off_v + 2 * rounding + self.tolerance.atol
+        return judge(JUMPS, names, self.incidents.t, jump - pull, limit)
 
     def rows_hold(self) -> Check:
-        """The rows that are equations, before and after."""
-        laws, t = self.laws, self.incidents.t
+        """The rows that are equations, and the dependent particles, before and after."""
+        laws, t, one, other = self.laws, self.incidents.t, self.before, self.after
         own = [i for i in self.rows if i < laws.s]
-        positions = self.before.values.f[:, own]
-        residual = np.concatenate([positions, self.after.values.w[:, self.rows]], axis=1)
-        limit = np.concatenate([self.before.noise("f")[:, own], self.after.noise("w")[:, self.rows]], axis=1)
-        names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows)]
+        held = (
+            (one.values.f[:, own], one.noise("f")[:, own]),
+            (other.values.w[:, self.rows], other.noise("w")[:, self.rows]),
+            checks_pointwise.dependent(one),
+            checks_pointwise.dependent(other),
+        )
+        residual, limit = (np.concatenate(part, axis=1) for part in zip(*held, strict=True))
+        of_particles = [
+            f"{name} {side}" for side in ("before", "after") for name in (*one.names.x, *one.names.u)
+        ]
+        names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows), *of_particles]
         return judge(ROWS_AFTER, names, t, residual, limit + self.tolerance.atol)
 
     @property
@@ -319,7 +346,7 @@ def impacts(e: Evidence) -> list[Check]:
     if impact is None:
         return []
     found = [impact.recorded(), impact.jumps(), impact.touched(), impact.impacts()]
-    if impact.rows.size:
+    if impact.rows.size or impact.before.record.x.size:
         found.append(impact.rows_hold())
     return [*found, impact.losses()]
 
@@ -364,13 +391,7 @@ def balance(e: Evidence) -> list[Check]:
     return [judge(BALANCE, ("the whole system",), e.record.t, apart, limit[:, None], judged[:, None])]
 
 
-def momenta(e: Evidence) -> tuple[Array, Array]:
-    """p = dL/dv (E, n) of all coordinates, and by how much it may be off."""
-
-    def at(q: Array, v: Array, u: Array, L_v: Array, L_u: Array) -> Array:
-        return np.asarray(e.masses * v + L_v + e.laws.pushed(e.record.t, q, v, e.masses_x * u + L_u))
-
-    r, one, other = e.record, e.values, e.moved_values
-    p, own = (at(r.q, r.v, u, one.L_v, one.L_u) for u in (r.u, one.u))
-    moved = at(*e.moved, other.u, other.L_v, other.L_u)
-    return p, e.spread(own, moved) + SAFETY * e.masses * e.off_v
+def momenta(e: Evidence, q: Array, v: Array, u: Array, values: LawValues) -> Array:
+    """p = dL/dv (E, n) of all coordinates at states of a record."""
+    p = e.laws.pushed(e.record.t, q, v, e.masses_x * u + values.L_u)
+    return np.asarray(e.masses * v + values.L_v + p)

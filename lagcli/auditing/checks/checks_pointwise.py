@@ -28,10 +28,15 @@ def constraints(e: Evidence) -> list[Check]:
         judge(VELOCITIES, e.laws.rows, r.t, values.w, e.noise("w") + e.tolerance.atol),
     ]
     if r.x.size:
-        apart = np.concatenate([r.x - values.x, r.u - values.u], axis=1)
-        limit = np.concatenate([e.noise("x"), e.noise("u")], axis=1) + e.tolerance.atol
-        found.append(judge(DEPENDENT, (*names.x, *names.u), r.t, apart, limit))
+        found.append(judge(DEPENDENT, (*names.x, *names.u), r.t, *dependent(e)))
     return found
+
+
+def dependent(e: Evidence) -> tuple[Array, Array]:
+    """The positions and velocities of dependent particles beside those of the model, with limits, (T, 6 Nd) each."""
+    r, values = e.record, e.values
+    apart = np.concatenate([r.x - values.x, r.u - values.u], axis=1)
+    return apart, np.concatenate([e.noise("x"), e.noise("u")], axis=1) + e.tolerance.atol
 
 
 def demand(e: Evidence) -> list[Check]:
