@@ -10,13 +10,11 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
-
-MOST_STEPS, ARRIVED = 60, 1e-15  # Newton's steps to the slow start, and the part of its size that is rounding
 
 
 class NoSlowStartError(ValueError):
@@ -38,35 +36,29 @@ def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> 
     Of such configurations that nearest to the start in the mass metric, of velocities those nearest to the ones there:
     what the row does not concern stays. numeric: with the row. Raises `NoSlowStartError`.
     """
-    metric = initial.metric_at(numeric, start)
-    offset = -row.multiplier / k
-    q, size = start.q, float(np.abs(start.q).max(initial=0.0)) or 1.0
-    for _ in range(MOST_STEPS):
-        f, B = _surface(numeric, start, q, row.index, offset)
-        # The nearest point: q - q0 is a combination of the rows where it ends.
-        step = MetricRows(B, metric).correction(f + LocalRows(B).times(start.q - q))
-        moved = start.q + step - q
-        if not np.isfinite(moved).all():
-            raise NoSlowStartError
-        q = q + moved
-        if float(np.abs(moved).max(initial=0.0)) <= ARRIVED * size:
-            break
-    for _ in range(2):  # a nearest point is found to the root of rounding; the rows are satisfied to rounding
-        f, B = _surface(numeric, start, q, row.index, offset)
-        q = q + MetricRows(B, metric).correction(f)
-    left, B = _surface(numeric, start, q, row.index, offset)
-    if not float(np.max(np.abs(left) / LocalRows(B).divisors, initial=0.0)) <= 1e-9 * max(size, abs(offset)):
+    surface = _Stretched(numeric, start, row.index, -row.multiplier / k)
+    reached = surface.descend(start.q)
+    if not reached.is_on:
         raise NoSlowStartError
+    q = surface.nearest(reached.q, start.q)
+    here = surface.at(q)
+    assert here is not None
+    q = q + here.step()  # a stiff spring pulls with what a descent leaves
     return q, _velocity(numeric, dataclasses.replace(start, q=q), row, k)
 
 
-def _surface(
-    numeric: NumericSystem, start: State, q: Floats, index: int, offset: float
-) -> tuple[Floats, Sparse]:
-    values, B = numeric.holonomic(start.t, q, start.p)
-    f = np.array(values).ravel()
-    f[index] -= offset
-    return f, B
+class _Stretched(projection.Surface):
+    """f = 0 but for one row, which is at a value of its own; with the metric at a state."""
+
+    def __init__(self, numeric: NumericSystem, start: State, index: int, offset: float) -> None:
+        super().__init__(numeric, start.t, start.p, initial.metric_at(numeric, start))
+        self._index, self._offset = index, offset
+
+    def values(self, q: Floats) -> tuple[Floats, Floats]:
+        """f (s,) less the value, and the entries of B."""
+        f, entries = super().values(q)
+        f[self._index] -= self._offset
+        return f, entries
 
 
 def _velocity(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> Floats:

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 from collections.abc import Iterator
 from contextvars import ContextVar
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +14,9 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.frozen import frozen_value
+from lagcli.frozen import frozen, frozen_value
 from lagcli.linear import rank
+from lagcli.linear import surface as road
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial, projection
 from lagcli.start.configuration_search import PARAMETERS as SEARCH
@@ -50,9 +52,6 @@ class AssemblyParameters:
     nearer: float = 1e-9
     """A configuration is nearer where the square of its distance is less by more than this part.
     `test_a_configuration_is_nearer_by_nine_digits` fails at 1e-10 and 1e-8."""
-    polishing: int = 6
-    """Newton steps on the conditions of the nearest point. `test_a_nearest_point_is_polished_in_six_steps`
-    fails at 0 and 60."""
     stationary: float = 1e-12
     """The tangential part of the way that is rounding. `test_a_nearest_point_is_stationary_to_twelve_digits`
     fails at 1e-13 and 1e-11."""
@@ -175,7 +174,7 @@ def _stuck(moving: MetricRows, full_metric: MetricRows) -> Flags:
 def _configuration(search: Search) -> Floats:
     """The configuration on f = 0 nearest to the declared one. Raises `diagnostics.ModelError`."""
     q0, surface = search.state.q, search.surface()
-    best = surface.refined(_feasible(search), q0)
+    best = surface.nearest(_feasible(search), q0)
     if _is_clearly_nearest(search, best):
         return _polished(search, best)
     _, parts = search.components()
@@ -188,7 +187,7 @@ def _configuration(search: Search) -> Floats:
             nearer = found < (1 - PARAMETERS.nearer) * lengths
             best = np.where(nearer[parts], q, best)
             lengths = np.where(nearer, found, lengths)
-    return _polished(search, surface.refined(best, q0))
+    return _polished(search, surface.nearest(best, q0))
 
 
 def _neighbours(search: Search) -> list[Floats]:
@@ -220,7 +219,7 @@ def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Flo
         optima.append(found)
     reached = surface.descend(begin if found is None else found)
     if reached.is_on:
-        yield surface.refined(reached.q, q0, PARAMETERS.briefly)
+        yield surface.nearest(reached.q, q0, PARAMETERS.briefly)
 
 
 def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
@@ -243,7 +242,7 @@ def _feasible(search: Search) -> Floats:
             break
         q = reached.q.copy()
         size = initial.size(q)
-        broken = ~(reached.residuals <= projection.PARAMETERS.rounding * size) | reached.recedes
+        broken = ~(reached.residuals <= road.PARAMETERS.stalled * size) | reached.recedes
         failed = []
         for number in np.unique(labels[broken]):
             rows = np.flatnonzero(labels == number).tolist()
@@ -320,27 +319,38 @@ def _conditions(search: Search, q: Floats) -> tuple[Sparse, Sparse, Floats, Floa
     return H, B, LocalRows(search.M).times(step), f
 
 
+@frozen
+class _NearestConditions:
+    """The conditions of a point of the surface that is the nearest one, linearized at q."""
+
+    search: Search
+    q: Floats
+
+    @cached_property
+    def distance(self) -> float:
+        """The part of the way to q that lies along the surface."""
+        search = self.search
+        return tangential(search.surface().rows(self.q)[1], search.metric, self.q - search.state.q)
+
+    @property
+    def is_there(self) -> bool:
+        """True if that is rounding."""
+        return self.distance <= PARAMETERS.stationary
+
+    def step(self) -> Floats | None:
+        """Newton's step and the way back onto the surface."""
+        from lagcli.compiled import nearest
+
+        H, B, gradient, f = _conditions(self.search, self.q)
+        step = nearest.newton(H, B, gradient, f, ~self.search.fixed)
+        reached = self.search.surface().descend(self.q + step) if step is not None else None
+        return reached.q - self.q if reached is not None and reached.is_on else None
+
+
 def _polished(search: Search, q: Floats) -> Floats:
     """A nearest point to rounding, from one to some digits: Newton steps as long as they lead there."""
-    surface = search.surface()
-    before = tangential(surface.rows(q)[1], search.metric, q - search.state.q)
-    if before <= PARAMETERS.stationary:
-        return q
-    from lagcli.compiled import nearest
-
-    for _ in range(PARAMETERS.polishing):
-        H, B, gradient, f = _conditions(search, q)
-        step = nearest.newton(H, B, gradient, f, ~search.fixed)
-        reached = surface.descend(q + step) if step is not None else None
-        if reached is None or not reached.is_on:
-            break
-        after = tangential(surface.rows(reached.q)[1], search.metric, reached.q - search.state.q)
-        if not after < before:
-            break
-        q, before = reached.q, after
-        if before <= PARAMETERS.stationary:
-            break
-    return q
+    end = road.approach(lambda q: _NearestConditions(search, q), q)
+    return q if end is None else end.x
 
 
 def _nothing_left(system: System, rows: list[int]) -> diagnostics.ModelError:

@@ -15,6 +15,7 @@ from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions, metric_rows, rank
+from lagcli.linear import surface as road
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
@@ -226,7 +227,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     if not reached.is_on:
         labels, _ = search.components()
         size = initial.size(reached.q)
-        for number in np.unique(labels[~(reached.residuals <= projection.PARAMETERS.rounding * size)]):
+        for number in np.unique(labels[~(reached.residuals <= road.PARAMETERS.stalled * size)]):
             rows = np.flatnonzero(labels == number).tolist()
             found = search.reach(rows, (q, state.q))
             parting = [] if found.is_on else list(smallest(search, found).rows)

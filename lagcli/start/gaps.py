@@ -212,7 +212,7 @@ def _reached(search: Search, active: list[int], q: Floats) -> Floats | None:
     for begin in _begins(search, active, q):
         reached = surface.descend(begin)
         if reached.is_on:
-            best = surface.refined(reached.q, search.state.q)
+            best = surface.nearest(reached.q, search.state.q)
             break
     return best
 

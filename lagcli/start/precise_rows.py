@@ -17,8 +17,9 @@ import numpy as np
 
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
-from lagcli.linear import decompositions, independent_rows, rank
+from lagcli.linear import decompositions, independent_rows, rank, surface
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear.surface import InDigits, Point
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start.initial import State
 
@@ -46,9 +47,6 @@ class PreciseRowsParameters:
     clear: float = 1e-3
     """The part of that distance, over the size of the coordinates, by which it may be moved.
     `test_a_move_is_far_shorter_than_the_way_to_dependent_rows` fails at 1e-4 and 1e-2."""
-    moves: int = 8
-    """Newton steps, each of which brings some ten digits.
-    `test_a_state_is_moved_where_rows_are_clear_to_ten_digits` fails at 0 and 80."""
     most: int = 12_000
     """Entries of all rows, dense: of more nothing is looked at, as time grows with the square of their number.
     `test_rows_of_many_entries_are_looked_at_in_doubles` fails at 1 200 and 120 000."""
@@ -134,25 +132,27 @@ class _RowsAtPoint:
 
         independent: how many rows are in doubles, least: how far they are from dependent ones.
         """
-        q, s = self._q, self._s
-        size = max(map(abs, q), default=ZERO) or Decimal(1)
-        holonomic = [k for k, i in enumerate(self._numbers) if i < s]
-        for _ in range(PARAMETERS.moves):
-            f, B = self._at(q)
-            if all(
-                abs(value) <= PARAMETERS.zero * size * max(map(abs, row))
-                for value, row in zip(f, B, strict=False)
-            ):
-                far = max((abs(a - b) for a, b in zip(q, self._q, strict=True)), default=ZERO)
-                return B if far <= Decimal(PARAMETERS.clear * least) * size else None
-            if least < PARAMETERS.movable:
-                return None
-            chosen = independent_rows.dependence(rows, independent, len(holonomic)).independent
-            moving = [k for k in chosen if k < len(holonomic)]
-            largest = max(map(abs, f))
-            step = rows.take(moving).whole_correction(np.array([float(f[k] / largest) for k in moving]))
-            q = [a + Decimal(float(b)) * largest for a, b in zip(q, step, strict=True)]
-        return None
+        size = max(map(abs, self._q), default=ZERO) or Decimal(1)
+        written = self._at(self._q)[1]
+        holonomic = [k for k, i in enumerate(self._numbers) if i < self._s]
+        lengths = np.array([float(max(map(abs, written[k]))) or 1.0 for k in holonomic])
+        chosen = independent_rows.dependence(rows, independent, len(holonomic)).independent
+        moving = [k for k in chosen if k < len(holonomic)]
+
+        clear_rows = rows.take(moving)
+
+        def at(q: Point) -> InDigits:
+            f = self._at(list(q))[0]
+            return InDigits(f, clear_rows, moving, lengths, PARAMETERS.zero * size)
+
+        q = surface.nearby(at, np.array(self._q))
+        if q is None:
+            return None
+        far = max((abs(a - b) for a, b in zip(q, self._q, strict=True)), default=ZERO)
+        if not far:
+            return written
+        is_clear = least >= PARAMETERS.movable and far <= Decimal(PARAMETERS.clear * least) * size
+        return self._at(list(q))[1] if is_clear else None
 
     def _at(self, q: Numbers) -> tuple[Numbers, list[Numbers]]:
         """f of the holonomic ones, which come first, and all rows. Raises `multiprecision.NotFinite`."""

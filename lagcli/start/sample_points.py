@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import generic_direction, metric_rows, rank
+from lagcli.linear import surface as road
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial
 from lagcli.start.initial import State
@@ -42,9 +43,6 @@ class SamplePointParameters:
     """Steps of one walk. `test_four_points_are_reached_by_walks_of_three_steps` fails at 0 and 30."""
     step: float = 0.2
     """The length of a step. `test_four_points_are_reached_by_walks_of_three_steps` fails at 0.02 and 2."""
-    halvings: int = 11
-    """Halvings of a step: shorter ones would be within rounding of a singular surface, where the rank cannot
-    be seen. `test_a_step_along_the_surface_is_halved_eleven_times` fails at 1 and 110."""
     flat: float = 1e-9
     """A gradient that is this part of what it is as far aside as `offset` vanishes: what is left is rounding.
     `test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside` fails at 1e-10 and 1e-8."""
@@ -119,13 +117,15 @@ def _tangent_step(
     largest = float(np.abs(direction).max(initial=0.0))
     if largest == 0.0:
         return here
-    step = length * initial.size(here.q) * direction / largest
-    reached = surface(numeric, here)
-    for halvings in range(PARAMETERS.halvings):
-        there = reached.nearby(here.q + step / 2**halvings)
-        if there is not None and is_finite(numeric, dataclasses.replace(here, q=there)):
-            return dataclasses.replace(here, q=there)
-    return None
+    size, reached = initial.size(here.q), surface(numeric, here)
+
+    def meet(q: Floats) -> Floats | None:
+        there = reached.nearby(q)
+        is_known = there is not None and is_finite(numeric, dataclasses.replace(here, q=there))
+        return there if is_known else None
+
+    q = road.walk(meet, here.q, length * size * direction / largest, size)
+    return None if q is None else dataclasses.replace(here, q=q)
 
 
 def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.random.Generator) -> Floats:

@@ -471,13 +471,13 @@ def test_a_minimum_that_several_searches_come_to_is_refined_once(monkeypatch):
         "a": "distance(p0, [0, 0, 0]) = 1", "b": "distance(p0, p1) = 1.2", "c": "distance(p1, [2, 0, 0]) = 1",
         "d": "p0.y = 0", "e": "p1.y = 0",
     }  # fmt: skip
-    starts, refined = [], projection.Surface.refined
+    starts, nearest = [], projection.Surface.nearest
 
     def counted(self, q, *more):
         starts.append(q)
-        return refined(self, q, *more)
+        return nearest(self, q, *more)
 
-    monkeypatch.setattr(projection.Surface, "refined", counted)
+    monkeypatch.setattr(projection.Surface, "nearest", counted)
     _, found = assembled(document([[0.5, 0.3, -2], [1.7, -0.2, -1]], laws))
     assert found.moved > 1
     assert np.abs(found.state.q.reshape(2, 3) - [1, 0, 0]).max() < 2

@@ -61,7 +61,7 @@ def test_starts_aside_are_fewer_of_many_coordinates(count, most):
 
 @pytest.mark.parametrize(("part", "is_nearer"), [(3e-10, False), (3e-9, True)])
 def test_a_configuration_is_nearer_by_nine_digits(part, is_nearer, monkeypatch):
-    surface = SimpleNamespace(refined=lambda q, q0: q)
+    surface = SimpleNamespace(nearest=lambda q, q0: q)
     search = search_of(surface=lambda: surface, components=lambda: (None, np.zeros(1, dtype=int)))
     monkeypatch.setattr(assembly, "_feasible", lambda search: np.zeros(1))
     monkeypatch.setattr(assembly, "_is_clearly_nearest", lambda *_: False)
@@ -89,10 +89,6 @@ def polished(monkeypatch):
     return made
 
 
-def test_a_nearest_point_is_polished_in_six_steps(polished):
-    assert polished(0.5**k for k in range(200)) == 6
-
-
 @pytest.mark.parametrize(("way", "steps"), [(3e-13, 0), (3e-12, 1)])
 def test_a_nearest_point_is_stationary_to_twelve_digits(way, steps, polished):
     assert polished([way, 0.0]) == steps
@@ -101,7 +97,7 @@ def test_a_nearest_point_is_stationary_to_twelve_digits(way, steps, polished):
 def test_a_start_goes_four_steps_towards_the_nearest_point_to_show_where_it_leads():
     asked = []
     surface = SimpleNamespace(
-        descend=lambda q: SimpleNamespace(q=q, is_on=True), refined=lambda q, q0, steps: asked.append(steps)
+        descend=lambda q: SimpleNamespace(q=q, is_on=True), nearest=lambda q, q0, steps: asked.append(steps)
     )
     search = search_of(surface=lambda: surface, optimum=lambda *_: None)
     list(assembly._minima(search, np.zeros(1), []))
@@ -236,15 +232,6 @@ def test_four_points_are_reached_by_walks_of_three_steps(monkeypatch):
     )
     assert len(sample_points.along(None, state(), [])) == 1 + 4
     assert steps == [0.2] * 12
-
-
-def test_a_step_along_the_surface_is_halved_eleven_times(monkeypatch):
-    tried = []
-    surface = SimpleNamespace(nearby=lambda q: tried.append(float(q[0])))
-    monkeypatch.setattr(sample_points, "surface", lambda *_: surface)
-    monkeypatch.setattr(sample_points, "_tangent", lambda *_: np.ones(1))
-    assert sample_points._tangent_step(None, state(), [], 0.2, None) is None
-    assert tried == [0.2 / 2**k for k in range(11)]
 
 
 @pytest.mark.parametrize(

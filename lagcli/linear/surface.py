@@ -1,0 +1,361 @@
+"""The one road onto a surface f = 0: `nearby` by Newton's steps, `descend` from far off, `walk` along it.
+
+Equations are given as a function from a point to what they are there, linearized: how far off the surface is, and the
+shortest step to where the linear equations vanish. A point is an array of floats, or of numbers with many digits
+(`Decimal`, `Fraction`), for which the equations bring the precision of their arithmetic. `nearby_all` takes many points
+of few coordinates at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from decimal import Decimal
+from functools import cached_property
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import progress
+from lagcli.frozen import frozen
+from lagcli.linear.metric import Metric
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Point = npt.NDArray[Any]  # of floats or, as objects, of numbers with many digits
+# Of points (..., n) the values (..., m) of m equations, and their gradients (..., m, n).
+Values = Callable[[Floats], tuple[Floats, Floats]]
+
+
+class SurfaceParameters:
+    """The way onto a surface and along it; lengths are parts of the size of the point.
+
+    The tests are of `tests/unit/test_surface.py`.
+    """
+
+    __slots__ = ()
+
+    newton_steps: int = 40
+    """Newton's steps, as long as they lead closer: beside a double zero each halves the distance.
+    `test_forty_newton_steps_are_made` fails at 4 and 400."""
+    arrived: float = 1e-13
+    """The distance at which Newton's steps end. `test_newton_ends_at_thirteen_digits` fails at 1e-14 and 1e-12."""
+    roundings: int = 64
+    """Roundings of the values that may be left. `test_values_may_hold_some_roundings` fails at 6 and 640."""
+    squared: float = 0.02
+    """What the last two steps leave of a distance, where they square it: beside a double zero they leave a quarter.
+    `test_a_point_is_met_where_the_last_two_steps_square_the_distance` fails at 0.002 and 0.2."""
+    creeping: float = 1e-9
+    """A distance that comes so near, but slowly, comes to a point that is not regular.
+    `test_what_comes_near_a_surface_slowly_creeps` fails at 1e-10 and 1e-8."""
+    all_arrived: float = 1e-12
+    """The distance at which many points are met at once, by gradients that may be differences.
+    `test_many_points_are_met_to_twelve_digits` fails at 1e-13 and 1e-11."""
+    most_steps: int = 200
+    """Steps of a descent from far. `test_a_descent_has_two_hundred_steps` fails at 20 and 2000."""
+    most_halvings: int = 30
+    """Halvings of one of them. `test_a_step_of_a_descent_is_damped_thirty_times` fails at 3 and 300."""
+    bottom: float = 1e-14
+    """The distance at which a descent ends. `test_a_descent_ends_at_fourteen_digits` fails at 1e-15 and 1e-13."""
+    stalled: float = 1e-10
+    """The distance at which it may stall by rounding. `test_a_descent_may_stall_at_rounding` fails at 1e-11 and 1e-9
+    (`tests/unit/test_start_thresholds.py`)."""
+    first_damping: float = 1e-3
+    """Damping, on rows of length one: where it begins. `test_a_step_of_a_descent_is_damped_thirty_times`
+    fails at 0.0001 and 0.01."""
+    stronger: float = 4.0
+    """The factor by which it grows if a step goes up. `test_a_step_of_a_descent_is_damped_thirty_times` fails
+    at 0.4 and 40."""
+    weaker: float = 8.0
+    """The factor by which it wanes if a step goes down. `test_damping_wanes_by_eight_down_to_nine_digits`
+    fails at 0.8 and 80."""
+    last_damping: float = 1e-9
+    """The damping below which it is dropped. `test_damping_wanes_by_eight_down_to_nine_digits` fails at 1e-10
+    and 1e-8."""
+    slow_steps: int = 20
+    """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend
+    in fewer. `test_a_descent_that_is_slow_for_twenty_steps_ends` fails at 2 and 200."""
+    slow: float = 0.8
+    """That part of the residual. `test_a_descent_that_is_slow_for_twenty_steps_ends` fails at 0.08 and 8."""
+    nearest_steps: int = 60
+    """Steps to the point that is nearest to another one. `test_sixty_steps_lead_to_the_nearest_point` fails at 6 and
+    600."""
+    nearest: float = 1e-12
+    """The part of the way along the surface at which a point is the nearest one.
+    `test_the_nearest_point_is_found_to_twelve_digits` fails at 1e-13 and 1e-11."""
+    shortest: float = 2e-4
+    """The shortest step along a surface: shorter ones would be within rounding of a singular place, where the rank
+    cannot be seen. `test_a_step_along_a_surface_is_halved_down_to_four_digits` fails at 2e-5 and 2e-3."""
+    strayed: float = 1.0
+    """The part of a step along the tangent by which its end may be off there: what is farther off has come back, or to
+    another sheet. `test_a_step_along_a_surface_ends_nearer_to_its_tangent_than_it_is_long` fails at 0.1 and 10."""
+
+
+PARAMETERS = SurfaceParameters()
+
+
+class Equations(Protocol):
+    """Equations f = 0 at a point, with what is linear in them there."""
+
+    @property
+    def distance(self) -> float:
+        """How far off the surface is, to first order, as a part of the size of the point."""
+        ...
+
+    @property
+    def is_there(self) -> bool:
+        """True if that is no more than rounding."""
+        ...
+
+    def step(self) -> Point | None:
+        """The shortest step to where the linear equations vanish; None where there is none."""
+        ...
+
+
+class DampedEquations(Equations, Protocol):
+    """Equations which can be descended on."""
+
+    @property
+    def norm(self) -> float:
+        """The root of the sum of squares of the equations, each in its unit here."""
+        ...
+
+    def norm_of(self, other: Any) -> float:
+        """That of the equations at another point, in the units here."""
+        ...
+
+    def damped(self, damping: float) -> Point:
+        """The step that is shorter by a damping; the shortest one with 0."""
+        ...
+
+
+E = TypeVar("E", bound=Equations)
+D = TypeVar("D", bound=DampedEquations)
+
+
+class Linearized:
+    """f (s,) with sparse gradients B (s, n) in a metric, at a point of some size.
+
+    rounding: by how much the rounding of the point moves f, a number or (s,).
+    """
+
+    def __init__(
+        self, f: Floats, B: Sparse, metric: Metric, size: float = 1.0, rounding: float | Floats = 0.0
+    ) -> None:
+        self.f, self.B, self._metric, self._size, self._rounding = f, B, metric, size, rounding
+
+    @cached_property
+    def local(self) -> LocalRows:
+        """The gradients by their entries."""
+        return LocalRows(self.B)
+
+    @cached_property
+    def rows(self) -> MetricRows:
+        """The gradients in the metric."""
+        return MetricRows(self.B, self._metric)
+
+    @property
+    def is_finite(self) -> bool:
+        """True if all values are numbers."""
+        return bool(np.isfinite(self.f).all() and np.isfinite(self.local.values).all())
+
+    @property
+    def residuals(self) -> Floats:
+        """|f_i| / |B_i|, (s,)."""
+        return np.abs(self.f) / self.local.divisors
+
+    @cached_property
+    def distance(self) -> float:
+        """The largest of them, as a part of the size."""
+        return float(np.max(self.residuals, initial=0.0)) / self._size
+
+    @property
+    def is_there(self) -> bool:
+        """True if each row is met to rounding."""
+        lengths = PARAMETERS.arrived * self._size * self.local.divisors
+        return bool((np.abs(self.f) <= lengths + PARAMETERS.roundings * self._rounding).all())
+
+    def step(self) -> Floats:
+        """The shortest step (n,) in the metric, by least squares if it must."""
+        return self.rows.correction(self.f)
+
+    @property
+    def norm(self) -> float:
+        """|f| for rows of length one in the metric."""
+        return self.norm_of(self)
+
+    def norm_of(self, other: Linearized) -> float:
+        """|f| of another point for the rows here."""
+        return float(np.linalg.norm(other.f / self.rows.lengths))
+
+    def damped(self, damping: float) -> Floats:
+        """The step (n,) damped as by Levenberg and Marquardt."""
+        return self.rows.correction(self.f, damping)
+
+
+class InDigits:
+    """f (s,) in many digits, `Decimal`: each step brings as many digits as doubles have.
+
+    rows: the gradients in doubles at a point near by, of those equations, by their numbers, that are independent;
+    lengths (s,): the sizes of all gradients; rounding: the distance that counts as none in so many digits.
+    """
+
+    def __init__(
+        self, f: list[Decimal], rows: MetricRows, independent: list[int], lengths: Floats, rounding: Decimal
+    ) -> None:
+        self._moving, self._rows = [f[i] for i in independent], rows
+        parts = (abs(value) / Decimal(length) for value, length in zip(f, lengths.tolist(), strict=True))
+        largest = max(parts, default=Decimal(0))
+        self.distance, self.is_there = float(largest), largest <= rounding
+
+    def step(self) -> Point | None:
+        """The shortest step (n,), of `Decimal`."""
+        largest = max(map(abs, self._moving), default=Decimal(0))
+        if not largest:
+            return None
+        step = self._rows.whole_correction(np.array([float(value / largest) for value in self._moving]))
+        return np.array([Decimal(x) * largest for x in step.tolist()])
+
+
+@frozen
+class NewtonEnd:
+    """The end of Newton's steps: the point, its distance from the surface, and the largest part of the last step.
+
+    is_met: the steps ended on the surface, and squared the distance. creeps: they came near and did not square it, as
+    where the surface is singular: rows are dependent on it and independent beside it.
+    """
+
+    x: Point
+    distance: float
+    moved: float
+    is_met: bool
+    creeps: bool
+
+
+def approach(at: Callable[[Point], E | None], x: Point) -> NewtonEnd | None:
+    """Newton's steps from x as long as they lead closer, down to rounding; None where the equations have no value at
+    x."""
+    here = at(x)
+    if here is None:
+        return None
+    before = last = moved = math.inf
+    for _ in range(PARAMETERS.newton_steps):
+        step = None if here.is_there else here.step()
+        if step is None:
+            break
+        # Each unknown by itself: beside a large one all steps of the others would be rounding.
+        parts = np.abs(step) / (1 + np.abs(x)) if x.size else np.zeros(1)
+        moved = min(moved, float(parts.max()))
+        there = at(x + step)
+        if there is None or not there.distance < here.distance:
+            break
+        x, before, last, here, moved = x + step, last, here.distance, there, float(parts.max())
+    is_met = here.is_there and here.distance <= PARAMETERS.squared * before
+    is_near = here.is_there or here.distance <= PARAMETERS.creeping
+    return NewtonEnd(x, here.distance, moved, is_met, is_near and not is_met)
+
+
+def nearby(at: Callable[[Point], E | None], x: Point) -> Point | None:
+    """The point of a surface that Newton's steps reach, each squaring a small distance; None where they do not."""
+    end = approach(at, x)
+    return end.x if end is not None and end.is_met else None
+
+
+def nearby_all(at: Values, points: Floats, size: float) -> tuple[Floats, Floats]:
+    """Points (..., n) moved onto m surfaces by Newton's steps, nan where they do not come there; and the gradients
+    there (..., m, n). size: of what the points are spread over."""
+    for _ in range(PARAMETERS.newton_steps):
+        f, B = at(points)
+        lengths = np.linalg.norm(B, axis=-1)
+        is_known = (
+            np.isfinite(f).all(axis=-1) & np.isfinite(lengths).all(axis=-1) & (lengths > 0).all(axis=-1)
+        )
+        with np.errstate(invalid="ignore"):
+            is_met = is_known & (np.abs(f) <= PARAMETERS.all_arrived * size * lengths).all(axis=-1)
+        moving = is_known & ~is_met
+        if not moving.any():
+            break
+        inverse = np.linalg.pinv(np.where(moving[..., None, None], B, 0.0))
+        step = (inverse @ np.where(moving[..., None], f, 0.0)[..., None])[..., 0]
+        points = np.where(is_known[..., None], points - step, np.nan)
+    return np.where(is_met[..., None], points, np.nan), B
+
+
+def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = False) -> tuple[Floats, D | None]:
+    """A point of the surface from far, or else one where the sum of squares is locally least, and the equations there.
+
+    Gauss-Newton steps, damped as by Levenberg and Marquardt where they do not lead down. A search gives up where steps
+    are small; to_the_end: it goes on, and what is given is its last point.
+    """
+    damping, passed = 0.0, math.inf
+    here = at(x)
+    best = x, here
+    least = math.inf if here is None else here.distance
+    for taken in range(PARAMETERS.most_steps):
+        progress.require_time()
+        if here is None or least <= PARAMETERS.bottom:
+            break
+        if taken % PARAMETERS.slow_steps == 0:
+            if here.norm > PARAMETERS.slow * passed and not to_the_end:
+                break
+            passed = here.norm
+        for _ in range(PARAMETERS.most_halvings):
+            step = here.damped(damping)
+            there = at(x + step)
+            if there is not None and here.norm_of(there) < here.norm:
+                break
+            damping = max(PARAMETERS.stronger * damping, PARAMETERS.first_damping)
+        else:
+            break
+        x, here = x + step, there
+        damping = damping / PARAMETERS.weaker if damping > PARAMETERS.last_damping else 0.0
+        if here is not None and (to_the_end or here.distance <= least):
+            best, least = (x, here), here.distance
+    return best
+
+
+def nearest(
+    toward: Callable[[Point], Point | None],
+    length: Callable[[Point], float],
+    q: Point,
+    q0: Point,
+    steps: int = PARAMETERS.nearest_steps,
+) -> Point:
+    """The point of a surface nearest to q0, from a point q of it.
+
+    toward: from a point of the surface to the one where Gauss and Newton place the nearest, on the condition
+    q - q0 = -M^-1 B^T mu at the point itself, or None; length: of a step. Where this does not contract, the point with
+    the smaller distance is kept.
+    """
+    size = float(np.abs(q0).max(initial=0.0)) or 1.0
+    for _ in range(steps):
+        new = toward(q)
+        if new is None or length(new - q0) >= length(q - q0) * (1 + 1e-12) + PARAMETERS.nearest * size:
+            break
+        moved = float(np.abs(new - q).max(initial=0.0))
+        q = new
+        if moved <= PARAMETERS.nearest * size:
+            break
+    return q
+
+
+def walk(
+    meet: Callable[[Floats], Floats | None], x: Floats, step: Floats, size: float = 1.0
+) -> Floats | None:
+    """The point of a surface that a step (n,) along its tangent at x leads to, halved until its end is met near by.
+
+    meet: from a point beside the surface to one on it, or None. None where short steps lead nowhere either.
+    """
+    largest = float(np.abs(step).max(initial=0.0))
+    if largest == 0.0:
+        return meet(x)
+    while largest >= PARAMETERS.shortest * size:
+        there = meet(x + step)
+        if there is not None:
+            off = float(np.linalg.norm(there - x - step))
+            if off < PARAMETERS.strayed * float(np.linalg.norm(step)):
+                return there
+        step, largest = step / 2, largest / 2
+    return None
