@@ -124,43 +124,6 @@ def test_a_flow_is_looked_at_in_thirty_two_points(places, monkeypatch):
     assert counts == [32]
 
 
-def newton_steps(*lengths):
-    """The Newton steps of these lengths that lead to a place, and whether one is met."""
-    left, made = iter(lengths), []
-
-    def rows(x, p):
-        made.append(x)
-        return ca.DM([[1.0]]), ca.DM([next(left)])
-
-    found = flag_points.met(block(holonomic=[0], rows=rows), np.zeros(1), None, 1.0)
-    return len(made), found is not None
-
-
-@pytest.fixture
-def any_place(monkeypatch):
-    monkeypatch.setattr(flag_points, "EvaluationPoint", lambda *_: "place")
-
-
-@pytest.mark.usefixtures("any_place")
-class TestNewtonStepsBackToTheSurface:
-    """Their lengths are given."""
-
-    def test_they_are_ten_at_most(self):
-        assert newton_steps(*(0.85**k for k in range(200))) == (10, False)
-
-    @pytest.mark.parametrize(("ratio", "count"), [(0.85, 3), (0.95, 2)])
-    def test_they_become_shorter_by_a_tenth(self, ratio, count):
-        assert newton_steps(1.0, ratio, 1e-15, 1e-15)[0] == count
-
-    @pytest.mark.parametrize(("length", "count"), [(3e-14, 1), (3e-13, 2)])
-    def test_they_end_at_thirteen_digits(self, length, count):
-        assert newton_steps(length, length) == (count, True)
-
-    @pytest.mark.parametrize(("length", "is_met"), [(3e-10, True), (3e-9, False)])
-    def test_they_may_stall_at_nine_digits(self, length, is_met):
-        assert newton_steps(length, length)[1] is is_met
-
-
 def test_two_flows_follow_each_other():
     points = flag_points.Points.__new__(flag_points.Points)
     points.start = SimpleNamespace(rows=SimpleNamespace(is_large=False))

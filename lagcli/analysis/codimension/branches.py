@@ -9,7 +9,9 @@ import numpy.typing as npt
 
 from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
-from lagcli.linear import rank
+from lagcli.linear import rank, surface
+from lagcli.linear.metric import Metric
+from lagcli.linear.surface import Linearized
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,24 +39,6 @@ class BranchParameters:
     closer: int = 4
     """Steps are 1, 1/2, ... of it by turns, in so many sizes: a branch that bends away is seen close by only.
     `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 40."""
-    halvings: int = 7
-    """Halvings of a step; closer to a singular point the rank cannot be seen.
-    `test_a_step_along_a_branch_is_halved_seven_times` fails at 0 and 70."""
-    newton_steps: int = 8
-    """Newton's steps that may lead back. `test_newton_converges_slowly_to_a_point_that_is_not_regular` fails at 1."""
-    more_steps: int = 40
-    """Further ones, which show that it creeps. `test_newton_converges_slowly_to_a_point_that_is_not_regular` fails at
-    4."""
-    solved: float = 1e-13
-    """The residual at which Newton's method ends. `test_a_point_is_on_a_surface_to_thirteen_digits` fails at
-    1e-14 and 1e-12."""
-    squared: float = 0.02
-    """A step that leaves no more than this part has squared a small residual, as it does where the rank is
-    constant; where it is not it halves the distance.
-    `test_the_last_step_to_a_regular_point_squares_the_residual` fails at 0.002 and 0.2."""
-    slow: float = 1e-9
-    """A residual that comes so near, but slowly, comes to a point that is not regular.
-    `test_what_comes_near_a_surface_slowly_creeps` fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = BranchParameters()
@@ -110,33 +94,21 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
     direction = tangent @ random.standard_normal(tangent.shape[1])
     largest = float(np.abs(direction).max(initial=0.0))
     step = size * direction / largest if largest > 0 else direction
-    for halving in range(PARAMETERS.halvings):
-        there = _nearby(part, z + step / 2**halving, t)
-        if there is not None:
-            return there
-    return None
+    return surface.walk(lambda there: _nearby(part, there, t), z, step)
 
 
 def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
-    """The point that a few Newton steps reach, each squaring a small residual, or None. Raises `_SlowConvergence`."""
-    before = residual = np.inf
-    limit = PARAMETERS.solved + 4 * part.rounding
-    for done in range(PARAMETERS.newton_steps + PARAMETERS.more_steps):
-        F, J = part.at(z, t)
-        if not (np.isfinite(F).all() and np.isfinite(J).all()):
-            return None
-        lengths = np.linalg.norm(J, axis=1)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        residual = float(np.abs(F / lengths).max(initial=0.0))
-        if residual <= limit:
-            if residual <= PARAMETERS.squared * before or before <= limit:
-                return z if done < PARAMETERS.newton_steps else None
-            break
-        z = z - rank.space(J / lengths[:, None], is_whole=False).step(F / lengths)
-        before = residual
-    if residual <= PARAMETERS.slow + limit:
+    """The point that Newton's steps reach, each squaring a small residual, or None. Raises `_SlowConvergence`."""
+
+    def at(z: Floats) -> Linearized | None:
+        F, J = part.entries_at(z, t)
+        here = Linearized(F, J.B, Metric.unit(z.size), rounding=part.rounding)
+        return here if here.is_finite else None
+
+    end = surface.approach(at, z)
+    if end is not None and end.creeps:
         raise _SlowConvergence
-    return None
+    return end.x if end is not None and end.is_met else None
 
 
 def _unit_rows(J: Floats) -> Floats:

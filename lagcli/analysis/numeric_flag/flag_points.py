@@ -25,9 +25,10 @@ from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations import kinks
 from lagcli.equations.system import System
-from lagcli.linear import decompositions, generic_direction
+from lagcli.linear import decompositions, generic_direction, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
+from lagcli.linear.surface import Linearized
 from lagcli.start import initial
 from lagcli.start.initial import State
 
@@ -69,15 +70,6 @@ class FlowParameters:
     roughly: float = 1e-5
     """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits` fails at
     1e-6 and 0.0001."""
-    steps: int = 10
-    """Newton's steps back to f = 0. `test_they_are_ten_at_most` fails at 1 and 100."""
-    contracts: float = 0.9
-    """They must become shorter by this. `test_they_become_shorter_by_a_tenth` fails at 0.09 and 9."""
-    met: float = 1e-13
-    """And end at rounding, as a part of the size. `test_they_end_at_thirteen_digits` fails at 1e-14 and
-    1e-12."""
-    stalled: float = 1e-9
-    """Or, where they stall, at this. `test_they_may_stall_at_nine_digits` fails at 1e-10 and 1e-8."""
     flows: int = 2
     """One after the other, each from the point before; of many rows one, which takes long.
     `test_two_flows_follow_each_other` fails at 0 and 20."""
@@ -286,19 +278,13 @@ def _path(along: Field, x: Floats, scale: Floats, count: int) -> list[Floats] | 
 
 
 def met(block: RowBlock, x: Floats, p: Floats, size: float) -> EvaluationPoint | None:
-    """The point on f = 0 that a few Newton steps in the coordinates reach from x, or None; size: that of x."""
+    """The point on f = 0 that Newton's steps in the coordinates reach from x, or None; size: that of x."""
     n, s = len(block.columns), len(block.holonomic)
-    before = math.inf
-    for _ in range(PARAMETERS.steps):
-        A, f = block.rows(x, p)
-        if not (np.isfinite(A.nonzeros()).all() and np.isfinite(f.nonzeros()).all()):
-            return None
-        step = MetricRows(A[:s, :n], Metric.unit(n)).correction(np.array(f).ravel())
-        length = float(np.abs(step).max(initial=0.0))
-        # Of many rows the last steps end at a rounding of their own.
-        if length <= PARAMETERS.met * size or before <= length <= PARAMETERS.stalled * size:
-            return EvaluationPoint(block, x, p)
-        if not length < before * PARAMETERS.contracts:
-            return None
-        x, before = np.append(x[:n] + step, x[n:]), length
-    return None
+
+    def at(q: Floats) -> Linearized | None:
+        A, f = block.rows(np.append(q, x[n:]), p)
+        here = Linearized(np.array(f).ravel(), A[:s, :n], Metric.unit(n), size)
+        return here if here.is_finite else None
+
+    q = surface.nearby(at, x[:n])
+    return None if q is None else EvaluationPoint(block, np.append(q, x[n:]), p)

@@ -17,8 +17,10 @@ from lagcli.compiled import lie_brackets, multiprecision, program
 from lagcli.compiled.lie_brackets import LEAF, Shape
 from lagcli.compiled.multiprecision import Number
 from lagcli.compiled.program import Program
+from lagcli.linear import surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear.surface import InDigits
 
 # Values in the first precision; a coarser one shows the size of what cancelled, and so what is rounding.
 DIGITS, FEWER = 60, 30
@@ -27,8 +29,6 @@ MORE_CONTEXTS = ((FEWER - 1, decimal.ROUND_DOWN), (FEWER + 1, decimal.ROUND_HALF
 ZERO, SURE = Decimal("1e-40"), Decimal("1e-12")
 # Operations of the elimination that are written out.
 FILL = 20_000
-# Steps onto the surface.
-REFINEMENTS = 30
 
 Field = list[Number]
 
@@ -47,16 +47,16 @@ class Exact:
         order = lie_brackets.pivots(point.A[point.independent, :], FILL)
         self._field = program.written_out(lie_brackets.expanded_field(block, point.independent, order))
         self._curl, self._along = program.written_out(block.curl), program.written_out(block.along)
-        surface = program.written_out(block.surface)
+        holonomic = program.written_out(block.surface)
         self.length = len(self._field.steps) + len(self._curl.steps)
-        for one in (self._field, self._curl, self._along, surface):
+        for one in (self._field, self._curl, self._along, holonomic):
             multiprecision.require_known(one)
         self._read = multiprecision.decimal_of if is_decimal else Decimal
         self._p = [self._read(a) for a in point.p.tolist()]
         self._sizes = [Decimal(size) for size in point.sizes.tolist()]
         self._nothing = [Decimal(0)] * len(point.differential)
         self._still = [Decimal(0)] * block.size
-        self._x = self._refined([self._read(a) for a in point.x.tolist()], surface)
+        self._x = self._refined([self._read(a) for a in point.x.tolist()], holonomic)
 
     def bracket(self, shape: Shape, U: list[list[int]]) -> DigitSample:
         """Values on the independent differential rows, of a bracket of fields of scaled components U (leaves, N)."""
@@ -127,7 +127,7 @@ class Exact:
             return self._run(self._field, [x, self._p, columns[0], self._nothing])
         return self._run(self._field, [x, self._p, self._still, self._value(shape, x, columns, tag)])
 
-    def _refined(self, x: list[Decimal], surface: Program) -> list[Decimal]:
+    def _refined(self, x: list[Decimal], code: Program) -> list[Decimal]:
         """The point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
         block, point = self._point.block, self._point
         n, s = len(block.columns), len(block.holonomic)
@@ -135,19 +135,17 @@ class Exact:
         if not holonomic:
             return x
         rows = MetricRows(point.plain[holonomic, :n], Metric.unit(n))
-        goal = Decimal(10) ** (5 - DIGITS) * max((abs(a) for a in x[:n]), default=Decimal(0))
-        for _ in range(REFINEMENTS):
-            f = self._run(surface, [x, self._p])
-            f = [f[i] for i in holonomic]
-            # Each step with the factors of doubles brings some fourteen digits, fewer where the point is off.
-            size = max(abs(a) for a in f)
-            if not size:
-                return x
-            step = rows.correction(np.array([float(a / size) for a in f])).tolist()
-            x = [a + Decimal(b) * size for a, b in zip(x, step, strict=False)] + x[n:]
-            if size * Decimal(max(map(abs, step))) <= goal:
-                return x
-        raise undecided.Undecided("no point of the surface was found in many digits")
+        goal = Decimal(10) ** (5 - DIGITS) * (max((abs(a) for a in x[:n]), default=Decimal(0)) or 1)
+        every = list(range(len(holonomic)))
+
+        def at(q: surface.Point) -> InDigits:
+            f = self._run(code, [[*q, *x[n:]], self._p])
+            return InDigits([f[i] for i in holonomic], rows, every, rows.lengths, goal)
+
+        q = surface.nearby(at, np.array(x[:n]))
+        if q is None:
+            raise undecided.Undecided("no point of the surface was found in many digits")
+        return [*q, *x[n:]]
 
     def _run(self, code: Program, inputs: list[list[Number]]) -> list[Number]:
         try:
