@@ -390,6 +390,11 @@ def stacked(*blocks: Sparse) -> Sparse:
     return ca.vertcat(*blocks)
 
 
+def of_dense(rows: Floats) -> Sparse:
+    """Rows (C, n) that are given densely."""
+    return ca.DM(rows)
+
+
 def sparse(
     rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp], values: Floats, shape: tuple[int, int]
 ) -> Sparse:

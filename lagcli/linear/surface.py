@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from decimal import Decimal
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Point = npt.NDArray[Any]  # of floats or, as objects, of numbers with many digits
+Point = Floats  # or, as objects, numbers with many digits
 # Of points (..., n) the values (..., m) of m equations, and their gradients (..., m, n).
 Values = Callable[[Floats], tuple[Floats, Floats]]
 
@@ -38,8 +38,8 @@ class SurfaceParameters:
     __slots__ = ()
 
     newton_steps: int = 40
-    """Newton's steps, as long as they lead closer: beside a double zero each halves the distance.
-    `test_forty_newton_steps_are_made` fails at 4 and 400."""
+    """Newton's steps: beside a double zero each halves the distance. `test_forty_newton_steps_are_made` fails at 4 and
+    400."""
     arrived: float = 1e-13
     """The distance at which Newton's steps end. `test_newton_ends_at_thirteen_digits` fails at 1e-14 and 1e-12."""
     roundings: int = 64
@@ -96,12 +96,12 @@ class SurfaceParameters:
 PARAMETERS = SurfaceParameters()
 
 
-class Equations(Protocol):
+class LinearEquations(Protocol):
     """Equations f = 0 at a point, with what is linear in them there."""
 
     @property
     def distance(self) -> float:
-        """How far off the surface is, to first order, as a part of the size of the point."""
+        """The distance from the surface, to first order, as a part of the size of the point."""
         ...
 
     @property
@@ -114,7 +114,7 @@ class Equations(Protocol):
         ...
 
 
-class DampedEquations(Equations, Protocol):
+class DampedEquations(LinearEquations, Protocol):
     """Equations which can be descended on."""
 
     @property
@@ -122,8 +122,8 @@ class DampedEquations(Equations, Protocol):
         """The root of the sum of squares of the equations, each in its unit here."""
         ...
 
-    def norm_of(self, other: Any) -> float:
-        """That of the equations at another point, in the units here."""
+    def norm_of(self, other: Self) -> float:
+        """The norm at another point, in the units here."""
         ...
 
     def damped(self, damping: float) -> Point:
@@ -131,7 +131,7 @@ class DampedEquations(Equations, Protocol):
         ...
 
 
-E = TypeVar("E", bound=Equations)
+E = TypeVar("E", bound=LinearEquations)
 D = TypeVar("D", bound=DampedEquations)
 
 
@@ -235,26 +235,32 @@ class NewtonEnd:
 
 
 def approach(at: Callable[[Point], E | None], x: Point) -> NewtonEnd | None:
-    """Newton's steps from x as long as they lead closer, down to rounding; None where the equations have no value at
-    x."""
+    """The point nearest to a surface that Newton's steps from x come to; None where the equations have no value at x.
+
+    They go on down to rounding, where they may rise again; far off too, where it takes some to come near.
+    """
     here = at(x)
     if here is None:
         return None
-    before = last = moved = math.inf
+    best, nearest_yet, before = x, here, math.inf
+    last, moved = math.inf, math.inf
     for _ in range(PARAMETERS.newton_steps):
         step = None if here.is_there else here.step()
         if step is None:
             break
         # Each unknown by itself: beside a large one all steps of the others would be rounding.
-        parts = np.abs(step) / (1 + np.abs(x)) if x.size else np.zeros(1)
-        moved = min(moved, float(parts.max()))
+        length = float((np.abs(step) / (1 + np.abs(x))).max(initial=0.0))
         there = at(x + step)
-        if there is None or not there.distance < here.distance:
+        is_closer = there is not None and there.distance < here.distance
+        if there is None or not (is_closer or here.distance > PARAMETERS.creeping):
+            moved = min(moved, length)
             break
-        x, before, last, here, moved = x + step, last, here.distance, there, float(parts.max())
+        x, last, here, before = x + step, here.distance, there, last
+        if here.distance < nearest_yet.distance:
+            best, nearest_yet, moved = x, here, length
     is_met = here.is_there and here.distance <= PARAMETERS.squared * before
-    is_near = here.is_there or here.distance <= PARAMETERS.creeping
-    return NewtonEnd(x, here.distance, moved, is_met, is_near and not is_met)
+    is_near = nearest_yet.is_there or nearest_yet.distance <= PARAMETERS.creeping
+    return NewtonEnd(best, nearest_yet.distance, moved, is_met, is_near and not is_met)
 
 
 def nearby(at: Callable[[Point], E | None], x: Point) -> Point | None:

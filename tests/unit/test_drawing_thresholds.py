@@ -119,13 +119,12 @@ def test_a_plane_that_is_the_picture_draws_no_line(slope: float, lines: int) -> 
     assert len(pictures.all()) == lines
 
 
-@pytest.mark.parametrize(("jump", "is_met"), [(3e-10, True), (3e-9, False)])
-def test_a_jump_over_zero_that_is_rounding_is_met(jump: float, is_met: bool) -> None:
+@pytest.mark.parametrize(("bend", "axis"), [(2e-9, 2), (8e-9, None)])
+def test_a_function_is_straight_along_an_axis_to_nine_digits(bend: float, axis: int | None) -> None:
     def function(places: np.ndarray) -> np.ndarray:
-        return np.asarray(places[..., 0] + np.where(places[..., 0] >= 0, jump, -jump) / 2)
+        return np.asarray(places[..., 2] + bend * places[..., 2] ** 2)
 
-    found, _ = nets.nearest([function], np.array([[[0.3, 0.2, 0.1]]]), 1.0)
-    assert bool(np.isfinite(found).all()) is is_met
+    assert nets._straight(function, np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]), 1.0) == axis
 
 
 def test_gradients_lose_as_little_to_rounding_as_to_bends() -> None:
@@ -134,28 +133,6 @@ def test_gradients_lose_as_little_to_rounding_as_to_bends() -> None:
     assert np.abs(slopes - [1, 0, 0]).max() < 2e-7
     bent = nets.gradient(lambda at: np.asarray(at[..., 0] ** 3), np.zeros((1, 1, 3)), 1.0)
     assert np.abs(bent).max() < 1e-11
-
-
-def newton_values(function, steps) -> int:
-    """The number of times that a function is asked for by steps that never end."""
-    calls = []
-
-    def never(places: np.ndarray) -> np.ndarray:
-        calls.append(places)
-        return np.asarray(function(places[..., 0]))
-
-    steps(never, np.zeros((1, 1, 3)))
-    return len(calls)
-
-
-def test_a_curve_is_met_in_sixteen_newton_steps_or_not() -> None:
-    # Of a function without a zero, each step of which goes half as far as the picture is large.
-    assert newton_values(lambda x: np.exp(2 * x), lambda f, at: nets.nearest([f], at, 1.0)) == 16
-
-
-def test_a_net_is_drawn_in_thirty_newton_steps_or_left_open() -> None:
-    # Each step asks for the value, and for two beside it.
-    assert newton_values(lambda x: np.exp(3 * x), lambda f, at: nets._lifted(f, at, 0, 1.0)) == 3 * 30
 
 
 @pytest.mark.parametrize(("apart", "left"), [(3e-7, 1), (3e-6, 2)])

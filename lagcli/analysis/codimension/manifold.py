@@ -10,12 +10,11 @@ from __future__ import annotations
 import abc
 from collections.abc import Sequence
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
-from lagcli.linear import rank, surface
+from lagcli.linear import metric_rows, rank, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import Linearized
@@ -141,7 +140,7 @@ class Manifold(Walked):
     def look(self, z: Floats, t: float) -> Look:
         """The equations at a point."""
         F, J = self._equations.at(z, t)
-        B = ca.DM(self._chosen @ J)
+        B = metric_rows.of_dense(self._chosen @ J)
         chosen = Linearized(self._chosen @ F, B, Metric.unit(z.size), rounding=self.rounding)
         return Look(F, np.asarray(np.linalg.norm(J, axis=1)), chosen)
 

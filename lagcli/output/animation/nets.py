@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import decompositions
+from lagcli.linear import surface
 
 Floats = npt.NDArray[np.float64]
 # Of points (T, k, 3) to values (T, k); T = 1 for what does not move.
@@ -37,15 +37,9 @@ class NetParameters:
 
     __slots__ = ()
 
-    corrections: int = 16
-    """Newton's steps onto a curve: quadratic, from a step of the curve beside it.
-    `test_a_curve_is_met_in_sixteen_newton_steps_or_not` fails at 1 and 160."""
-    net_steps: int = 30
-    """Newton's steps along one axis onto a surface; where they have not ended by then the net is left open.
-    `test_a_net_is_drawn_in_thirty_newton_steps_or_left_open` fails at 3 and 300."""
     exact: float = 1e-9
-    """The distance from a zero at which Newton's steps end, well above the rounding of gradients, 1e-10:
-    `test_a_jump_over_zero_that_is_rounding_is_met` fails at 1e-8 and 1e-10."""
+    """A bend that is this part of the values is none, well above the rounding of gradients, 1e-10.
+    `test_a_function_is_straight_along_an_axis_to_nine_digits` fails at 1e-8 and 1e-10."""
     difference: float = 1e-6
     """The step of differences, whose rounding and truncation are both 1e-10:
     `test_gradients_lose_as_little_to_rounding_as_to_bends` fails at 1e-5 and 1e-7."""
@@ -76,21 +70,9 @@ def _expanded(functions: Sequence[Function], points: Floats, size: float) -> tup
 def nearest(functions: Sequence[Function], points: Floats, size: float) -> tuple[Floats, Floats]:
     """The points (T, k, 3) near these at which all functions are zero, by Newton's steps of least length, nan where
     there is none; and the gradients there (T, k, m, 3)."""
-    for _ in range(PARAMETERS.corrections):
-        values, rows = _expanded(functions, points, size)
-        lengths = np.linalg.norm(rows, axis=-1)
-        known = (
-            np.isfinite(values).all(axis=-1) & np.isfinite(lengths).all(axis=-1) & (lengths > 0).all(axis=-1)
-        )
-        reached = known & np.all(np.abs(values) <= PARAMETERS.exact * size * lengths, axis=-1)
-        if np.all(reached | ~known):
-            break
-        moving = known & ~reached
-        inverse = decompositions.pseudo_inverse(np.where(moving[..., None, None], rows, 0.0))
-        move = -(inverse @ np.where(moving[..., None], values, 0.0)[..., None])[..., 0]
-        move[np.linalg.norm(move, axis=-1) > size] = np.nan
-        points = np.where(known[..., None], points + move, np.nan)
-    return np.where(reached[..., None], points, np.nan), rows
+    met, rows = surface.nearby_all(lambda points: _expanded(functions, points, size), points, size)
+    is_far = np.linalg.norm(met - points, axis=-1) > size  # on another sheet
+    return np.where(is_far[..., None], np.nan, met), rows
 
 
 def followed(functions: Sequence[Function], starts: Floats, size: float, centre: Floats) -> Floats:
@@ -243,15 +225,11 @@ def _straight(function: Function, points: Floats, slope: Floats, size: float) ->
 
 def _lifted(function: Function, points: Floats, up: int, size: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Points (T, k, 3) moved along one axis onto the surface by Newton's steps, and which of them stand on it."""
-    step = np.zeros(3)
-    step[up] = PARAMETERS.difference * size
-    points, there = points.copy(), np.zeros(points.shape[:2], dtype=bool)
-    for _ in range(PARAMETERS.net_steps):
-        values = np.broadcast_to(function(points), there.shape)
-        slope = (function(points + step) - function(points - step)) / (2 * step[up])
-        move = np.where(slope != 0, -values / np.where(slope != 0, slope, 1.0), np.inf)
-        there = np.abs(move) <= PARAMETERS.exact * size
-        if there.all():
-            break
-        points[..., up] += np.where(np.isfinite(move) & ~there, np.clip(move, -0.3 * size, 0.3 * size), 0.0)
-    return points, there
+
+    def at(points: Floats) -> tuple[Floats, Floats]:
+        values, rows = _expanded([function], points, size)
+        return values, np.where(np.arange(3) == up, rows, 0.0)
+
+    met, _ = surface.nearby_all(at, points, size)
+    there = np.asarray(np.isfinite(met).all(axis=-1))
+    return np.where(there[..., None], met, points), there

@@ -14,11 +14,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import mpmath
+import numpy as np
 import sympy
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
 from mpmath.libmp import ComplexResult
 
 from lagcli import memory
+from lagcli.linear import surface
 from lagcli.pfaffian.forms import form as forms
 
 # Cancellation of thirty digits leaves a sign.
@@ -38,8 +40,9 @@ _MIXED = 16
 
 # Newton's method to a surface ends with nearly all digits; a sum of many terms loses some of them.
 ZERO = 1e-30
-_FOUND, _ATTEMPTS, _STEPS = 4, 24, 40
-_CLOSE = mpmath.mpf(10) ** (3 - DIGITS)
+_FOUND, _ATTEMPTS = 4, 24
+# What Newton's steps leave, and the longest of them.
+_CLOSE, _LONGEST = 10.0 ** (3 - DIGITS), 1e6
 _DENOMINATOR = 10 ** (2 * DIGITS)
 _SURFACE_SEED = 20240511
 
@@ -268,9 +271,7 @@ def nearest(
     The points hold the symbols that may move; the inertia begins with them. Rows of the surface that depend on others
     there have no answer: None.
 
-    The steps are those that `points_on` takes. The brackets in many digits (`numeric_flag.precise_brackets`) refine
-    a point with factors of doubles: to some point of compiled rows. Here the rows are symbols, which have no compiled
-    form where conditions were added, and which point it is matters: what vanishes at the nearest one is judged.
+    The steps are those that `points_on` takes. Which point it is matters: what vanishes at the nearest one is judged.
     """
     gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
     with mpmath.workdps(DIGITS):
@@ -282,35 +283,52 @@ def nearest(
     return _projected(begin, surface, gradients, W, origin) or _projected(begin, surface, gradients, W)
 
 
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Newton's step (n,) at a point, of fractions, and the largest part of it."""
+
+    whole: surface.Point
+    distance: float
+
+    @property
+    def is_there(self) -> bool:
+        """True if it is rounding."""
+        return self.distance < _CLOSE
+
+    def step(self) -> surface.Point:
+        """The step."""
+        return self.whole
+
+
 def _projected(
-    point: Point,
-    surface: Sequence[sympy.Expr],
+    begin: Point,
+    equations: Sequence[sympy.Expr],
     gradients: Sequence[Sequence[sympy.Expr]],
     W: mpmath.matrix | None = None,
     origin: Point | None = None,
 ) -> Point | None:
     """Newton's method, q - W B^T (B W B^T)^-1 f, or with an origin q0 - W B^T (B W B^T)^-1 (f + B (q0 - q)): its end is
     the point nearest to q0, which needs W B^T mu for the way there."""
+
+    def at(q: surface.Point) -> _Step | None:
+        there = Evaluator(dict(zip(begin, q, strict=True)))
+        try:
+            f = mpmath.matrix([_middle(there.value(row)) for row in equations])
+            B = mpmath.matrix([[_middle(there.value(entry)) for entry in row] for row in gradients])
+            ways = zip(begin, q, strict=True)
+            back = mpmath.matrix([_mpf(origin[x] - old) if origin else mpmath.mpf(0) for x, old in ways])
+            weighted = B.T if W is None else W * B.T
+            step = back - weighted * mpmath.lu_solve(B * weighted, f + B * back)
+        except (NoValueError, ArithmeticError, ValueError):
+            return None
+        moved = max(abs(d) for d in step)
+        if not mpmath.isfinite(moved) or moved > _LONGEST:
+            return None
+        return _Step(np.array([_fraction(d) for d in step]), float(moved) / max(1.0, float(np.abs(q).max())))
+
     with mpmath.workdps(DIGITS):
-        for _ in range(_STEPS):
-            there = Evaluator(point)
-            try:
-                f = mpmath.matrix([_middle(there.value(row)) for row in surface])
-                B = mpmath.matrix([[_middle(there.value(entry)) for entry in row] for row in gradients])
-                back = mpmath.matrix(
-                    [_mpf(origin[x] - q) if origin else mpmath.mpf(0) for x, q in point.items()]
-                )
-                weighted = B.T if W is None else W * B.T
-                step = weighted * mpmath.lu_solve(B * weighted, f + B * back) - back
-            except (NoValueError, ArithmeticError, ValueError):
-                return None
-            moved = max(abs(d) for d in step)
-            if not mpmath.isfinite(moved) or moved > 1e6:
-                return None
-            if moved < _CLOSE * max(1.0, *(abs(float(value)) for value in point.values())):
-                return point
-            point = {x: old - _fraction(d) for (x, old), d in zip(point.items(), step, strict=True)}
-    return None
+        q = surface.nearby(at, np.array(list(begin.values())))
+    return None if q is None else dict(zip(begin, q, strict=True))
 
 
 def _mpf(value: Fraction) -> mpmath.mpf:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from lagcli.linear import decompositions
+from lagcli.linear import surface
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -22,8 +22,6 @@ _SEED = 20240317
 _RANGES = ((-1.6, 1.6), (0.2, 1.8), (1.1, 3.0), (0.05, 0.9))
 # So many points are drawn for each that is needed, where some have no value.
 _CROWD = 4
-# Newton's steps to the surface, and what is left there, in its own units.
-_STEPS, _ON_SURFACE = 30, 1e-12
 
 
 class NoSampleError(NoAnswerError):
@@ -86,24 +84,22 @@ class RandomSample(Sample):
         for s in symbols:
             self._known[s] = np.full(self.count, self._known[s][0])
 
-    def project(self, surface: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
+    def project(self, equations: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
         """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
-        gradients = [[forms.partial(f, x) for x in variables] for f in surface]
-        points = np.array([self.of(x) for x in variables]).T
-        for _ in range(_STEPS):
+        gradients = [[forms.partial(f, x) for x in variables] for f in equations]
+
+        def place(points: Values) -> None:
             self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
             self._known |= dict(zip(variables, points.T, strict=True))
-            f = np.array([self.of(e) for e in surface]).T
-            if np.all(np.abs(f) < _ON_SURFACE):
-                return
-            B = np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
-            bad = ~(np.all(np.isfinite(f), axis=1) & np.all(np.isfinite(B), axis=(1, 2)))
-            f[bad], B[bad] = 0.0, 0.0
-            step = decompositions.pseudo_inverse(B) @ f[:, :, None]
-            points = points - step[:, :, 0]
-        points[np.any(np.abs(f) > _ON_SURFACE, axis=1) | bad] = np.nan
-        self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
-        self._known |= dict(zip(variables, points.T, strict=True))
+
+        def at(points: Values) -> tuple[Values, Values]:
+            place(points)
+            f = np.array([self.of(e) for e in equations]).T
+            return f, np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
+
+        points = np.array([self.of(x) for x in variables]).T
+        with np.errstate(all="ignore"):
+            place(surface.nearby_all(at, points, 1.0)[0])
 
 
 def draw(
@@ -111,17 +107,17 @@ def draw(
     variables: Sequence[sympy.Symbol],
     parameters: Sequence[sympy.Symbol],
     count: int,
-    surface: Sequence[sympy.Expr] = (),
+    equations: Sequence[sympy.Expr] = (),
 ) -> RandomSample:
-    """`count` points of the surface where all expressions are finite.
+    """`count` points of the surface of some equations where all expressions are finite.
 
     The parameters have the same values at all of them, other ones at each point of a surface.
     """
     for span in _RANGES:
         for crowd in (1, _CROWD):
             sample = RandomSample([*variables, *parameters], (count + 2) * crowd, span)
-            if surface:
-                sample.project(surface, variables)
+            if equations:
+                sample.project(equations, variables)
             else:
                 sample.fix(parameters)
             good = np.all([np.isfinite(sample.of(e)) for e in expressions], axis=0)
