@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.frozen import frozen
+from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 
@@ -283,7 +284,7 @@ def nearby_all(at: Values, points: Floats, size: float) -> tuple[Floats, Floats]
         moving = is_known & ~is_met
         if not moving.any():
             break
-        inverse = np.linalg.pinv(np.where(moving[..., None, None], B, 0.0))
+        inverse = decompositions.pseudo_inverse(np.where(moving[..., None, None], B, 0.0))
         step = (inverse @ np.where(moving[..., None], f, 0.0)[..., None])[..., 0]
         points = np.where(is_known[..., None], points - step, np.nan)
     return np.where(is_met[..., None], points, np.nan), B
