@@ -93,8 +93,7 @@ def mode(
     """
     choice = _ModeChoice(open_, here, rows)
     closed = found.closed
-    if here.few(np.array(sorted(level), dtype=np.intp)) is not None:
-        # Rows that stand well apart are independent.
+    if are_independent(open_, here, level):
         return ContactMode(choice.independent(closed), closed)
     chosen = choice.of(closed)
     others = [j for j in level if j not in set(closed)]
@@ -114,6 +113,18 @@ def mode(
     )
 
 
+def are_independent(open_: Selection, here: ContactInstant, contacts: Sequence[int]) -> bool:
+    """True where rows of contacts depend neither on one another nor on the equality rows; open_: as in `mode`."""
+    numbers = np.array(sorted(contacts), dtype=np.intp)
+    if not numbers.size or here.few(numbers) is not None:
+        return True
+    return _metric_rows(here, list(open_.independent), numbers.tolist()).are_independent
+
+
+def _metric_rows(here: ContactInstant, equalities: list[int], contacts: list[int]) -> MetricRows:
+    return MetricRows(here.rows_of(equalities, contacts), here.metric)
+
+
 class _ModeChoice:
     """Rows to be chosen among contacts at an instant."""
 
@@ -124,17 +135,14 @@ class _ModeChoice:
         """The selection with these contacts closed, dependent ones as dependencies."""
         open_, rows = self._open, self._rows
         contacts = range(rows, open_.count)
-        if not closed or self._here.few(np.array(sorted(closed), dtype=np.intp)) is not None:
+        if are_independent(open_, self._here, closed):
             return self.independent(closed)
         numbers = [*open_.independent, *(rows + j for j in sorted(closed))]
-        found = self._metric_rows(list(open_.independent), sorted(closed))
+        found = _metric_rows(self._here, list(open_.independent), sorted(closed))
         independent = list(range(len(open_.independent)))
-        if found.are_independent:
-            independent = list(range(len(numbers)))
-        else:
-            for row in range(len(open_.independent), len(numbers)):
-                if not _depend(found.take([*independent, row]), closed):
-                    independent.append(row)
+        for row in range(len(open_.independent), len(numbers)):
+            if not _depend(found.take([*independent, row]), closed):
+                independent.append(row)
         dependencies = independent_rows.over(found, tuple(independent)).selection.dependencies
         shared = tuple(tuple(numbers[k] for k in dependency) for dependency in dependencies)
         inactive = tuple(i for i in contacts if i not in set(numbers))
@@ -155,7 +163,7 @@ class _ModeChoice:
         equalities = [i for i in chosen.independent if i < rows]
         independent, found = range(len(chosen.independent)), []
         for j in contacts:
-            together = self._metric_rows(equalities, [*enforced, j])
+            together = _metric_rows(self._here, equalities, [*enforced, j])
             if self._here.has_gradient[j] and _depend(together, [*enforced, j]):
                 dependency = independent_rows.over(together, tuple(independent)).selection.dependencies[0]
                 found.append((rows + j, *(chosen.independent[k] for k in dependency[1:])))
@@ -200,9 +208,6 @@ class _ModeChoice:
             ),
             closed,
         )
-
-    def _metric_rows(self, equalities: list[int], contacts: list[int]) -> MetricRows:
-        return MetricRows(self._here.rows_of(equalities, contacts), self._here.metric)
 
 
 def _depend(rows: MetricRows, contacts: Sequence[int]) -> bool:

@@ -17,7 +17,7 @@ from lagcli.contact import impact_law
 from lagcli.contact.least_distance import EPS
 from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, SeriesFunction
-from lagcli.linear import independent_rows
+from lagcli.linear import rank
 from lagcli.linear.metric_rows import MetricRows, Sparse, sparse, stacked
 from lagcli.simulation.closed_contacts.contact_change import ContactForces
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
@@ -226,9 +226,21 @@ class ContactOrders:
             entries @ (np.abs(here.metric.solved(h_size)) + np.abs(found.x)) + sizes[1][asked]
         )
         presses = found.of_contacts * here.squares(asked) > room
-        # A load that those which press already can carry: how they share it, the run finds as their loads grow.
-        for i in np.flatnonzero(presses & ~found.unique[-asked.size :]):
-            together = MetricRows(stacked(rows, first[[int(asked[i])], :]), here.metric)
-            carried[i] = closed and independent_rows.redundant(together)[-1]
+        shared = presses & ~found.unique[-asked.size :]
+        if closed and shared.any():
+            carried[shared] = self._are_linked((rows, len(closed)), first[asked[shared].tolist(), :])
         parts = carried | ~presses & (found.slack > room)
         return asked[presses & ~carried].tolist(), asked[parts].tolist()
+
+    def _are_linked(self, before: tuple[Sparse, int], contacts: Sparse) -> Flags:
+        """True for rows of contacts (k,) that share a load with some that press already, the last so many of the rows
+        before them: who takes how much of it, the run finds as their loads grow."""
+        rows, count = before
+        null = rank.estimate(MetricRows(stacked(rows, contacts), self._here.metric)).dependences
+        are_together = np.abs(null.T @ null) > rank.PARAMETERS.weight
+        first = rows.shape[0]
+        linked = np.arange(len(are_together)) >= first - count
+        linked[first:] = False
+        for _ in are_together:
+            linked = linked | are_together[linked].any(axis=0)
+        return np.asarray(linked[first:])

@@ -226,8 +226,14 @@ class ContactChanges:
         look = after
         if impact is None and ahead is not None:
             level[list(lying_before)] = True
-            # Where the instant itself has no values, or rows depend on each other, a state beyond it decides.
-            if ahead.before is not None or self.idle or after.few(np.flatnonzero(level)) is None:
+            # Where the instant itself has no values a state beyond it decides, and who shares a load of which rows that
+            # depend on each other.
+            among = np.flatnonzero(level).tolist()
+            if (
+                ahead.before is not None
+                or self.idle
+                or not contact_mode.are_independent(self._open, after, among)
+            ):
                 look = self._instant(ahead.t, ahead.y)
         sunk = _sunk(run, here) if switch is None else None
         crossing = np.zeros(self._count, dtype=bool)
