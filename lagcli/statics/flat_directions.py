@@ -252,15 +252,16 @@ def _judged(
     up = down = 0
     while 0 < basis.shape[1] <= PARAMETERS.most:
         equations = FlatEquations(problem, point.closed, scales, basis, along)
-        rays = _rays(basis.shape[1])
         q, lam = equations.settled(point.q, point.lam)
-        verdict = _of_powers(equations, (q, lam), rays, FlatVerdict(point, up, down, basis.shape[1]))
-        if verdict is not None:
-            return verdict
         curvatures, axes, nothing = _curvatures(equations, q, lam)
         steepest = int(np.argmax(np.abs(curvatures)))
-        if not abs(curvatures[steepest]) > nothing or not _keeps(equations, (q, lam), axes[:, steepest]):
-            break
+        is_clear = bool(abs(curvatures[steepest]) > nothing)
+        least, most = _changes(equations, (q, lam), axes[:, steepest]) if is_clear else (np.inf, np.inf)
+        if most > PARAMETERS.kept:  # it may be none: higher powers are looked at before it is believed
+            plain = FlatVerdict(point, up, down, basis.shape[1])
+            verdict = _of_powers(equations, (q, lam), _rays(basis.shape[1]), plain)
+            if verdict is not None or least > PARAMETERS.kept:
+                return verdict or plain
         is_up = bool(curvatures[steepest] > 0)
         up, down = up + is_up, down + (not is_up)
         basis = basis @ np.delete(axes, steepest, axis=1)
@@ -311,15 +312,17 @@ def _curvatures(equations: FlatEquations, q: Floats, lam: Floats) -> tuple[Float
     return curvatures, axes, float(found.rounding[:, :, 1].max())
 
 
-def _keeps(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Floats) -> bool:
-    """True if the curvature along a direction (k,) is one at the zero that Newton's steps lead to, and not only at a
-    point beside one that is degenerate: the third derivative changes little of it on the way (Kantorovich)."""
+def _changes(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Floats) -> tuple[float, float]:
+    """The part of the curvature along a direction (k,) that the third derivative changes on the way to the zero that
+    Newton's steps lead to (Kantorovich), and what it may be where the force is rounding: a curvature that is none but
+    beside a degenerate point changes by half or more."""
     found = equations.on(axis).expanded(*begin, np.ones((1, 1)), 3)
     if found is None:
-        return True
+        return 0.0, 0.0
     (force, curvature, change), nothing = (part[0] for part in found.forms)
-    way = max(0.0, abs(force) - nothing[0])
-    return bool(way * 3 * (abs(change) + nothing[2]) <= PARAMETERS.kept * 2 * curvature**2)
+    with np.errstate(divide="ignore"):
+        share = 3 * (abs(change) + nothing[2]) / (2 * curvature**2)
+    return max(0.0, abs(force) - nothing[0]) * share, (abs(force) + nothing[0]) * share
 
 
 def _of_powers(

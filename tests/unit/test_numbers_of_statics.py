@@ -231,7 +231,29 @@ def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: py
 def test_a_curvature_beside_a_double_zero_is_none(part: float, is_kept: bool) -> None:
     problem = problem_of(lambda q: part / 1.5 * q + q**2 + q**3, 1)
     equations = FlatEquations(problem, (), UNITS, np.eye(1), np.zeros((1, 0)))
-    assert flat_directions._keeps(equations, (np.zeros(1), np.zeros(0)), np.ones(1)) is is_kept
+    changes = flat_directions._changes(equations, (np.zeros(1), np.zeros(0)), np.ones(1))
+    assert [change <= flat_directions.PARAMETERS.kept for change in changes] == [is_kept, is_kept]
+
+
+@pytest.mark.parametrize(("stiffness", "orders"), [((1.0, -2.0, 3.0), 3), ((0.0, -2.0, 3.0), 8)])
+def test_directions_that_have_curvatures_are_not_asked_for_higher_powers(
+    stiffness: tuple[float, ...], orders: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor are those beside one that has none: this alone is looked at with all powers."""
+    asked: list[tuple[int, int]] = []
+    expanded = FlatEquations.expanded
+
+    def counted(self: FlatEquations, q: np.ndarray, lam: np.ndarray, rays: np.ndarray, orders: int):
+        asked.append((orders, rays.shape[1]))
+        return expanded(self, q, lam, rays, orders)
+
+    monkeypatch.setattr(FlatEquations, "expanded", counted)
+    verdict = flat_verdict(
+        lambda q: sum(k * q[i] ** 2 for i, k in enumerate(stiffness)) + q[0] ** 4, 0.0, 0.0, 0.0
+    )
+    assert (verdict.up, verdict.down) == (sum(k > 0 for k in stiffness), 1)
+    assert max(asked)[0] == orders
+    assert {k for orders, k in asked if orders > 3} <= {1}
 
 
 @pytest.fixture
