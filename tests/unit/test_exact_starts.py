@@ -136,6 +136,43 @@ def test_a_gain_on_a_hidden_condition_refuses_no_start(gain: str, p: str) -> Non
     assert found.configuration_dof == 3
 
 
+@pytest.mark.parametrize("gain", ["1", "1e6", "exp(u)"])
+def test_a_sum_of_two_conditions_is_taken_apart(gain: str) -> None:
+    """n1 demands z = sqrt(y^2 + 1), and n2 with n3 a sum of that and of (2 + sin u) times u^3 - u - x, which is a
+    condition alone: of its differential n4 is part, and demands the third one."""
+    x, z = "0.3**3 - 0.3", "sqrt(0.2**2 + 1)"
+    g, h = f"({gain})*(sqrt(y**2 + 1) - z)", "(sin(u) + 2)*(u**3 - u - x)"
+    found = counted(
+        {"x": x, "y": "0.2", "z": z, "u": "0.3", "p": "0.4", "q": "exp(0.4)", "a": "0.7"},
+        [
+            f"d(a) + {g}*dt",
+            f"d(w) + {g}*dt",
+            f"d(w) + {h}*dt",
+            f"d(x) + (1 - 3*u**2)*d(u) + (exp(p) - q + u*{g})*dt + u*d(w)",
+        ],
+        ["a = 0.7"],
+    )
+    assert found.configuration_dof == 8 - 5
+    assert len(found.notes) == 3
+    for g in ("sqrt(y**2 + 1) - z", "u**3 - u - x", "exp(p) - q"):
+        assert any(f"hidden condition {g} = 0" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("y", "v"), [("1.5", "-2.25"), ("2/7", "-4/49"), ("0", "0")])
+def test_a_condition_by_which_algebra_divides_is_demanded(y: str, v: str) -> None:
+    """Of all motions, off v + y^2 = 0 and on it: n2 and n3 say so, and n1 then that x = 2 y + 1."""
+    found = counted(
+        {"y": y, "v": v, "x": f"2*({y}) + 1"},
+        [
+            "(v + y**2)*u*d(w) + (x - 2*y - 1)*dt + (v + y**2)*d(z)",
+            "(v + y**2)*u*d(z) + (v + y**2)*dt",
+            "(v + y**2)*u*d(z)",
+        ],
+    )
+    assert found.configuration_dof == 6 - 2
+    assert any("hidden condition v + y**2 = 0" in note for note in found.notes)
+
+
 @pytest.mark.parametrize(
     ("row", "x", "y"),
     [

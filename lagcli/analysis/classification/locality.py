@@ -61,13 +61,16 @@ class Locality:
 
     def is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
         """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
-        where something that algebra divided by vanishes, and of those that do not."""
+        where something that algebra divided by vanishes, and of those that do not, or it is these that vanish there."""
         own = self._own_factors(flagged.flag.divisors)
         if own is None:
             return False
+        demanded = [self.own_factor(one.factors) for one in flagged.flag.conditions]
         for some in itertools.chain.from_iterable(
             itertools.combinations(own, k) for k in range(1, len(own) + 1)
         ):
+            if special_points.distinct(some, demanded) == list(some):
+                continue
             there = self._flagged(block, some)
             if there is None or there.flag.conditions != flagged.flag.conditions:
                 return False

@@ -14,6 +14,7 @@ On a surface f = 0 the forms df are rows too, and an entry counts as zero where 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -21,6 +22,7 @@ from itertools import combinations
 
 import sympy
 from sympy.polys.fields import FracElement
+from sympy.polys.rings import PolyElement
 
 from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
 from lagcli.pfaffian.exact.guarded import NoAnswerError
@@ -239,21 +241,34 @@ class _FlagSearch:
         return True
 
     def _conditions(self, remainders: tuple[FracElement, ...]) -> Flag:
-        """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not."""
+        """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not.
+
+        The short ones come first, and the others are what is left of them where those vanish: of a sum of two
+        conditions no factor is seen.
+        """
         own = {self._field.expression(g.numer) for g in remainders}
-        divisors, found = tuple(e for e in self._field.divisors if e not in own), []
+        divisors, found = tuple(e for e in self._field.divisors if e not in own), list[Demand]()
         variables = set(self._block.variables) - {self._block.variables[self._time]}
-        for g in remainders:
-            parts = [self._field.expression(part) for part, _ in g.numer.factor_list()[1]]
-            found.append(
-                [e for e in parts if e.free_symbols & variables and not real_bounds.never_vanishes(e)]
-            )
-        conditions = tuple(
-            Demand(tuple(factors), self._demanding(None if len(remainders) == 1 else g))
-            for factors, g in zip(found, remainders, strict=True)
-        )
-        rows = next((one.rows for one in conditions if not one.factors), self._demanding(None))
-        return Flag((), (), (), (), rows, divisors=divisors, conditions=conditions)
+        before: list[PolyElement] = []
+        demanding: set[int] = set()
+        for g in sorted(remainders, key=lambda g: len(g.numer)):
+            left = g.numer.rem(before)
+            if not left:
+                continue
+            parts = [part for part, _ in left.factor_list()[1]]
+            meanings = [self._field.expression(part) for part in parts]
+            kept = [
+                k
+                for k, e in enumerate(meanings)
+                if e.free_symbols & variables and not real_bounds.never_vanishes(e)
+            ]
+            rows = set(self._demanding(None if len(remainders) == 1 else g))
+            demanding |= rows
+            own_rows = rows if left == g.numer else demanding
+            found.append(Demand(tuple(meanings[k] for k in kept), tuple(sorted(own_rows))))
+            before.append(math.prod((parts[k] for k in kept), start=left.ring.one))
+        rows = next((one.rows for one in found if not one.factors), self._demanding(None))
+        return Flag((), (), (), (), rows, divisors=divisors, conditions=tuple(found))
 
     def _demanding(self, g: FracElement | None) -> tuple[int, ...]:
         """Rows, as few as dropping one after the other leaves, of which a combination is g dt; g None: any multiple."""
