@@ -136,6 +136,13 @@ def test_a_gain_on_a_hidden_condition_refuses_no_start(gain: str, p: str) -> Non
     assert found.configuration_dof == 3
 
 
+@pytest.mark.parametrize("x", ["1e-9", "1e-8", "-3e-9", "1e-20"])
+def test_a_start_at_which_rows_turn_most_is_a_start_like_others(x: str) -> None:
+    """n1 turns by x at the start and elsewhere, and doubles see it at the start alone."""
+    row = "(1/5000 - x*u*(z + 2)*exp(x)/2500)*d(u) - x*(z + 2)*exp(x)/5000*d(w)"
+    assert counted({"x": x, "z": "-2", "u": "0.24"}, ["d(x)/(x**2 + 1)", row]).configuration_dof == 5 - 1
+
+
 @pytest.mark.parametrize("gain", ["1", "1e6", "exp(u)"])
 def test_a_sum_of_two_conditions_is_taken_apart(gain: str) -> None:
     """n1 demands z = sqrt(y^2 + 1), and n2 with n3 a sum of that and of (2 + sin u) times u^3 - u - x, which is a

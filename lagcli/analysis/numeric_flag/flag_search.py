@@ -121,7 +121,7 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         if not points.both_sides_turn():
             raise undecided.Undecided(SIDES_DIFFER)
         return _open(known, start, generic)
-    if generic is start and generic.dimension > 1:  # one field has no brackets
+    if len(points.visited) == 1 and generic.dimension > 1:  # one field has no brackets
         raise undecided.Undecided("no other point of the surface was found, and the start may be special")
     for is_decimal, limits in ATTEMPTS:
         try:
