@@ -262,10 +262,10 @@ class _FlagSearch:
                 for k, e in enumerate(meanings)
                 if e.free_symbols & variables and not real_bounds.never_vanishes(e)
             ]
-            rows = set(self._demanding(None if len(remainders) == 1 else g))
-            demanding |= rows
-            own_rows = rows if left == g.numer else demanding
-            found.append(Demand(tuple(meanings[k] for k in kept), tuple(sorted(own_rows))))
+            own_rows = set(self._demanding(None if len(remainders) == 1 else g))
+            demanding |= own_rows
+            taking_part = own_rows if left == g.numer else demanding
+            found.append(Demand(tuple(meanings[k] for k in kept), tuple(sorted(taking_part))))
             before.append(math.prod((parts[k] for k in kept), start=left.ring.one))
         rows = next((one.rows for one in found if not one.factors), self._demanding(None))
         return Flag((), (), (), (), rows, divisors=divisors, conditions=tuple(found))
