@@ -285,7 +285,10 @@ class PointSearch:
         self.points = [known for known in self.points if not self._is_on(typed, known)]
         if not size:
             limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
-            found = self._tidied(equations, found, limit * self.scales.length)
+            tidy = self._tidied(equations, found, limit * self.scales.length)
+            if tidy is not found and self._is_known(tidy, PARAMETERS.same):
+                return False
+            found = tidy
         self.points.append(dataclasses.replace(typed, point=found))
         return True
 

@@ -99,8 +99,9 @@ def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> Powe
     if len(exponents) > len(rays):
         return seen
     sign = 1.0 if seen.rises else -1.0
-    axes = np.array([sign * values[exponents.index(each)] for each in _axes(rays.shape[1], power)])
-    if not (axes > 0).all():
+    on_axes = [exponents.index(each) for each in _axes(rays.shape[1], power)]
+    axes = sign * values[on_axes]
+    if not (axes > floors[on_axes]).all():
         return seen
     # Each variable is measured by its own power.
     units = np.prod(axes ** (-np.array(exponents) / power), axis=1)

@@ -142,6 +142,13 @@ def test_what_the_first_form_leaves_open_the_next_ones_decide(of, kind):
     assert (point.type, point.dimension) == (kind, 0)
 
 
+def test_a_point_that_is_found_thrice_beside_itself_is_listed_once():
+    """Newton's steps find it to a fifth of the digits, and each of the three is moved to zero."""
+    given = "x: {value: 0.5}, y: {value: 0.3}, z: {value: 0.2}"
+    found = stationary(f"coordinates: {{{given}}}\n", "(x + y)**4 + (y + 2*z)**4 - (x - z)**6")
+    assert [(p.type, p.dimension) for p in found] == [("degenerate", 0)]
+
+
 @pytest.mark.parametrize(
     ("of", "wall", "kind"),
     [("x**4 + y**5", "y >= 0", "degenerate"), ("x**4 - y**6", "y >= 0", "saddle")],

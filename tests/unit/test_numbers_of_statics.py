@@ -256,6 +256,21 @@ def test_directions_that_have_curvatures_are_not_asked_for_higher_powers(
     assert {k for orders, k in asked if orders > 3} <= {1}
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("part", "is_decided"), [(0.0, False), (1e-14, False), (1.0, True)])
+def test_a_form_of_three_that_rounding_alone_holds_one_of_is_not_definite(
+    seed: int, part: float, is_decided: bool
+) -> None:
+    """x^4 + y^4 + part z^4: where z is rounding the form is zero along it, and the next one decides."""
+    rays = np.random.default_rng(seed).standard_normal((64, 3))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    forms = np.zeros((64, 4))
+    forms[:, 3] = rays[:, 0] ** 4 + rays[:, 1] ** 4 + part * rays[:, 2] ** 4
+    above, below = power_signs.of_powers(rays, forms, np.full((64, 4), 1e-13), 4)
+    assert (above.rises, above.falls, above.is_decided) == (True, False, is_decided)
+    assert below == above
+
+
 @pytest.fixture
 def doubted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many directions are looked at again, for each point."""
