@@ -1,14 +1,10 @@
 """The numbers asked of all contacts in one call: at an instant gaps, their rates, and what is zero among them; in a box
-of states the numbers below which no gap is.
-
-The latter is interval arithmetic, written out as a function (R. E. Moore, Interval Analysis, 1966). An operation that
-is not known here says nothing of the gaps made with it.
+of states the numbers below which no gap is, by interval arithmetic written out as a function.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
+import functools
 from typing import NamedTuple
 
 import casadi as ca
@@ -18,6 +14,8 @@ import numpy.typing as npt
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
 from lagcli.equations import operation_rules
+from lagcli.expression import functions
+from lagcli.expression.intervals import Ends, Intervals
 from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
 
@@ -34,13 +32,6 @@ TOGETHER = 1.0
 # A speed of a gap is none where it is this part of those that it is the difference of.
 SLOW = 1e-11
 
-# Below and above; None where nothing is known.
-Span = tuple[ca.SX, ca.SX]
-Known = Span | None
-
-# Functions that rise everywhere.
-RISING = {code for code, row in operation_graph.FUNCTIONS.items() if row.rises}
-MOST_POWER = 16
 
 # The columns of `function`, in their order.
 COLUMNS = (
@@ -128,27 +119,23 @@ def function(parts: Parts) -> ca.Function:
 
 
 def floors(parts: Parts) -> ca.Function:
-    """floors(t_low, t_high, q_low, q_high, p) -> (K,); where nothing is known, below zero or not a number."""
+    """floors(t_low, t_high, q_low, q_high, p) -> (K,); where nothing is known, far below zero."""
     n = parts.v.numel()
     t_low, t_high = ca.SX.sym("t_low"), ca.SX.sym("t_high")
     low, high, p = ca.SX.sym("q_low", n), ca.SX.sym("q_high", n), ca.SX.sym("p", parts.p.numel())
     below, above = (_scalars(ca.vertcat(*each)) for each in ((t_low, low, p), (t_high, high, p)))
-    given: list[Known] = list(zip(below, above, strict=True))
+    given: list[Ends] = list(zip(below, above, strict=True))
 
-    own, entries = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p)), parts.contacts.g.numel()
-    function = SizedFunction("gaps", own, [ca.densify(parts.contacts.g)])
-    spans: dict[int, Known] = {}
-    found = [ca.SX(-1)] * entries
-    for op, operands, result, constant in operation_graph.instructions(function):
-        if op == ca.OP_OUTPUT:
-            span = spans[operands[0]]
-            found[result[1]] = ca.SX(-1) if span is None else span[0]
-        elif op == ca.OP_INPUT:
-            spans[result[0]] = given[operands[0]]
-        elif op == ca.OP_CONST:
-            spans[result[0]] = (ca.SX(constant),) * 2
-        else:
-            spans[result[0]] = _of(op, [spans[index] for index in operands])
+    own = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p))
+    graph, names = _GraphIntervals(), operation_graph.names()
+
+    def leaf(number: int | None, constant: float) -> Ends:
+        return (ca.SX(constant),) * 2 if number is None else given[number]
+
+    def look(op: int, operands: list[Ends], _: operation_graph.Expression) -> Ends:
+        return graph.result(names[op], operands)
+
+    found = (low for low, _ in operation_graph.folded(parts.contacts.g, own, leaf, look))
     return SizedFunction("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
 
 
@@ -156,80 +143,69 @@ def _scalars(column: ca.SX) -> list[ca.SX]:
     return ca.vertsplit(column) if column.numel() else []
 
 
-def _of(op: int, spans: list[Known]) -> Known:
-    """The span of an operation on others; of the product of a value with itself, that of its square."""
-    known = [span for span in spans if span is not None]
-    if len(known) < len(spans):
-        return None
-    if op == ca.OP_MUL and spans[0] is spans[-1]:
-        op, known = ca.OP_SQ, known[:1]
-    if op in RISING:
-        (a,) = known
-        return ca.SX.unary(op, a[0]), ca.SX.unary(op, a[1])
-    if op in (ca.OP_POW, ca.OP_CONSTPOW):
-        return _power(*known)
-    rule = _RULES.get(op)
-    return None if rule is None else rule(*known)
+class _GraphIntervals(Intervals):
+    """The arithmetic of ranges of expressions. Roundings of gaps are counted where they are compared."""
+
+    # A bound that says nothing, as the product of four of them does: zero times infinity is no number.
+    most = 2.0**255
+
+    def told(self, low: ca.SX, high: ca.SX) -> Ends:
+        return ca.SX(low), ca.SX(high)
+
+    def wide(self, low: ca.SX, high: ca.SX) -> Ends:
+        return low, high
+
+    def least(self, *numbers: ca.SX) -> ca.SX:
+        made: ca.SX = functools.reduce(ca.fmin, numbers)
+        return made
+
+    def largest(self, *numbers: ca.SX) -> ca.SX:
+        made: ca.SX = functools.reduce(ca.fmax, numbers)
+        return made
+
+    def where(self, holds: ca.SX, one: ca.SX, other: ca.SX) -> ca.SX:
+        return ca.if_else(holds, one, other)
+
+    def both(self, one: ca.SX, other: ca.SX) -> ca.SX:
+        return ca.logic_and(one, other)
+
+    def times(self, x: ca.SX, y: ca.SX) -> ca.SX:
+        return x * y
+
+    def power(self, x: ca.SX, exponent: ca.SX) -> ca.SX:
+        return x**exponent
+
+    def call(self, row: functions.Function, *x: ca.SX) -> ca.SX:
+        made: ca.SX = functions.meaning(ca, row.casadi or row.operation, row.name)(*x)
+        return made
+
+    def number(self, a: Ends) -> float | None:
+        return float(a[0]) if a[0].is_constant() and _is_one(a) else None
+
+    def multiply(self, a: Ends, b: Ends) -> Ends:
+        if a is b:
+            low, high = self.result("fabs", [a])
+            return low * low, high * high
+        if _is_one(b):
+            a, b = b, a
+        if _is_one(a):
+            x, y = a[0] * b[0], a[0] * b[1]
+            return ca.fmin(x, y), ca.fmax(x, y)
+        return super().multiply(a, b)
+
+    def divide(self, a: Ends, b: Ends) -> Ends:
+        # A divisor that may be zero leaves bounds that say nothing.
+        apart = b[0] * b[1] > 0
+        return self.multiply(
+            a, (ca.if_else(apart, 1 / b[1], -self.most), ca.if_else(apart, 1 / b[0], self.most))
+        )
+
+    def wave(self, row: functions.Function, a: Ends, crest: float) -> Ends:
+        """No farther from its value in the middle than the argument is."""
+        value, reach = self.call(row, (a[0] + a[1]) / 2), (a[1] - a[0]) / 2
+        return ca.fmax(value - reach, -1), ca.fmin(value + reach, 1)
 
 
-def _times(a: Span, b: Span) -> Span:
-    if _is_one(b):
-        a, b = b, a
-    if _is_one(a):
-        x, y = a[0] * b[0], a[0] * b[1]
-        return ca.fmin(x, y), ca.fmax(x, y)
-    w, x, y, z = (i * j for i, j in itertools.product(a, b))
-    return ca.fmin(ca.fmin(w, x), ca.fmin(y, z)), ca.fmax(ca.fmax(w, x), ca.fmax(y, z))
-
-
-def _is_one(a: Span) -> bool:
-    """True for one number in place of a span."""
+def _is_one(a: Ends) -> bool:
+    """True for one number in place of a range."""
     return bool(ca.is_equal(a[0], a[1]))
-
-
-def _inverse(b: Span) -> Span:
-    # A divisor that may be zero leaves no number.
-    apart = b[0] * b[1] > 0
-    nothing = ca.SX.nan()
-    return ca.if_else(apart, 1 / b[1], nothing), ca.if_else(apart, 1 / b[0], nothing)
-
-
-def _sizes(a: Span) -> Span:
-    return ca.fmax(ca.fmax(a[0], -a[1]), 0), ca.fmax(-a[0], a[1])
-
-
-def _square(a: Span) -> Span:
-    low, high = _sizes(a)
-    return low * low, high * high
-
-
-def _power(a: Span, b: Span) -> Known:
-    exponent = float(b[0]) if b[0].is_constant() and _is_one(b) else 0.5
-    if exponent != int(exponent) or not 1 <= exponent <= MOST_POWER:
-        return None
-    low, high = a if exponent % 2 else _sizes(a)
-    return low ** int(exponent), high ** int(exponent)
-
-
-def _wave(of: Callable[[ca.SX], ca.SX], a: Span) -> Span:
-    """A sine or cosine: no farther from its value in the middle than the argument is."""
-    value, reach = of((a[0] + a[1]) / 2), (a[1] - a[0]) / 2
-    return ca.fmax(value - reach, -1), ca.fmin(value + reach, 1)
-
-
-_RULES: dict[int, Callable[..., Known]] = {
-    ca.OP_ADD: lambda a, b: (a[0] + b[0], a[1] + b[1]),
-    ca.OP_SUB: lambda a, b: (a[0] - b[1], a[1] - b[0]),
-    ca.OP_NEG: lambda a: (-a[1], -a[0]),
-    ca.OP_MUL: _times,
-    ca.OP_TWICE: lambda a: (2 * a[0], 2 * a[1]),
-    ca.OP_DIV: lambda a, b: _times(a, _inverse(b)),
-    ca.OP_INV: _inverse,
-    ca.OP_SQ: _square,
-    ca.OP_SQRT: lambda a: (ca.sqrt(ca.fmax(a[0], 0)), ca.sqrt(ca.fmax(a[1], 0))),
-    ca.OP_FABS: _sizes,
-    ca.OP_FMIN: lambda a, b: (ca.fmin(a[0], b[0]), ca.fmin(a[1], b[1])),
-    ca.OP_FMAX: lambda a, b: (ca.fmax(a[0], b[0]), ca.fmax(a[1], b[1])),
-    ca.OP_SIN: lambda a: _wave(ca.sin, a),
-    ca.OP_COS: lambda a: _wave(ca.cos, a),
-}

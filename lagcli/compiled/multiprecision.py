@@ -125,24 +125,14 @@ def run(
 
     Raises `NotFinite`. All functions must be known.
     """
-    registers: list[Number] = [ZERO] * program.registers
-    results: list[Number] = [ZERO] * program.results
     try:
-        for name, out, of, constant in program.steps:
-            if name == "input":
-                registers[out[0]] = inputs[of[0]][of[1]]
-            elif name == "const":
-                registers[out[0]] = read(constant)
-            elif name == "output":
-                if out[0] == 0:
-                    results[out[1]] = registers[of[0]]
-            elif name in BINARY:
-                registers[out[0]] = BINARY[name](registers[of[0]], registers[of[1]])
-            else:
-                registers[out[0]] = along(name, registers[of[0]])
+        return program.run(lambda part, k: inputs[part][k], read, _result)
     except (decimal.InvalidOperation, decimal.Overflow, ZeroDivisionError, OverflowError):
         raise NotFinite from None
-    return results
+
+
+def _result(name: str, parts: Sequence[Number]) -> Number:
+    return BINARY[name](*parts) if name in BINARY else along(name, *parts)
 
 
 def along(name: str, a: Number) -> Number:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import casadi as ca
 
 from lagcli.frozen import frozen_value
+from lagcli.smoothness import operation_graph
 
-
-@functools.cache
-def _names() -> dict[int, str]:
-    """The names of operations by their codes."""
-    return {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
+T = TypeVar("T")
 
 
 @frozen_value
@@ -27,6 +25,27 @@ class Program:
     registers: int
     results: int
 
+    def run(
+        self,
+        entry: Callable[[int, int], T],
+        constant: Callable[[float], T],
+        result: Callable[[str, Sequence[T]], T],
+    ) -> list[T]:
+        """The values of the first output in an arithmetic: of an entry of an input, of a constant, and of an operation
+        on values."""
+        registers: dict[int, T] = {}
+        outputs: dict[int, T] = {}
+        for name, out, of, value in self.steps:
+            if name == "input":
+                registers[out[0]] = entry(of[0], of[1])
+            elif name == "const":
+                registers[out[0]] = constant(value)
+            elif name != "output":
+                registers[out[0]] = result(name, [registers[i] for i in of])
+            elif out[0] == 0:
+                outputs[out[1]] = registers[of[0]]
+        return [outputs[k] for k in range(self.results)]
+
 
 def written_out(function: ca.Function) -> Program:
     """The operations of an expanded function, whose first output is dense."""
@@ -36,7 +55,7 @@ def written_out(function: ca.Function) -> Program:
         value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
         steps.append(
             (
-                _names()[code],
+                operation_graph.names()[code],
                 tuple(function.instruction_output(k)),
                 tuple(function.instruction_input(k)),
                 value,

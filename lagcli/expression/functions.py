@@ -16,7 +16,6 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import intervals
 from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
@@ -33,8 +32,8 @@ class Function:
 
     name: in the model format; arguments: how many, or `MANY`.
     value: of floats, with the errors of `math` where there is none; array: the same of NumPy arrays, where it is nan or
-    infinite there; range: of cells, see `intervals`; slope: the derivative, by each argument where it has two, of
-    `sin`, `cos`, `sinh`, `cosh`, `sqrt` and `sign` of such numbers, the arguments and the value.
+    infinite there; range: the word of its rule in `intervals`; slope: the derivative, by each argument where it has
+    two, of `sin`, `cos`, `sinh`, `cosh`, `sqrt` and `sign` of such numbers, the arguments and the value.
     operation: its name in CasADi, and so in a `Program`; casadi: what it is made of there, where it is no operation.
     sympy: what it is there; written: its name in derived equations; has_latex: it has a command of this name in LaTeX.
 
@@ -47,7 +46,6 @@ class Function:
     value does where the first argument changes its sign by going through this; period: an angle jumps at its cut by so
     much; may_jump: its value or slope does for some argument, one that is infinite or a square too; may_be_steep: its
     slope may have no bound, or jump, where it has a value; poles: the function that is zero where it is infinite.
-    rises: with its argument, which may be any number.
     is_total: finite numbers have a finite value, but for overflow, of which the largest number is no reason.
     is_entire: it is a power series everywhere; is_elementary: it may stand in a first integral.
     """
@@ -55,7 +53,7 @@ class Function:
     name: str
     value: Callable[..., float]
     array: Callable[..., Floats]
-    range: Callable[..., intervals.Range]
+    range: str
     arguments: int | None = 1
     slope: Computed | None = None
     operation: str = ""
@@ -75,7 +73,6 @@ class Function:
     may_jump: bool = False
     may_be_steep: bool = False
     poles: str = ""
-    rises: bool = False
     is_total: bool = False
     is_entire: bool = False
     is_elementary: bool = True
@@ -87,100 +84,102 @@ def _sign(value: float) -> float:
 
 ROWS = (
     Function(
-        "sin", math.sin, np.sin, intervals.sine,
+        "sin", math.sin, np.sin, "sine",
         slope=lambda of, x, y: of.cos(x),
         has_latex=True, angle="argument", bounds=(-1.0, 1.0), far="bounded", is_total=True, is_entire=True,
     ),
     Function(
-        "cos", math.cos, np.cos, intervals.cosine,
+        "cos", math.cos, np.cos, "cosine",
         slope=lambda of, x, y: -of.sin(x),
         has_latex=True, angle="argument", bounds=(-1.0, 1.0), far="bounded", is_total=True, is_entire=True,
     ),
     Function(
-        "tan", math.tan, np.tan, intervals.tangent,
+        "tan", math.tan, np.tan, "tangent",
         slope=lambda of, x, y: 1 + y * y,
         has_latex=True, angle="argument", poles="cos",
     ),
     Function(
-        "asin", math.asin, np.arcsin, intervals.within(intervals.rising(np.arcsin)),
+        "asin", math.asin, np.arcsin, "rises",
         slope=lambda of, x, y: 1 / of.sqrt(1 - x * x),
         written="arcsin", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2), domain=(-1.0, 1.0),
         far="bounded", edge="`asin` comes to an end of its range", may_be_steep=True,
     ),
     Function(
-        "acos", math.acos, np.arccos, intervals.within(intervals.falling(np.arccos)),
+        "acos", math.acos, np.arccos, "falls",
         slope=lambda of, x, y: -1 / of.sqrt(1 - x * x),
         written="arccos", has_latex=True, angle="value", bounds=(0.0, math.pi), domain=(-1.0, 1.0),
         far="bounded", edge="`acos` comes to an end of its range", may_be_steep=True,
     ),
     Function(
-        "atan", math.atan, np.arctan, intervals.rising(np.arctan), rises=True,
+        "atan", math.atan, np.arctan, "rises",
         slope=lambda of, x, y: 1 / (1 + x * x),
         written="arctan", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2),
         edge="the argument of `atan` goes through infinity", jumps="infinity", period=math.pi, may_jump=True,
         may_be_steep=True, is_total=True,
     ),
     Function(
-        "sinh", math.sinh, np.sinh, intervals.rising(np.sinh), rises=True,
+        "sinh", math.sinh, np.sinh, "rises",
         slope=lambda of, x, y: of.cosh(x),
         has_latex=True, far="exponential", is_entire=True,
     ),
     Function(
-        "cosh", math.cosh, np.cosh, intervals.even(intervals.rising(np.cosh)),
+        "cosh", math.cosh, np.cosh, "rises both ways",
         slope=lambda of, x, y: of.sinh(x),
         has_latex=True, bounds=(1.0, math.inf), far="exponential", is_entire=True,
     ),
     Function(
-        "tanh", math.tanh, np.tanh, intervals.rising(np.tanh), rises=True,
+        "tanh", math.tanh, np.tanh, "rises",
         slope=lambda of, x, y: 1 - y * y,
         has_latex=True, bounds=(-1.0, 1.0), may_jump=True, is_total=True,
     ),
     Function(
-        "exp", math.exp, np.exp, intervals.rising(np.exp), rises=True,
+        "exp", math.exp, np.exp, "rises",
         slope=lambda of, x, y: y,
         has_latex=True, bounds=(0.0, math.inf), is_entire=True,
     ),
     Function(
-        "log", math.log, np.log, intervals.logarithm,
+        "log", math.log, np.log, "logarithm",
         slope=lambda of, x, y: 1 / x,
         has_latex=True, far="bounded", may_be_steep=True,
     ),
     Function(
-        "sqrt", math.sqrt, np.sqrt, intervals.root,
+        "sqrt", math.sqrt, np.sqrt, "root",
         slope=lambda of, x, y: 1 / (2 * y),
         dimension=0.5, bounds=(0.0, math.inf), far="root", may_jump=True, may_be_steep=True, is_elementary=False,
     ),
     Function(
-        "abs", abs, np.abs, intervals.size,
+        "abs", abs, np.abs, "size",
         slope=lambda of, x, y: of.sign(x),
         operation="fabs", sympy="Abs", dimension=1.0, edge="the argument of `abs` changes its sign",
         is_piecewise=True, may_jump=True, may_be_steep=True, is_total=True,
     ),
     Function(
-        "sign", _sign, np.sign, intervals.sign,
+        "sign", _sign, np.sign, "sign",
         slope=lambda of, x, y: 0,
         bounds=(-1.0, 1.0), edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
         is_total=True, is_elementary=False,
     ),
     Function(
-        "atan2", math.atan2, np.arctan2, intervals.angle, 2,
+        "atan2", math.atan2, np.arctan2, "angle", 2,
         slope=lambda of, y, x, f: (x / (x * x + y * y), -y / (x * x + y * y)),
         angle="value", bounds=(-math.pi, math.pi), far="bounded", edge="`atan2` crosses its cut", jumps="zero",
         period=2 * math.pi, may_jump=True, may_be_steep=True,
     ),
     Function(
-        "min", lambda *x: min(x), lambda *x: functools.reduce(np.minimum, x), intervals.least, MANY,
+        "min", lambda *x: min(x), lambda *x: functools.reduce(np.minimum, x), "least", MANY,
         operation="fmin", sympy="Min", has_latex=True, dimension=1.0, edge="`min` switches", is_piecewise=True,
         may_jump=True, may_be_steep=True, is_total=True, is_elementary=False,
     ),
     Function(
-        "max", lambda *x: max(x), lambda *x: functools.reduce(np.maximum, x), intervals.largest, MANY,
+        "max", lambda *x: max(x), lambda *x: functools.reduce(np.maximum, x), "largest", MANY,
         operation="fmax", sympy="Max", has_latex=True, dimension=1.0, edge="`max` switches", is_piecewise=True,
         may_jump=True, may_be_steep=True, is_total=True, is_elementary=False,
     ),
 )  # fmt: skip
 
 TABLE = {row.name: row for row in ROWS}
+# By their names in a `Program` too.
+BY_OPERATION = TABLE | {row.operation: row for row in ROWS if row.operation}
 
 
 # Value and slope of the operations on one number that a formula is compiled to, by their names in a `Program`.
@@ -220,11 +219,6 @@ class SlopeSizes:
 def named(wanted: Callable[[Function], bool]) -> frozenset[str]:
     """The names of some functions in the model format."""
     return frozenset(row.name for row in TABLE.values() if wanted(row))
-
-
-def range_of(name: str, *parts: intervals.Range) -> intervals.Range:
-    """The range of a function, or of an operation by its name in `intervals`, on ranges."""
-    return intervals.apply(intervals.OPERATIONS.get(name) or TABLE[name].range, *parts)
 
 
 def calls(names: Iterable[str]) -> re.Pattern[str]:

@@ -1,192 +1,298 @@
-"""Interval arithmetic: the values an expression can take while its argument goes through a cell.
+"""Interval arithmetic: the values an expression can take while what it is made of goes through ranges.
 
-A range is a pair of arrays (low, high) that broadcast; every operation rounds outwards, by more than two libraries of
-elementary functions differ. Where a function has a pole or no value in a cell its range is everything.
+A range is a pair of numbers of one kind (low, high). The rules are written once, for operations by their names in a
+`Program` and for the functions of the language; a kind of numbers says what least, largest, a choice and rounding are.
+Every operation rounds outwards, by more than two libraries of elementary functions differ. Where a function has a pole
+or no value, and where an operation is not known, the range is everything. Ranges are infinite where there are no
+bounds, and no value is.
 R. E. Moore, Interval Analysis (1966).
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Range = tuple[Floats, Floats]
-Rule = Callable[[Range], Range]
+from lagcli.expression import functions
+from lagcli.expression.functions import Function
+
+Array = npt.NDArray[np.float64]
+Range = tuple[Array, Array]
+End = Any  # a number of one kind: a float, an array, an expression
+Ends = tuple[End, End]
 
 # By this part of itself every result is widened: two roundings of an operation, or of a library function.
 INTERVAL_ROUNDOFF = 4 * float(np.finfo(float).eps)
+HALF_TURN = math.nextafter(math.pi, 4.0)  # pi itself lies between two doubles
 MOST_POWER = 64  # whole exponents up to this size are powers also of negative numbers
 
 
-def constant(value: float | Floats) -> Range:
-    """A number, or (K, 1) of them, as a range."""
+def constant(value: float | Array) -> Range:
+    """A number, or (K, 1) of them, as a range of arrays."""
     array = np.asarray(value, dtype=float)
     return array, array
 
 
-def apply(rule: Callable[..., Range], *parts: Range) -> Range:
-    """The range of an operation on ranges: one of `OPERATIONS`, or the rule of a function."""
-    with np.errstate(all="ignore"):
-        low, high = rule(*parts)
+class Intervals:
+    """The arithmetic of ranges of floats; of other numbers where methods for them are replaced.
+
+    most: the bound where there is none.
+    """
+
+    most = math.inf
+
+    def result(self, name: str, parts: Sequence[Ends]) -> Ends:
+        """The range of an operation by its name in a `Program`."""
+        if name in _RULES:
+            return self.told(*_RULES[name](self, *parts))
+        if name in functions.BY_OPERATION:
+            row = functions.BY_OPERATION[name]
+            return self.told(*_FUNCTIONS[row.range](self, row, *parts))
+        return self.told(-self.most, self.most)
+
+    def told(self, low: End, high: End) -> Ends:
+        """A range, which is everything where an end is no number."""
+        return (low, high) if low <= high else (-math.inf, math.inf)
+
+    def wide(self, low: End, high: End) -> Ends:
+        """A range widened by rounding."""
+        return low - INTERVAL_ROUNDOFF * abs(low), high + INTERVAL_ROUNDOFF * abs(high)
+
+    def least(self, *numbers: End) -> End:
+        """The least of some numbers."""
+        return min(numbers)
+
+    def largest(self, *numbers: End) -> End:
+        """The largest of some numbers."""
+        return max(numbers)
+
+    def where(self, holds: End, one: End, other: End) -> End:
+        """The first number where a condition holds, else the other one."""
+        return one if holds else other
+
+    def both(self, one: End, other: End) -> End:
+        """True where two conditions hold."""
+        return one and other
+
+    def times(self, x: End, y: End) -> End:
+        """x y; zero of zero and an end that is infinite because there is no bound."""
+        return x * y if x and y else 0.0
+
+    def power(self, x: End, exponent: End) -> End:
+        """x ** exponent."""
+        try:
+            return x**exponent
+        except OverflowError:
+            return math.inf if x > 0 or exponent % 2 == 0 else -math.inf
+        except ZeroDivisionError:
+            return math.inf
+
+    def call(self, row: Function, *x: End) -> End:
+        """A function of the language, infinite where it overflows and no number where it has none."""
+        try:
+            return row.value(*x)
+        except OverflowError:
+            return math.copysign(math.inf, x[0])
+        except ValueError:
+            return math.nan
+
+    def number(self, a: Ends) -> float | None:
+        """The number that a range is, None where it is several."""
+        return a[0] if a[0] == a[1] else None
+
+    def multiply(self, a: Ends, b: Ends) -> Ends:
+        """a b."""
+        return self.wide(*self.corners(self.times, a, b))
+
+    def divide(self, a: Ends, b: Ends) -> Ends:
+        """a / b; of a divisor that touches zero from one side the quotient has bounds."""
+        if b[1] <= 0.0:
+            a, b = _negative(self, a), _negative(self, b)
+        if b[0] < 0.0 or b[1] == 0.0:
+            return -math.inf, math.inf
+        return self.multiply(a, (1.0 / b[1], 1.0 / b[0] if b[0] else math.inf))
+
+    def corners(self, function: Callable[[End, End], End], a: Ends, b: Ends) -> Ends:
+        """Least and largest of a function, monotone in both arguments, at the corners of a box."""
+        values = [function(x, y) for x in a for y in b]
+        return self.least(*values), self.largest(*values)
+
+    def wave(self, row: Function, a: Ends, crest: float) -> Ends:
+        """A sine with a crest at a point: it takes 1 or -1 where the range holds a crest or a trough."""
+        values = self.call(row, a[0]), self.call(row, a[1])
+        low, high = self.wide(self.least(*values), self.largest(*values))
+        # A point that the range holds may be lost to rounding, where the value is the same to rounding.
+        high = self.where(_holds(a, crest, 2 * np.pi), 1.0, self.least(high, 1.0))
+        low = self.where(_holds(a, crest + np.pi, 2 * np.pi), -1.0, self.largest(low, -1.0))
+        endless = np.isinf(a[1] - a[0]) | np.isnan(a[1] - a[0])
+        return self.where(endless, -1.0, low), self.where(endless, 1.0, high)
+
+
+class ArrayIntervals(Intervals):
+    """The arithmetic of ranges of arrays, which broadcast."""
+
+    def result(self, name: str, parts: Sequence[Range]) -> Range:
+        """The range of an operation by its name in a `Program`."""
+        with np.errstate(all="ignore"):
+            return super().result(name, parts)
+
+    def told(self, low: Array, high: Array) -> Range:
+        """A range, which is everything where an end is no number."""
         nothing = np.isnan(low) | np.isnan(high)
         return np.where(nothing, -np.inf, low), np.where(nothing, np.inf, high)
 
+    def least(self, *numbers: Array) -> Array:
+        """The least of some numbers."""
+        return np.asarray(functools.reduce(np.minimum, numbers))
 
-def _wide(low: Floats, high: Floats) -> Range:
-    return low - INTERVAL_ROUNDOFF * np.abs(low), high + INTERVAL_ROUNDOFF * np.abs(high)
+    def largest(self, *numbers: Array) -> Array:
+        """The largest of some numbers."""
+        return np.asarray(functools.reduce(np.maximum, numbers))
+
+    def where(self, holds: End, one: End, other: End) -> Array:
+        """The first number where a condition holds, else the other one."""
+        return np.asarray(np.where(holds, one, other))
+
+    def both(self, one: End, other: End) -> End:
+        """True where two conditions hold."""
+        return one & other
+
+    def times(self, x: Array, y: Array) -> Array:
+        """x y."""
+        return x * y
+
+    def power(self, x: Array, exponent: End) -> Array:
+        """x ** exponent."""
+        return np.asarray(x**exponent)
+
+    def call(self, row: Function, *x: Array) -> Array:
+        """A function of the language, infinite where it overflows and no number where it has none."""
+        return row.array(*x)
+
+    def number(self, a: Range) -> float | None:
+        """The number that a range is, None where it is several."""
+        return float(a[0].item()) if a[0].size == 1 and np.array_equal(a[0], a[1]) else None
+
+    def divide(self, a: Range, b: Range) -> Range:
+        """a / b."""
+        pole = (b[0] <= 0.0) & (b[1] >= 0.0)
+        low, high = self.wide(*self.corners(np.divide, a, b))
+        return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
 
 
-def _add(a: Range, b: Range) -> Range:
-    return _wide(a[0] + b[0], a[1] + b[1])
+FLOATS, ARRAYS = Intervals(), ArrayIntervals()
 
 
-def _subtract(a: Range, b: Range) -> Range:
-    return _wide(a[0] - b[1], a[1] - b[0])
+def _holds(a: Ends, point: float, period: float) -> End:
+    """True if a range holds a point or one that is whole periods away."""
+    return np.floor((a[1] - point) / period) > np.floor((a[0] - point) / period)
 
 
-def negative(a: Range) -> Range:
-    """-a."""
+def _add(of: Intervals, a: Ends, b: Ends) -> Ends:
+    return of.wide(a[0] + b[0], a[1] + b[1])
+
+
+def _negative(of: Intervals, a: Ends) -> Ends:
     return -a[1], -a[0]
 
 
-def _multiply(a: Range, b: Range) -> Range:
-    return _wide(*_corners(np.multiply, a, b))
+def _size(of: Intervals, a: Ends) -> Ends:
+    return of.largest(a[0], -a[1], 0.0), of.largest(-a[0], a[1])
 
 
-def _divide(a: Range, b: Range) -> Range:
-    pole = (b[0] <= 0.0) & (b[1] >= 0.0)
-    low, high = _wide(*_corners(np.divide, a, b))
-    return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
+def _inverse(of: Intervals, a: Ends) -> Ends:
+    return of.divide((1.0, 1.0), a)
 
 
-def _corners(function: Callable[[Floats, Floats], Floats], a: Range, b: Range) -> Range:
-    """Least and largest of a function, monotone in both arguments, at the corners of a box."""
-    values = [function(x, y) for x in a for y in b]
-    return np.minimum.reduce(values), np.maximum.reduce(values)
-
-
-def rising(function: Callable[[Floats], Floats]) -> Rule:
-    """The range of a function that rises wherever it has a value."""
-    return lambda a: _wide(function(a[0]), function(a[1]))
-
-
-def falling(function: Callable[[Floats], Floats]) -> Rule:
-    """The range of a function that falls wherever it has a value."""
-    return lambda a: _wide(function(a[1]), function(a[0]))
-
-
-def even(rule: Rule) -> Rule:
-    """The range of a function of the size of its argument."""
-    return lambda a: rule(size(a))
-
-
-def within(rule: Rule) -> Rule:
-    """The range of a function of -1 to 1: beyond by rounding is no fault of the cell."""
-    return lambda a: rule((np.clip(a[0], -1.0, 1.0), np.clip(a[1], -1.0, 1.0)))
-
-
-def size(a: Range) -> Range:
-    """The range of `abs`."""
-    low, high = np.abs(a[0]), np.abs(a[1])
-    inside = (a[0] <= 0.0) & (a[1] >= 0.0)
-    return np.where(inside, 0.0, np.minimum(low, high)), np.maximum(low, high)
-
-
-def sine(a: Range) -> Range:
-    """The range of `sin`."""
-    return _wave(np.sin, a, np.pi / 2)
-
-
-def cosine(a: Range) -> Range:
-    """The range of `cos`."""
-    return _wave(np.cos, a, 0.0)
-
-
-def _wave(function: Callable[[Floats], Floats], a: Range, crest: float) -> Range:
-    """A sine with a crest at a point: it takes 1 or -1 where the cell holds a crest or a trough."""
-    values = function(a[0]), function(a[1])
-    low, high = _wide(np.minimum(*values), np.maximum(*values))
-    # A point that the cell holds may be lost to rounding, where the value is the same to rounding.
-    high = np.where(_holds(a, crest, 2 * np.pi), 1.0, np.minimum(high, 1.0))
-    low = np.where(_holds(a, crest + np.pi, 2 * np.pi), -1.0, np.maximum(low, -1.0))
-    endless = ~np.isfinite(a[1] - a[0])
-    return np.where(endless, -1.0, low), np.where(endless, 1.0, high)
-
-
-def _holds(a: Range, point: float, period: float) -> npt.NDArray[np.bool_]:
-    """True if a cell holds a point or one that is whole periods away."""
-    return np.asarray(np.floor((a[1] - point) / period) > np.floor((a[0] - point) / period))
-
-
-def tangent(a: Range) -> Range:
-    """The range of `tan`."""
-    pole = _holds(a, np.pi / 2, np.pi)
-    low, high = _wide(np.tan(a[0]), np.tan(a[1]))
-    return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
-
-
-def logarithm(a: Range) -> Range:
-    """The range of `log`."""
-    return _wide(np.where(a[0] > 0.0, np.log(a[0]), -np.inf), np.log(a[1]))
-
-
-def root(a: Range) -> Range:
-    """The range of `sqrt`."""
-    return _wide(np.sqrt(np.maximum(a[0], 0.0)), np.sqrt(a[1]))
-
-
-def sign(a: Range) -> Range:
-    """The range of `sign`."""
-    return np.sign(a[0]), np.sign(a[1])
-
-
-def angle(y: Range, x: Range) -> Range:
-    """The range of `atan2`."""
-    cut = (x[0] <= 0.0) & (y[0] <= 0.0) & (y[1] >= 0.0)
-    low, high = _wide(*_corners(np.arctan2, y, x))
-    return np.where(cut, -np.pi, low), np.where(cut, np.pi, high)
-
-
-def least(*ranges: Range) -> Range:
-    """The range of `min`."""
-    return functools.reduce(np.minimum, (a[0] for a in ranges)), functools.reduce(
-        np.minimum, (a[1] for a in ranges)
-    )
-
-
-def largest(*ranges: Range) -> Range:
-    """The range of `max`."""
-    return negative(least(*map(negative, ranges)))
-
-
-def _power(base: Range, exponent: Range) -> Range:
-    low, high = exponent
-    number = low.item() if low.size == 1 and np.array_equal(low, high) else None
+def _power(of: Intervals, base: Ends, exponent: Ends) -> Ends:
+    number = of.number(exponent)
     if number is None:
-        return rising(np.exp)(_multiply(exponent, logarithm(base)))
+        logarithm = _logarithm(of, functions.TABLE["log"], base)
+        return _rising(of, functions.TABLE["exp"], of.multiply(exponent, logarithm))
     if number == round(number) and abs(number) <= MOST_POWER:
-        return _integer_power(base, round(number))
-    powers = _corners(np.power, (np.maximum(base[0], 0.0), base[1]), exponent)
-    return _wide(*powers)
+        return _integer_power(of, base, round(number))
+    return of.wide(*of.corners(of.power, (of.largest(base[0], 0.0), base[1]), exponent))
 
 
-def _integer_power(base: Range, exponent: int) -> Range:
+def _integer_power(of: Intervals, base: Ends, exponent: int) -> Ends:
     if exponent < 0:
-        return _divide(constant(1.0), _integer_power(base, -exponent))
+        return _inverse(of, _integer_power(of, base, -exponent))
     if exponent % 2 == 0:
-        base = size(base)
-    return _wide(base[0] ** exponent, base[1] ** exponent)
+        base = _size(of, base)
+    return of.wide(of.power(base[0], exponent), of.power(base[1], exponent))
 
 
-OPERATIONS: dict[str, Callable[..., Range]] = {
+_RULES: dict[str, Callable[..., Ends]] = {
     "add": _add,
-    "subtract": _subtract,
-    "negate": negative,
-    "multiply": _multiply,
-    "divide": _divide,
-    "power": _power,
+    "sub": lambda of, a, b: _add(of, a, _negative(of, b)),
+    "neg": _negative,
+    "mul": lambda of, a, b: of.multiply(a, b),
+    "twice": lambda of, a: (2 * a[0], 2 * a[1]),
+    "sq": lambda of, a: _integer_power(of, a, 2),
+    "div": lambda of, a, b: of.divide(a, b),
+    "inv": _inverse,
+    "pow": _power,
+    "constpow": _power,
+    "assign": lambda of, a: a,
+}
+
+
+def _rising(of: Intervals, row: Function, a: Ends) -> Ends:
+    a = _within(of, row, a)
+    return of.wide(of.call(row, a[0]), of.call(row, a[1]))
+
+
+def _falling(of: Intervals, row: Function, a: Ends) -> Ends:
+    a = _within(of, row, a)
+    return of.wide(of.call(row, a[1]), of.call(row, a[0]))
+
+
+def _within(of: Intervals, row: Function, a: Ends) -> Ends:
+    """A range of arguments: beyond those that there are by rounding is no fault of it."""
+    if row.domain is None:
+        return a
+    low, high = row.domain
+    return of.least(of.largest(a[0], low), high), of.least(of.largest(a[1], low), high)
+
+
+def _logarithm(of: Intervals, row: Function, a: Ends) -> Ends:
+    return of.wide(of.where(a[0] > 0.0, of.call(row, a[0]), -of.most), of.call(row, a[1]))
+
+
+def _root(of: Intervals, row: Function, a: Ends) -> Ends:
+    return of.wide(of.call(row, of.largest(a[0], 0.0)), of.call(row, a[1]))
+
+
+def _tangent(of: Intervals, row: Function, a: Ends) -> Ends:
+    pole = _holds(a, np.pi / 2, np.pi)
+    low, high = of.wide(of.call(row, a[0]), of.call(row, a[1]))
+    return of.where(pole, -of.most, low), of.where(pole, of.most, high)
+
+
+def _angle(of: Intervals, row: Function, y: Ends, x: Ends) -> Ends:
+    cut = of.both(of.both(x[0] <= 0.0, y[0] <= 0.0), y[1] >= 0.0)
+    low, high = of.wide(*of.corners(functools.partial(of.call, row), y, x))
+    return of.where(cut, -HALF_TURN, low), of.where(cut, HALF_TURN, high)
+
+
+# By the word of a row of `functions` for its range.
+_FUNCTIONS: dict[str, Callable[..., Ends]] = {
+    "rises": _rising,
+    "falls": _falling,
+    "rises both ways": lambda of, row, a: _rising(of, row, _size(of, a)),
+    "sine": lambda of, row, a: of.wave(row, a, np.pi / 2),
+    "cosine": lambda of, row, a: of.wave(row, a, 0.0),
+    "tangent": _tangent,
+    "logarithm": _logarithm,
+    "root": _root,
+    "size": lambda of, row, a: _size(of, a),
+    "sign": lambda of, row, a: (of.call(row, a[0]), of.call(row, a[1])),
+    "angle": _angle,
+    "least": lambda of, row, *a: (of.least(*(x for x, _ in a)), of.least(*(x for _, x in a))),
+    "largest": lambda of, row, *a: (of.largest(*(x for x, _ in a)), of.largest(*(x for _, x in a))),
 }

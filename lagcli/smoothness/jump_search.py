@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import collections
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.expression import intervals
 from lagcli.frozen import frozen
 from lagcli.model.family import Integers
 from lagcli.smoothness import operation_graph, sides
@@ -76,6 +77,7 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Jumping]:
     """The switches of a column of `inputs`, the second of them q, in the order of its operations: those that depend on
     q and are not known to keep their sign. Those within the argument of another come first."""
     shapes: dict[tuple[object, ...], int] = {}
+    names = operation_graph.names()
     found: dict[tuple[str, int], Jumping] = {}
 
     def known(key: tuple[object, ...], bounds: Bounds, is_moving: bool) -> _Known:
@@ -94,7 +96,8 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Jumping]:
                 watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
                 found.setdefault((word, watched.element_hash()), Jumping(word, argument, watched, shape))
         key = (op, *(part[0] for part in parts))
-        return known(key, bounds_of(op, [part[1] for part in parts]), any(part[2] for part in parts))
+        bounds = intervals.FLOATS.result(names[op], [part[1] for part in parts])
+        return known(key, bounds, any(part[2] for part in parts))
 
     def leaf(given: int | None, number: float) -> _Known:
         bounds = ANY if given is not None else (number, number)
@@ -220,67 +223,6 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
     return numbers, x[:, numbers], begin.size * sides.PARAMETERS.offset**0.5 * slopes[:, numbers]
 
 
-def bounds_of(op: int, parts: Sequence[Bounds]) -> Bounds:
-    """The bounds of a result from those of its operands."""
-    if op in _RULES:
-        return _RULES[op](*parts)
-    return operation_graph.FUNCTIONS[op].bounds if op in operation_graph.FUNCTIONS else ANY
-
-
 def is_one_sided(bounds: Bounds) -> bool:
     """True for what changes its sign nowhere, though it may touch zero."""
     return bounds[0] >= 0.0 or bounds[1] <= 0.0
-
-
-def _plus(a: Bounds, b: Bounds) -> Bounds:
-    return a[0] + b[0], a[1] + b[1]
-
-
-def _minus(a: Bounds) -> Bounds:
-    return -a[1], -a[0]
-
-
-def _times(a: Bounds, b: Bounds) -> Bounds:
-    # Bounds are infinite where there are none: nothing is infinite itself, and zero times it is zero.
-    corners = [x * y if x and y else 0.0 for x in a for y in b]
-    return min(corners), max(corners)
-
-
-def _over(a: Bounds, b: Bounds) -> Bounds:
-    if b[1] <= 0.0:
-        a, b = _minus(a), _minus(b)
-    if b[0] < 0.0:
-        return ANY
-    return _times(a, (1.0 / b[1] if b[1] else math.inf, 1.0 / b[0] if b[0] else math.inf))
-
-
-def _size(a: Bounds) -> Bounds:
-    low, high = sorted((abs(a[0]), abs(a[1])))
-    return (low if is_one_sided(a) else 0.0), high
-
-
-def _square(a: Bounds) -> Bounds:
-    size = _size(a)
-    return _times(size, size)
-
-
-def _power(a: Bounds, b: Bounds) -> Bounds:
-    is_even = b[0] == b[1] and b[0] % 2.0 == 0.0
-    return (0.0, math.inf) if is_even or a[0] >= 0.0 else ANY
-
-
-_RULES: dict[int, Callable[..., Bounds]] = {
-    ca.OP_ADD: _plus,
-    ca.OP_SUB: lambda a, b: _plus(a, _minus(b)),
-    ca.OP_NEG: _minus,
-    ca.OP_MUL: _times,
-    ca.OP_TWICE: lambda a: _times((2.0, 2.0), a),
-    ca.OP_DIV: _over,
-    ca.OP_INV: lambda a: _over((1.0, 1.0), a),
-    ca.OP_FABS: _size,
-    ca.OP_SQ: _square,
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
-    ca.OP_FMIN: lambda a, b: (min(a[0], b[0]), min(a[1], b[1])),
-    ca.OP_FMAX: lambda a, b: (max(a[0], b[0]), max(a[1], b[1])),
-}

@@ -28,6 +28,12 @@ Look = Callable[[int, list[T], Expression], T]
 Leaf = Callable[[int | None, float], T]
 
 
+@functools.cache
+def names() -> dict[int, str]:
+    """The names of operations by their codes."""
+    return {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
+
+
 class Instruction(NamedTuple):
     """An operation of a function, the indices of its operands and of its result, and the constant that it is.
 

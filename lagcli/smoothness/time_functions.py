@@ -30,16 +30,16 @@ Floats = npt.NDArray[np.float64]
 # hold t: more are left to the rows of the table.
 MOST_OPERATIONS, MOST_VALUES, MOST_STEPS = 1000, 2**14, 20_000
 # These only add, shift and scale: they rise and fall where their parts do.
-_PLAIN = frozenset(("add", "subtract", "negate", "multiply"))
+_PLAIN = frozenset(("add", "sub", "neg", "mul"))
 # Nor do these bring a pulse about.
 _STEADY = _PLAIN | language.named(
     lambda row: row.arguments == 1 and (row.is_piecewise or row.far == "exponential")
 )
 _FAST: dict[str, Callable[[float, float], float]] = {
     "add": operator.add,
-    "subtract": operator.sub,
-    "multiply": operator.mul,
-    "divide": operator.truediv,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
 }
 _SWITCHES = language.named(
     lambda row: (
@@ -86,7 +86,7 @@ class TimeFunctions:
         known: list[Range] = [cells]
         for operation in self.operations[: max(wanted, default=0)]:
             parts = (known[part] if isinstance(part, int) else part for part in operation.parts)
-            known.append(language.range_of(operation.name, *parts))
+            known.append(intervals.ARRAYS.result(operation.name, tuple(parts)))
         return [known[index] for index in wanted]
 
 
@@ -222,9 +222,9 @@ class _Record:
         """An operation on what depends on the motion."""
         is_timed = any(part.is_timed for part in parts)
         # A quotient by what does not depend on both is a product.
-        own = parts[1:] if name == "divide" else parts
+        own = parts[1:] if name == "div" else parts
         mixed = any(part.is_timed and part.index is None for part in own)
-        if name not in _PLAIN and (mixed or (name != "divide" and is_timed)):
+        if name not in _PLAIN and (mixed or (name != "div" and is_timed)):
             self.is_mixed = True
         return _MOTION_AND_TIME if is_timed else _MOTION
 
@@ -261,17 +261,17 @@ def _folded(name: str, numbers: list[Range]) -> Range:
     """An operation on numbers; on two by far the most often."""
     if name in _FAST and numbers[0][0].size == numbers[1][0].size == 1:
         (a, b), (c, d) = numbers
-        if a is b and c is d and not (name == "divide" and float(c) == 0.0):
+        if a is b and c is d and not (name == "div" and float(c) == 0.0):
             return intervals.constant(_FAST[name](float(a), float(c)))
-    return language.range_of(name, *numbers)
+    return intervals.ARRAYS.result(name, numbers)
 
 
 def _is_steady(operation: Operation) -> bool:
     """True if it rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number."""
     last = operation.parts[-1]
-    if operation.name in ("divide", "power") and not isinstance(last, int):
+    if operation.name in ("div", "pow") and not isinstance(last, int):
         is_integer = bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())
-        return is_integer or operation.name == "divide"
+        return is_integer or operation.name == "div"
     return operation.name in _STEADY
 
 
@@ -346,27 +346,27 @@ class _Algebra:
 
     def add(self, node: tree.Node, left: _Value, sign: int, right: _Value) -> _Value:
         """left + sign right."""
-        return self._record.combine("add" if sign > 0 else "subtract", left, right)
+        return self._record.combine("add" if sign > 0 else "sub", left, right)
 
     def negate(self, node: tree.Node, value: _Value) -> _Value:
         """-value."""
-        return self._record.combine("negate", value)
+        return self._record.combine("neg", value)
 
     def multiply(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
         """left right."""
-        return self._record.combine("multiply", left, right)
+        return self._record.combine("mul", left, right)
 
     def divide(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
         """left / right; one whose divisor vanishes has a pole, and may jump from one infinity to the other."""
         self._record.switch(right)
-        return self._record.combine("divide", left, right)
+        return self._record.combine("div", left, right)
 
     def power(self, node: tree.Node, base: _Value, exponent: _Value) -> _Value:
         """base ** exponent; one that is not whole has a kink at zero, and one below zero a pole, as a divisor."""
         least = exponent.number[0] if exponent.number is not None else None
         if least is None or not ((least >= 0.0) & (least == np.round(least))).all():
             self._record.switch(base)
-        return self._record.combine("power", base, exponent)
+        return self._record.combine("pow", base, exponent)
 
     def function(self, node: tree.Node, name: str, arguments: tuple[_Value, ...]) -> _Value:
         """A scalar function, with what it switches at."""
@@ -374,7 +374,7 @@ class _Algebra:
         if row.arguments == language.MANY:
             result = arguments[0]
             for argument in arguments[1:]:
-                record.switch(record.combine("subtract", result, argument))
+                record.switch(record.combine("sub", result, argument))
                 result = record.combine(name, result, argument)
             return result
         if name in _SWITCHES:
@@ -382,5 +382,5 @@ class _Algebra:
         if row.poles:
             record.switch(record.combine(row.poles, arguments[0]))
         for end in row.domain or ():
-            record.switch(record.combine("subtract", arguments[0], _Value(number=intervals.constant(end))))
+            record.switch(record.combine("sub", arguments[0], _Value(number=intervals.constant(end))))
         return record.combine(name, *arguments)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from mpmath import iv
-from mpmath.libmp import ComplexResult
 
 from lagcli.compiled.program import Program
+from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
 from lagcli.statics import newton, refine
 from lagcli.statics.all_zeros import Completeness
 from lagcli.statics.point_search import PointSearch
@@ -59,15 +59,6 @@ class BranchingParameters:
 
 
 PARAMETERS = BranchingParameters()
-_FAILURES = (ZeroDivisionError, OverflowError, ValueError, ComplexResult, NotImplementedError)
-
-
-class NoBounds(Exception):
-    """An operation has no bounds here."""
-
-
-class NoValue(Exception):
-    """An operation has no value anywhere here."""
 
 
 Piece = tuple[float, float]
@@ -89,104 +80,11 @@ class _Force:
     numbers: tuple[float, ...]
 
     def __call__(self, x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
-        registers: dict[int, iv.mpf] = {}
-        outputs = [iv.mpf(0), iv.mpf(0)]
-        for name, out, ins, value in self.program.steps:
-            if name == "output":
-                if out[0] == 0:
-                    outputs[out[1]] = registers[ins[0]]
-            elif name == "input":
-                registers[out[0]] = x if ins[0] == 0 else iv.mpf(self.numbers[ins[1]])
-            elif name == "const":
-                registers[out[0]] = iv.mpf(value)
-            else:
-                try:
-                    registers[out[0]] = _bounds(name, [registers[i] for i in ins])
-                except _FAILURES as error:
-                    raise NoBounds(name) from error
-        return outputs[0], outputs[1]
-
-
-def _quotient(a: iv.mpf, b: iv.mpf) -> iv.mpf:
-    if 0 in b:
-        raise NoBounds("div")
-    return a / b
-
-
-def _root(a: iv.mpf) -> iv.mpf:
-    if a.b < 0:
-        raise NoValue("sqrt")
-    if a.a < 0:
-        raise NoBounds("sqrt")
-    return iv.sqrt(a)
-
-
-def _logarithm(a: iv.mpf) -> iv.mpf:
-    if a.b < 0:
-        raise NoValue("log")
-    if a.a <= 0:
-        raise NoBounds("log")
-    return iv.log(a)
-
-
-def _sign(a: iv.mpf) -> iv.mpf:
-    if 0 in a:
-        raise NoBounds("abs")  # its slope jumps
-    return iv.mpf(1 if a.a > 0 else -1)
-
-
-def _is_less(a: iv.mpf, b: iv.mpf) -> iv.mpf:
-    if a.b >= b.a and b.b >= a.a:
-        raise NoBounds("a switch")
-    return iv.mpf(int(a.b < b.a))
-
-
-def _power(a: iv.mpf, b: iv.mpf) -> iv.mpf:
-    if b.a == b.b and float(b.a) == round(float(b.a)):
-        exponent = int(float(b.a))
-        return a**exponent if exponent >= 0 else _quotient(iv.mpf(1), a**-exponent)
-    return iv.exp(b * _logarithm(a))
-
-
-_ONE: dict[str, Callable[[iv.mpf], iv.mpf]] = {
-    "neg": lambda a: -a,
-    "sq": lambda a: a**2,
-    "twice": lambda a: 2 * a,
-    "assign": lambda a: a,
-    "inv": lambda a: _quotient(iv.mpf(1), a),
-    "sqrt": _root,
-    "log": _logarithm,
-    "exp": iv.exp,
-    "sin": iv.sin,
-    "cos": iv.cos,
-    "tan": lambda a: _quotient(iv.sin(a), iv.cos(a)),
-    "sinh": lambda a: (iv.exp(a) - iv.exp(-a)) / 2,
-    "cosh": lambda a: (iv.exp(a) + iv.exp(-a)) / 2,
-    "tanh": lambda a: 1 - 2 / (iv.exp(2 * a) + 1),
-    "sign": _sign,
-    "fabs": lambda a: _sign(a) * a,
-}
-_TWO: dict[str, Callable[[iv.mpf, iv.mpf], iv.mpf]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": _quotient,
-    "pow": _power,
-    "constpow": _power,
-    "lt": _is_less,
-    "le": _is_less,
-    "fmin": lambda a, b: a if _is_less(a, b).a else b,
-    "fmax": lambda a, b: b if _is_less(a, b).a else a,
-    "if_else_zero": lambda condition, value: condition * value,
-}
-
-
-def _bounds(name: str, given: list[iv.mpf]) -> iv.mpf:
-    if name in _ONE:
-        return _ONE[name](given[0])
-    if name in _TWO:
-        return _TWO[name](given[0], given[1])
-    raise NoBounds(name)
+        """The force and its slope over an interval. Raises `NoBounds`."""
+        value, slope = self.program.run(
+            lambda part, k: iv.mpf(self.numbers[k]) if part else x, iv.mpf, Enclosures(iv).result
+        )
+        return value, slope
 
 
 def complete(search: PointSearch, is_angle: bool) -> Completeness:
@@ -334,7 +232,7 @@ def _changes(force: _Force, low: float, high: float) -> bool | None:
     """True if the force changes its sign between two ends; None where it is not determined at one."""
     try:
         ends = [force(iv.mpf(x))[0] for x in (low, high)]
-    except (NoBounds, NoValue):
+    except NoBounds:
         return None
     if not all(map(_is_determined, ends)):
         return None

@@ -52,6 +52,7 @@ DOORS = {
     "mpmath": (
         "lagcli.pfaffian.",
         "lagcli.compiled.multiprecision",
+        "lagcli.expression.enclosures",
         "lagcli.statics.one_unknown",
     ),
     "casadi": (

@@ -17,8 +17,8 @@ import lagcli
 
 ROW = """ROWS = (
     Function(
-        "asinh", math.asinh, np.arcsinh, intervals.rising(np.arcsinh),
-        slope=lambda of, x, y: 1 / of.sqrt(x * x + 1), written="arsinh", rises=True,
+        "asinh", math.asinh, np.arcsinh, "rises",
+        slope=lambda of, x, y: 1 / of.sqrt(x * x + 1), written="arsinh",
     ),
 """
 MODEL = """\
@@ -44,7 +44,7 @@ import lagcli
 from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.compiled import multiprecision
 from lagcli.compiled import program
-from lagcli.expression import functions
+from lagcli.expression import functions, intervals
 from lagcli.pfaffian.forms import notation
 
 m = lagcli.loads(open(sys.argv[1]).read())
@@ -53,7 +53,7 @@ x = ca.SX.sym("x")
 written = program.written_out(ca.Function("f", [x], [functions.meaning(ca, "", "asinh")(x)]))
 point = multiprecision.moved([Decimal("0.5")], [Decimal(1)], 1)
 changed = multiprecision.parts(multiprecision.run(written, [point], Decimal), 1)[1]
-low, high = functions.range_of("asinh", (np.array([-1.0]), np.array([2.0])))
+low, high = intervals.ARRAYS.result("asinh", [(np.array([-1.0]), np.array([2.0]))])
 print(json.dumps({
     "columns": run.columns,
     "rows": run.rows.tolist(),

@@ -43,27 +43,20 @@ def of(program: Program, inputs: Sequence[Floats]) -> Floats:
 
     Whole numbers among constants and inputs are what they are.
     """
-    registers: list[Pair] = [(0.0, 0.0)] * program.registers
-    found = np.zeros(program.results)
     given = [part.tolist() for part in inputs]
-    for name, out, of, constant in program.steps:
-        if name == "input":
-            registers[out[0]] = _input(given[of[0]][of[1]])
-        elif name == "const":
-            registers[out[0]] = constant, 0.0 if constant.is_integer() else max(abs(constant), 1.0)
-        elif name == "output":
-            if out[0] == 0:
-                found[out[1]] = registers[of[0]][1]
-        else:
-            registers[out[0]] = _result(name, [registers[i] for i in of])
+
+    def entry(part: int, k: int) -> Pair:
+        value = given[part][k]
+        return value, 0.0 if value.is_integer() else abs(value)
+
+    def constant(value: float) -> Pair:
+        return value, 0.0 if value.is_integer() else max(abs(value), 1.0)
+
+    found = np.array([size for _, size in program.run(entry, constant, _result)])
     return np.where(np.isnan(found), math.inf, found)
 
 
-def _input(value: float) -> Pair:
-    return value, 0.0 if value.is_integer() else abs(value)
-
-
-def _result(name: str, parts: list[Pair]) -> Pair:
+def _result(name: str, parts: Sequence[Pair]) -> Pair:
     try:
         value, size = TWO[name](*parts) if name in TWO else _along(name, parts[0])
     except (ArithmeticError, ValueError):

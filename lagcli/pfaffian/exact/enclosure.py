@@ -17,10 +17,11 @@ import mpmath
 import numpy as np
 import sympy
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
-from mpmath.libmp import ComplexResult
 
 from lagcli import memory
+from lagcli.expression.enclosures import Enclosures, NoBounds
 from lagcli.linear import surface
+from lagcli.pfaffian.exact import operations
 from lagcli.pfaffian.forms import form as forms
 
 # Cancellation of thirty digits leaves a sign.
@@ -29,9 +30,6 @@ DIGITS = 50
 POINTS = 12
 # A fixed one: a proof must not change from run to run.
 _SEED = 20240229
-_NO_VALUE = (ComplexResult, ArithmeticError, ValueError, NotImplementedError)
-# Higher powers are given up.
-_EXPONENT_LIMIT = 10_000
 _NEAR = [(0, 1), (-1, 1), (1, 3), (-3, 3), (0, 1), (-1, 0), (2, 9), (-9, 9)]
 _FAR = [(10, 100), (-100, -10), (-100, 100), (100, 1000), (-1000, 1000), (1000, 10_000), (-10_000, -1000)]
 _SCALES = [*_NEAR * 3, *_FAR]
@@ -50,6 +48,7 @@ _SURFACE_SEED = 20240511
 # than most evaluations.
 _INTERVALS = MPIntervalContext()
 _INTERVALS.dps = DIGITS
+_ENCLOSURES = Enclosures(_INTERVALS)
 
 Point = Mapping[sympy.Symbol, Fraction]
 
@@ -127,82 +126,21 @@ class Evaluator:
         functions.
         """
         try:
-            interval = self._visit(expression)
-        except _NO_VALUE as error:
+            interval = operations.folded(expression, _leaf, _ENCLOSURES.result, self._memo)
+        except NoBounds as error:
             raise NoValueError(str(error)) from error
         bounds = (float(interval.a), float(interval.b), float(interval.delta))
         if any(b != b or b in (float("inf"), float("-inf")) for b in bounds):
             raise NoValueError("not finite")
         return interval
 
-    def _visit(self, e: sympy.Basic) -> ivmpf:
-        known = self._memo.get(e)
-        if known is None:
-            known = self._compute(e)
-            self._memo[e] = known
-        return known
 
-    def _compute(self, e: sympy.Basic) -> ivmpf:
-        iv = _INTERVALS
-        if isinstance(e, sympy.Rational):
-            return iv.mpf(int(e.p)) / int(e.q)
-        if e is sympy.pi:
-            return +iv.pi
-        if e is sympy.E:
-            return +iv.e
-        if isinstance(e, sympy.Add):
-            total = iv.mpf(0)
-            for term in e.args:
-                total = total + self._visit(term)
-            return total
-        if isinstance(e, sympy.Mul):
-            product = iv.mpf(1)
-            for factor in e.args:
-                product = product * self._visit(factor)
-            return product
-        if isinstance(e, sympy.Pow):
-            return self._power(e)
-        return self._function(e)
-
-    def _power(self, e: sympy.Pow) -> ivmpf:
-        iv, exponent = _INTERVALS, e.exp
-        base = self._visit(e.base)
-        if isinstance(exponent, sympy.Integer):
-            n = int(exponent)
-            if abs(n) > _EXPONENT_LIMIT:
-                raise NoValueError("exponent too large")
-            if n < 0 and 0 in base:
-                raise NoValueError("pole")
-            return base**n
-        if exponent == sympy.Rational(1, 2):
-            return iv.sqrt(base)
-        if not base.a > 0:
-            raise NoValueError("power of a negative number")
-        return iv.exp(self._visit(exponent) * iv.log(base))
-
-    def _function(self, e: sympy.Basic) -> ivmpf:
-        iv = _INTERVALS
-        u = [self._visit(a) for a in e.args] if e.args else []
-        if isinstance(e, (sympy.exp, sympy.sinh, sympy.cosh, sympy.tanh)):
-            grown = iv.exp(u[0])
-            shrunk = 1 / grown
-            values = {sympy.exp: grown, sympy.sinh: (grown - shrunk) / 2, sympy.cosh: (grown + shrunk) / 2}
-            return values[type(e)] if type(e) in values else (grown - shrunk) / (grown + shrunk)
-        if isinstance(e, (sympy.sin, sympy.cos, sympy.tan, sympy.log)):
-            if isinstance(e, sympy.log) and not u[0].a > 0:
-                raise NoValueError("logarithm of a number that is not positive")
-            return getattr(iv, type(e).__name__)(u[0])
-        if isinstance(e, sympy.atan):
-            return iv.atan2(u[0], iv.mpf(1))
-        if isinstance(e, sympy.asin):
-            return iv.atan2(u[0], iv.sqrt(1 - u[0] ** 2))
-        if isinstance(e, sympy.acos):
-            return iv.atan2(iv.sqrt(1 - u[0] ** 2), u[0])
-        if isinstance(e, sympy.atan2):
-            return iv.atan2(u[0], u[1])
-        if isinstance(e, sympy.Abs):
-            return abs(u[0])
-        raise NoValueError(f"no enclosure of {e.func.__name__}")
+def _leaf(e: sympy.Basic) -> ivmpf:
+    if isinstance(e, sympy.Rational):
+        return _INTERVALS.mpf(int(e.p)) / int(e.q)
+    if e is sympy.pi or e is sympy.E:
+        return +(_INTERVALS.pi if e is sympy.pi else _INTERVALS.e)
+    raise NoBounds(str(e))
 
 
 def middle(expression: sympy.Expr, point: Point) -> mpmath.mpf:
