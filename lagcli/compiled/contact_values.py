@@ -133,7 +133,7 @@ def floors(parts: Parts) -> ca.Function:
         return (ca.SX(constant),) * 2 if number is None else given[number]
 
     def look(op: int, operands: list[Ends], _: operation_graph.Expression) -> Ends:
-        return graph.result(names[op], operands)
+        return graph.result(names[op], *operands)
 
     found = (low for low, _ in operation_graph.folded(parts.contacts.g, own, leaf, look))
     return SizedFunction("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
@@ -184,7 +184,7 @@ class _GraphIntervals(Intervals):
 
     def multiply(self, a: Ends, b: Ends) -> Ends:
         if a is b:
-            low, high = self.result("fabs", [a])
+            low, high = self.result("fabs", a)
             return low * low, high * high
         if _is_one(b):
             a, b = b, a

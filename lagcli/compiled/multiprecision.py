@@ -126,17 +126,15 @@ def run(
     Raises `NotFinite`. All functions must be known.
     """
     try:
-        return program.run(lambda part, k: inputs[part][k], read, _result)
+        return program.run(inputs, read, along)
     except (decimal.InvalidOperation, decimal.Overflow, ZeroDivisionError, OverflowError):
         raise NotFinite from None
 
 
-def _result(name: str, parts: Sequence[Number]) -> Number:
-    return BINARY[name](*parts) if name in BINARY else along(name, *parts)
-
-
-def along(name: str, a: Number) -> Number:
-    """A function of one number."""
+def along(name: str, a: Number, b: Number = None) -> Number:
+    """A function of one number, or of two."""
+    if b is not None:
+        return BINARY[name](a, b)
     if isinstance(a, Changing):
         found = along(name, a.value)
         changed = functions.OPERATIONS[name][1](_Functions, a.value, found) * a.change

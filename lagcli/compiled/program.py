@@ -27,24 +27,27 @@ class Program:
 
     def run(
         self,
-        entry: Callable[[int, int], T],
+        inputs: Sequence[Sequence[T]],
         constant: Callable[[float], T],
-        result: Callable[[str, Sequence[T]], T],
+        result: Callable[..., T],
     ) -> list[T]:
-        """The values of the first output in an arithmetic: of an entry of an input, of a constant, and of an operation
-        on values."""
+        """The values of the first output in an arithmetic, in which a constant is made a value, and of an operation's
+        name and values its result."""
         registers: dict[int, T] = {}
-        outputs: dict[int, T] = {}
+        outputs = [constant(0.0)] * self.results  # also of entries that are none by structure
         for name, out, of, value in self.steps:
             if name == "input":
-                registers[out[0]] = entry(of[0], of[1])
+                registers[out[0]] = inputs[of[0]][of[1]]
             elif name == "const":
                 registers[out[0]] = constant(value)
-            elif name != "output":
-                registers[out[0]] = result(name, [registers[i] for i in of])
-            elif out[0] == 0:
-                outputs[out[1]] = registers[of[0]]
-        return [outputs[k] for k in range(self.results)]
+            elif name == "output":
+                if out[0] == 0:
+                    outputs[out[1]] = registers[of[0]]
+            elif of[1:]:
+                registers[out[0]] = result(name, registers[of[0]], registers[of[1]])
+            else:
+                registers[out[0]] = result(name, registers[of[0]])
+        return outputs
 
 
 def written_out(function: ca.Function) -> Program:

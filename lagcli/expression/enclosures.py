@@ -5,7 +5,7 @@ Where a rule is not certain of all numbers of a range it raises, and gives no ra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
 from mpmath.libmp import ComplexResult
@@ -28,7 +28,7 @@ class Enclosures:
     def __init__(self, context: MPIntervalContext) -> None:
         self._of = context
 
-    def result(self, name: str, parts: Sequence[ivmpf]) -> ivmpf:
+    def result(self, name: str, *parts: ivmpf) -> ivmpf:
         """The range of an operation by its name in a `Program`. Raises `NoBounds`."""
         rule = _RULES.get(name)
         if rule is None:

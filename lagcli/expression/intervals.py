@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ class Intervals:
 
     most = math.inf
 
-    def result(self, name: str, parts: Sequence[Ends]) -> Ends:
+    def result(self, name: str, *parts: Ends) -> Ends:
         """The range of an operation by its name in a `Program`."""
         if name in _RULES:
             return self.told(*_RULES[name](self, *parts))
@@ -136,10 +136,10 @@ class Intervals:
 class ArrayIntervals(Intervals):
     """The arithmetic of ranges of arrays, which broadcast."""
 
-    def result(self, name: str, parts: Sequence[Range]) -> Range:
+    def result(self, name: str, *parts: Range) -> Range:
         """The range of an operation by its name in a `Program`."""
         with np.errstate(all="ignore"):
-            return super().result(name, parts)
+            return super().result(name, *parts)
 
     def told(self, low: Array, high: Array) -> Range:
         """A range, which is everything where an end is no number."""

@@ -18,8 +18,8 @@ from typing import TypeAlias
 
 import sympy
 
-from lagcli.expression import functions
-from lagcli.pfaffian.exact import enclosure, guarded, normal_form
+from lagcli.expression import term_sizes
+from lagcli.pfaffian.exact import enclosure, guarded, normal_form, operations
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -91,8 +91,8 @@ def is_nothing(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:
 def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> bool:
     """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
     try:
-        value, size = _visit(expression, point)
-        if not math.isfinite(value) or math.isnan(size):
+        value, size = _sized(expression, point)
+        if not (math.isfinite(value) and math.isfinite(size)):
             return otherwise
         if point.digits is None or abs(value) > PARAMETERS.near * size:
             return abs(value) <= PARAMETERS.near * size
@@ -171,44 +171,20 @@ def _intended_number(value: float) -> sympy.Expr:
     return sympy.Rational(repr(value))
 
 
-def _visit(e: sympy.Basic, point: SpecialPoint) -> tuple[float, float]:
-    """The value and its size. Raises `ValueError` or `ArithmeticError` for what has none here."""
-    if isinstance(e, sympy.Symbol):
-        if e not in point.doubles:
-            raise ValueError(f"{e} has no value")
-        value = point.doubles[e]
+def _sized(expression: sympy.Expr, point: SpecialPoint) -> term_sizes.Pair:
+    """The value and its size, which is infinite where it has none here."""
+
+    def leaf(e: sympy.Basic) -> term_sizes.Pair:
+        if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
+            return float(e), 0.0 if e.is_Integer else abs(float(e))
+        value = point.doubles.get(e, math.nan)
         return value, max(abs(value), point.sizes.get(e, 0.0))
-    if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
-        number = float(e)
-        return number, abs(number)
-    parts = [_visit(a, point) for a in e.args]
-    if isinstance(e, sympy.Add):
-        return math.fsum(v for v, _ in parts), math.fsum(s for _, s in parts)
-    if isinstance(e, sympy.Mul):
-        value, size = 1.0, 0.0
-        for v, s in parts:
-            value, size = value * v, size * abs(v) + abs(value) * s
-        return value, size
-    if isinstance(e, sympy.Pow):
-        return _power(*parts)
-    row = notation.ROWS.get(type(e))
-    if row is None or row.slope is None or not row.is_elementary:
-        raise ValueError(f"{e.func} is not treated")
-    arguments = [value for value, _ in parts]
-    value = row.value(*arguments)
-    slope = row.slope(functions.SlopeSizes, *arguments, value)
-    slopes = slope if isinstance(slope, tuple) else (slope,)
-    return value, abs(value) + sum(abs(a) * size for a, (_, size) in zip(slopes, parts, strict=True))
+
+    return operations.folded(expression, leaf, _result, {})
 
 
-def _power(base: tuple[float, float], exponent: tuple[float, float]) -> tuple[float, float]:
-    (b, db), (n, dn) = base, exponent
-    if b == 0.0:
-        if n <= 0.0:
-            raise ZeroDivisionError
-        return 0.0, db
-    value = b**n
-    if isinstance(value, complex):
-        raise ValueError("a root of a negative number")
-    size = abs(n * value / b) * db
-    return value, size + (abs(value * math.log(abs(b))) * dn if n != round(n) else 0.0)
+def _result(name: str, *parts: term_sizes.Pair) -> term_sizes.Pair:
+    value, size = parts[0]
+    if value == 0.0 and (name == "sqrt" or (name == "pow" and parts[1][0] > 0.0)):
+        return 0.0, size  # a root rises without bound there, and is zero
+    return term_sizes.result(name, *parts)

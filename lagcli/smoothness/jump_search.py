@@ -96,7 +96,7 @@ def switches(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Jumping]:
                 watched = ca.if_else(call.dep(1) > 0, 1, argument) if op == ca.OP_ATAN2 else argument
                 found.setdefault((word, watched.element_hash()), Jumping(word, argument, watched, shape))
         key = (op, *(part[0] for part in parts))
-        bounds = intervals.FLOATS.result(names[op], [part[1] for part in parts])
+        bounds = intervals.FLOATS.result(names[op], *(part[1] for part in parts))
         return known(key, bounds, any(part[2] for part in parts))
 
     def leaf(given: int | None, number: float) -> _Known:

@@ -86,7 +86,7 @@ class TimeFunctions:
         known: list[Range] = [cells]
         for operation in self.operations[: max(wanted, default=0)]:
             parts = (known[part] if isinstance(part, int) else part for part in operation.parts)
-            known.append(intervals.ARRAYS.result(operation.name, tuple(parts)))
+            known.append(intervals.ARRAYS.result(operation.name, *parts))
         return [known[index] for index in wanted]
 
 
@@ -263,7 +263,7 @@ def _folded(name: str, numbers: list[Range]) -> Range:
         (a, b), (c, d) = numbers
         if a is b and c is d and not (name == "div" and float(c) == 0.0):
             return intervals.constant(_FAST[name](float(a), float(c)))
-    return intervals.ARRAYS.result(name, numbers)
+    return intervals.ARRAYS.result(name, *numbers)
 
 
 def _is_steady(operation: Operation) -> bool:

@@ -81,9 +81,8 @@ class _Force:
 
     def __call__(self, x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
         """The force and its slope over an interval. Raises `NoBounds`."""
-        value, slope = self.program.run(
-            lambda part, k: iv.mpf(self.numbers[k]) if part else x, iv.mpf, Enclosures(iv).result
-        )
+        numbers = [iv.mpf(number) for number in self.numbers]
+        value, slope = self.program.run([[x], numbers], iv.mpf, Enclosures(iv).result)
         return value, slope
 
 

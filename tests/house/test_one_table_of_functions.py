@@ -13,7 +13,7 @@ LISTED = 3
 # Rules of an arithmetic or an algebra, each of which has a method for these functions; what a table could hold is none.
 METHODS = {
     "lagcli.compiled.multiprecision": "values in `Decimal`, and operations on two numbers",
-    "lagcli.analysis.numeric_flag.term_sizes": "sizes of the terms of operations on two numbers",
+    "lagcli.expression.term_sizes": "sizes of the terms of operations on two numbers",
     "lagcli.equations.operation_rules": "sizes of terms in CasADi",
     "lagcli.equations.power_series": "recurrences of coefficients",
     "lagcli.expression.enclosures": "enclosures by mpmath",

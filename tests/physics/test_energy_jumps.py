@@ -219,7 +219,7 @@ def test_values_lie_between_their_bounds(seed):
     bounds = []
 
     def look(op, parts, expression):
-        bounds.append((intervals.FLOATS.result(operation_graph.names()[op], parts), expression()))
+        bounds.append((intervals.FLOATS.result(operation_graph.names()[op], *parts), expression()))
         return bounds[-1][0]
 
     operation_graph.folded(

@@ -41,7 +41,7 @@ import json, sys
 from decimal import Decimal
 import casadi as ca, numpy as np, sympy
 import lagcli
-from lagcli.analysis.numeric_flag import term_sizes
+from lagcli.expression import term_sizes
 from lagcli.compiled import multiprecision
 from lagcli.compiled import program
 from lagcli.expression import functions, intervals
@@ -53,7 +53,7 @@ x = ca.SX.sym("x")
 written = program.written_out(ca.Function("f", [x], [functions.meaning(ca, "", "asinh")(x)]))
 point = multiprecision.moved([Decimal("0.5")], [Decimal(1)], 1)
 changed = multiprecision.parts(multiprecision.run(written, [point], Decimal), 1)[1]
-low, high = intervals.ARRAYS.result("asinh", [(np.array([-1.0]), np.array([2.0]))])
+low, high = intervals.ARRAYS.result("asinh", (np.array([-1.0]), np.array([2.0])))
 print(json.dumps({
     "columns": run.columns,
     "rows": run.rows.tolist(),

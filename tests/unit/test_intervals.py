@@ -86,7 +86,7 @@ def points(seed: int) -> list[list[mpmath.mpf | None]]:
 def floats(seed: int) -> list[tuple[float, float]]:
     known = [*box(seed), *((c, c) for c in CONSTANTS)]
     for name, of in tree(seed):
-        known.append(intervals.FLOATS.result(name, [known[k] for k in of]))
+        known.append(intervals.FLOATS.result(name, *(known[k] for k in of)))
     return known
 
 
@@ -94,7 +94,7 @@ def arrays(seed: int) -> list[tuple[float, float]]:
     known = [(np.array([[low]]), np.array([[high]])) for low, high in box(seed)]
     known += [intervals.constant(c) for c in CONSTANTS]
     for name, of in tree(seed):
-        known.append(intervals.ARRAYS.result(name, [known[k] for k in of]))
+        known.append(intervals.ARRAYS.result(name, *(known[k] for k in of)))
     return [(float(np.ravel(low)[0]), float(np.ravel(high)[0])) for low, high in known]
 
 
@@ -103,7 +103,7 @@ def expressions(seed: int) -> list[tuple[float, float]]:
     graph, known = contact_values._GraphIntervals(), [(given[0], given[1]), (given[2], given[3])]
     known += [(ca.SX(c), ca.SX(c)) for c in CONSTANTS]
     for name, of in tree(seed):
-        known.append(graph.result(name, [known[k] for k in of]))
+        known.append(graph.result(name, *(known[k] for k in of)))
     column = ca.vertcat(*(ca.densify(end) for ends in known for end in ends))
     found = np.array(SizedFunction("ranges", [given], [column])(np.ravel(box(seed)))).reshape(-1, 2)
     return [(low, high) for low, high in found.tolist()]
@@ -128,7 +128,7 @@ def test_enclosures_hold_the_truth_or_say_that_they_know_none() -> None:
         known: list[object] = [iv.mpf(list(ends)) for ends in box(seed)] + [iv.mpf(c) for c in CONSTANTS]
         for name, of in tree(seed):
             try:
-                known.append(enclosures.result(name, [known[k] for k in of]))
+                known.append(enclosures.result(name, *(known[k] for k in of)))
             except NoBounds:
                 break
         known_ones += len(known)
@@ -142,12 +142,12 @@ def test_enclosures_hold_the_truth_or_say_that_they_know_none() -> None:
 def test_every_function_of_the_language_has_a_rule(name: str) -> None:
     row = functions.BY_OPERATION[name]
     parts = [(0.25, 0.5)] * (row.arguments or 2)
-    low, high = intervals.FLOATS.result(name, parts)
+    low, high = intervals.FLOATS.result(name, *parts)
     assert -math.inf < low <= row.value(*(0.375 for _ in parts)) <= high < math.inf
 
 
 def test_what_is_not_known_has_any_value() -> None:
-    assert intervals.FLOATS.result("erf", [(0.0, 1.0)]) == (-math.inf, math.inf)
+    assert intervals.FLOATS.result("erf", (0.0, 1.0)) == (-math.inf, math.inf)
 
 
 @pytest.mark.parametrize(
@@ -163,14 +163,14 @@ def test_what_is_not_known_has_any_value() -> None:
 def test_ranges_of_floats_are_as_narrow_as_can_be(
     name: str, parts: list[tuple[float, float]], wanted: tuple[float, float]
 ) -> None:
-    np.testing.assert_allclose(intervals.FLOATS.result(name, parts), wanted, rtol=1e-14)
+    np.testing.assert_allclose(intervals.FLOATS.result(name, *parts), wanted, rtol=1e-14)
 
 
 def test_of_a_gap_beside_a_pole_nothing_is_known() -> None:
     """Whatever else stands in the least of several."""
     graph, x = contact_values._GraphIntervals(), ca.SX.sym("x", 2)
-    inverse = graph.result("inv", [(x[0], x[1])])
-    least = graph.result("fmin", [inverse, (ca.SX(3), ca.SX(3))])
+    inverse = graph.result("inv", (x[0], x[1]))
+    least = graph.result("fmin", inverse, (ca.SX(3), ca.SX(3)))
     bounds = SizedFunction("least", [x], [ca.densify(ca.vertcat(*least))])
     assert float(np.array(bounds([-1.0, 1.0])).ravel()[0]) < -1e9
 
@@ -178,5 +178,5 @@ def test_of_a_gap_beside_a_pole_nothing_is_known() -> None:
 def test_of_two_enclosures_the_least_is_chosen_in_any_order() -> None:
     enclosures, two, three = Enclosures(iv), iv.mpf(2), iv.mpf(3)
     for parts in ([two, three], [three, two]):
-        assert 2 in enclosures.result("fmin", parts)
-        assert 3 in enclosures.result("fmax", parts)
+        assert 2 in enclosures.result("fmin", *parts)
+        assert 3 in enclosures.result("fmax", *parts)

@@ -21,7 +21,8 @@ from lagcli.analysis.holonomy import (
 )
 from lagcli.analysis.holonomy.loop_trial import LoopTrial
 from lagcli.analysis.holonomy.loop_words import Goal
-from lagcli.analysis.numeric_flag import evaluation_point, flag_points, term_sizes
+from lagcli.analysis.numeric_flag import evaluation_point, flag_points
+from lagcli.expression import term_sizes
 from lagcli.start.initial import State
 
 NONE = np.zeros(0, dtype=np.int64)

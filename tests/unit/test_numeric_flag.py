@@ -14,10 +14,9 @@ import pytest
 import lagcli
 from lagcli import progress
 from lagcli.analysis import numeric_flag
-from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.compiled import lie_brackets, multiprecision, program, row_block
 from lagcli.equations import system
-from lagcli.expression import functions
+from lagcli.expression import functions, term_sizes
 from lagcli.start import initial
 from tests.helpers import spent
 

@@ -9,7 +9,7 @@ that counted as zero is reported.
 
 `flag_search` asks `flag_points` for a generic `evaluation_point`, `bracket_values` for random brackets there and their
 growth; `precise_brackets` are those in many digits (`multiprecision`), a `span` tells which of them are new, and
-`term_sizes` how large the terms are of what counts as zero.
+`expression.term_sizes` how large the terms are of what counts as zero.
 """
 
 from lagcli.analysis.numeric_flag.flag_search import NumericFlag, flag

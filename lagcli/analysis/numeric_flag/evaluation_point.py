@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.numeric_flag import term_sizes
 from lagcli.compiled import program, row_block
 from lagcli.compiled.row_block import RowBlock
+from lagcli.expression import term_sizes
 from lagcli.linear import decompositions, independent_rows, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse

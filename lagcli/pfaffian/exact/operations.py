@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import reduce
 from typing import TypeVar
 
@@ -17,7 +17,7 @@ _SEVERAL = {sympy.Add: "add", sympy.Mul: "mul", sympy.Min: "fmin", sympy.Max: "f
 def folded(
     e: sympy.Basic,
     leaf: Callable[[sympy.Basic], T],
-    result: Callable[[str, Sequence[T]], T],
+    result: Callable[..., T],
     known: dict[sympy.Basic, T],
 ) -> T:
     """Found for an expression from what is found for its symbols and numbers, operands before results.
@@ -29,15 +29,15 @@ def folded(
     if not e.args:
         found = leaf(e)
     elif isinstance(e, sympy.Pow) and e.exp == sympy.Rational(1, 2):
-        found = result("sqrt", [folded(e.base, leaf, result, known)])
+        found = result("sqrt", folded(e.base, leaf, result, known))
     else:
         parts = [folded(part, leaf, result, known) for part in e.args]
         if type(e) in _SEVERAL:
-            found = reduce(lambda a, b: result(_SEVERAL[type(e)], [a, b]), parts)
+            found = reduce(lambda a, b: result(_SEVERAL[type(e)], a, b), parts)
         elif isinstance(e, sympy.Pow):
-            found = result("pow", parts)
+            found = result("pow", *parts)
         else:
             row = notation.ROWS.get(type(e))
-            found = result(e.func.__name__ if row is None else row.operation or row.name, parts)
+            found = result(e.func.__name__ if row is None else row.operation or row.name, *parts)
     known[e] = found
     return found

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled.program import Program
 from lagcli.expression import functions
 
 Floats = npt.NDArray[np.float64]
@@ -38,25 +38,37 @@ PARAMETERS = TermParameters()
 EXACT_INTEGERS = 2.0**53  # the doubles below are exact where they are whole
 
 
+class Program(Protocol):
+    """A function as the list of its operations."""
+
+    def run(
+        self,
+        inputs: Sequence[Sequence[Pair]],
+        constant: Callable[[float], Pair],
+        result: Callable[..., Pair],
+    ) -> list[Pair]:
+        """The values of its first output."""
+        ...
+
+
 def of(program: Program, inputs: Sequence[Floats]) -> Floats:
     """The sizes of the results of a program (results,); infinite where there is no value, or a switch is near.
 
     Whole numbers among constants and inputs are what they are.
     """
-    given = [part.tolist() for part in inputs]
-
-    def entry(part: int, k: int) -> Pair:
-        value = given[part][k]
-        return value, 0.0 if value.is_integer() else abs(value)
+    given = [[(x, 0.0 if x.is_integer() else abs(x)) for x in part.tolist()] for part in inputs]
 
     def constant(value: float) -> Pair:
         return value, 0.0 if value.is_integer() else max(abs(value), 1.0)
 
-    found = np.array([size for _, size in program.run(entry, constant, _result)])
+    found = np.array([size for _, size in program.run(given, constant, result)])
     return np.where(np.isnan(found), math.inf, found)
 
 
-def _result(name: str, parts: Sequence[Pair]) -> Pair:
+def result(name: str, *parts: Pair) -> Pair:
+    """The value of an operation by its name in a `Program`, and its size; infinite where it has none or is unknown."""
+    if name not in TWO and name not in functions.OPERATIONS:
+        return math.nan, math.inf
     try:
         value, size = TWO[name](*parts) if name in TWO else _along(name, parts[0])
     except (ArithmeticError, ValueError):
