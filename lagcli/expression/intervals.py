@@ -137,49 +137,38 @@ class ArrayIntervals(Intervals):
     """The arithmetic of ranges of arrays, which broadcast."""
 
     def result(self, name: str, *parts: Range) -> Range:
-        """The range of an operation by its name in a `Program`."""
         with np.errstate(all="ignore"):
             return super().result(name, *parts)
 
     def told(self, low: Array, high: Array) -> Range:
-        """A range, which is everything where an end is no number."""
         nothing = np.isnan(low) | np.isnan(high)
         return np.where(nothing, -np.inf, low), np.where(nothing, np.inf, high)
 
     def least(self, *numbers: Array) -> Array:
-        """The least of some numbers."""
         return np.asarray(functools.reduce(np.minimum, numbers))
 
     def largest(self, *numbers: Array) -> Array:
-        """The largest of some numbers."""
         return np.asarray(functools.reduce(np.maximum, numbers))
 
     def where(self, holds: End, one: End, other: End) -> Array:
-        """The first number where a condition holds, else the other one."""
         return np.asarray(np.where(holds, one, other))
 
     def both(self, one: End, other: End) -> End:
-        """True where two conditions hold."""
         return one & other
 
     def times(self, x: Array, y: Array) -> Array:
-        """x y."""
         return x * y
 
     def power(self, x: Array, exponent: End) -> Array:
-        """x ** exponent."""
         return np.asarray(x**exponent)
 
     def call(self, row: Function, *x: Array) -> Array:
-        """A function of the language, infinite where it overflows and no number where it has none."""
         return row.array(*x)
 
     def number(self, a: Range) -> float | None:
-        """The number that a range is, None where it is several."""
         return float(a[0].item()) if a[0].size == 1 and np.array_equal(a[0], a[1]) else None
 
     def divide(self, a: Range, b: Range) -> Range:
-        """a / b."""
         pole = (b[0] <= 0.0) & (b[1] >= 0.0)
         low, high = self.wide(*self.corners(np.divide, a, b))
         return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)

@@ -32,3 +32,32 @@ def test_what_was_computed_before_is_kept_by_one_memory() -> None:
                 ast.unparse, node.decorator_list
             ):
                 assert not ast.unparse(node.args), f"{name}.{node.name}"
+
+
+# An arithmetic is a table of operations by their names in a `Program`, or by their codes.
+ARITHMETICS = {
+    "lagcli.expression.intervals": "ranges of floats, of arrays and, by `contact_values`, of expressions",
+    "lagcli.expression.enclosures": "ranges in many digits, which mpmath rounds outwards",
+    "lagcli.expression.term_sizes": "sizes of the terms of a value",
+    "lagcli.equations.operation_rules": "roundings of a value as an expression, which a run evaluates",
+    "lagcli.equations.power_series": "coefficients of power series",
+    "lagcli.compiled.multiprecision": "many digits, with derivatives",
+}
+
+
+def operations_in(node: ast.Dict) -> set[str]:
+    """The operations that are keys of a table."""
+    names = {ast.unparse(key).strip("'\"") for key in node.keys if key is not None}
+    return {name.removeprefix("ca.OP_").lower() for name in names}
+
+
+def test_each_arithmetic_stands_in_one_file() -> None:
+    found = {
+        name
+        for name in FILES
+        for node in nodes(name)
+        if isinstance(node, ast.Dict) and {"add", "mul"} <= operations_in(node)
+    }
+    assert (
+        found - {"lagcli.smoothness.time_functions"} == ARITHMETICS.keys()
+    )  # which folds plain numbers faster
