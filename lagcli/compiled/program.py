@@ -8,7 +8,6 @@ from typing import TypeVar
 import casadi as ca
 
 from lagcli.frozen import frozen_value
-from lagcli.smoothness import operation_graph
 
 T = TypeVar("T")
 
@@ -52,6 +51,8 @@ class Program:
 
 def written_out(function: ca.Function) -> Program:
     """The operations of an expanded function, whose first output is dense."""
+    from lagcli.smoothness import operation_graph  # here, as most commands write nothing out
+
     steps = []
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)
