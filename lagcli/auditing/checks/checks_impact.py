@@ -90,12 +90,14 @@ class ImpactEvidence:
         moved = momenta(other, q, after, values[1].u, values[1]) - momenta(one, q, v, values[0].u, values[0])
         pull, pull_moved = one.values.pull, one.moved_values.pull
         # The tolerance of a strong impact is not that of a weak one.
-        size = np.maximum(np.abs(own), np.abs(pull)).max(axis=1, initial=0.0, keepdims=True)
+        sizes = (np.abs(part).max(axis=1, initial=0.0, keepdims=True) for part in (own, pull, one.record.lam))
+        size = np.maximum.reduce(list(sizes))
         size = np.where(size > 0, size, 1.0)
         limit = size * (one.spread(own / size, moved / size) + one.spread(pull / size, pull_moved / size))
         rounding = FORCE_ROUNDOFF * np.abs(momenta(one, r.q, r.v, one.values.u, one.values))
         names = [f"p({name})" for name in one.names.q]
-        limit = limit + off_v + 2 * rounding + self.tolerance.atol
+        # Impulses on both sides of a body may cancel.
+        limit = limit + off_v + 2 * rounding + SAFETY * self.tolerance.rtol * size + self.tolerance.atol
         return judge(JUMPS, names, self.incidents.t, jump - pull, limit)
 
     def rows_hold(self) -> Check:
