@@ -222,7 +222,8 @@ class InDigits:
 
 @frozen
 class NewtonEnd:
-    """The end of Newton's steps: the point, its distance from the surface, and the largest part of the last step.
+    """The end of Newton's steps: the nearest point, its distance from the surface, and the largest part by which a
+    further step would move an unknown: no more than the last step did.
 
     is_met: the steps ended on the surface, and squared the distance. creeps: they came near and did not square it, as
     where the surface is singular: rows are dependent on it and independent beside it.
@@ -235,10 +236,11 @@ class NewtonEnd:
     creeps: bool
 
 
-def approach(at: Callable[[Point], E | None], x: Point) -> NewtonEnd | None:
+def approach(at: Callable[[Point], E | None], x: Point, may_rise: bool = True) -> NewtonEnd | None:
     """The point nearest to a surface that Newton's steps from x come to; None where the equations have no value at x.
 
-    They go on down to rounding, where they may rise again; far off too, where it takes some to come near.
+    They go on down to rounding, where they may rise again; far off too, where it takes some to come near, but not where
+    may_rise is False.
     """
     here = at(x)
     if here is None:
@@ -253,7 +255,7 @@ def approach(at: Callable[[Point], E | None], x: Point) -> NewtonEnd | None:
         length = float((np.abs(step) / (1 + np.abs(x))).max(initial=0.0))
         there = at(x + step)
         is_closer = there is not None and there.distance < here.distance
-        if there is None or not (is_closer or here.distance > PARAMETERS.creeping):
+        if there is None or not (is_closer or (here.distance > PARAMETERS.creeping and may_rise)):
             moved = min(moved, length)
             break
         x, last, here, before = x + step, here.distance, there, last
@@ -261,6 +263,7 @@ def approach(at: Callable[[Point], E | None], x: Point) -> NewtonEnd | None:
             best, nearest_yet, moved = x, here, length
     is_met = here.is_there and here.distance <= PARAMETERS.squared * before
     is_near = nearest_yet.is_there or nearest_yet.distance <= PARAMETERS.creeping
+    moved = 0.0 if nearest_yet.is_there else moved
     return NewtonEnd(best, nearest_yet.distance, moved, is_met, is_near and not is_met)
 
 

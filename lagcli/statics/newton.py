@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import decompositions
+from lagcli.linear import decompositions, surface
 
 Floats = npt.NDArray[np.float64]
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
@@ -30,21 +30,12 @@ class NewtonParameters:
     most_damped: int = 200
     """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more.
     `test_two_hundred_damped_steps_are_made_of_a_search` fails at 20 and 2000."""
-    most_newton: int = 40
-    """Newton's steps down to rounding: a few where the zero is alone, one digit in three steps where it is
-    double. `test_forty_newton_steps_are_made_of_a_search` fails at 4 and 400."""
     near: float = 1e-6
     """Damped steps end where the residual is below this: Newton's steps double its digits from there.
     `test_damped_steps_end_where_newton_takes_over` fails at 1e-7 and 1e-5."""
     least: float = 1e-13
     """The least damping, so that the normal equations have a solution.
     `test_the_least_damping_holds_back_what_is_seven_digits_weaker` fails at 1e-14 and 1e-12."""
-    rounding: float = 3e-16
-    """Steps of this part of x are rounding. `test_steps_below_the_rounding_of_the_unknowns_are_the_last`
-    fails at 3e-17 and 3e-15."""
-    small: float = 1e-12
-    """Steps of this part of x that no longer halve the residual are rounding too.
-    `test_small_steps_that_no_longer_halve_the_residual_are_rounding` fails at 1e-13 and 1e-11."""
     dense: int = 120
     """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on.
     `test_above_a_hundred_and_twenty_unknowns_algebra_is_sparse` fails at 12 and 1200."""
@@ -126,24 +117,25 @@ def _damped_sparse(J: Floats, slope: Floats, damping: float, unit: Floats) -> Fl
 
 
 def refined(residual: Residual, x: Floats) -> NewtonEnd:
-    """Newton's steps from x as long as they lead downhill."""
-    found = residual(x)
-    assert found is not None
-    r, J = found
-    size, last = float(np.linalg.norm(r)), np.inf
-    for _ in range(PARAMETERS.most_newton):
-        step = decompositions.least_squares(J, -r)
-        # Each unknown by itself: beside a large multiplier all steps of coordinates would be rounding.
-        length = float((np.abs(step) / (1.0 + np.abs(x))).max(initial=0.0))
-        there = residual(x + step)
-        smaller = there is not None and float(np.linalg.norm(there[0])) < size
-        if not smaller:
-            return NewtonEnd(x, size, min(last, length))
-        assert there is not None
-        before, x, (r, J), last = size, x + step, there, length
-        size = float(np.linalg.norm(r))
-        if length <= PARAMETERS.small and size > before / 2:
-            return NewtonEnd(x, size, length)  # rounding, which now and then falls a little
-        if size == 0.0 or length <= PARAMETERS.rounding:
-            return NewtonEnd(x, size, 0.0)
-    return NewtonEnd(x, size, last)
+    """The end of Newton's steps from x as long as they lead downhill."""
+
+    def at(x: Floats) -> _Linear | None:
+        found = residual(x)
+        return None if found is None else _Linear(*found)
+
+    end = surface.approach(at, x, may_rise=False)
+    assert end is not None
+    return NewtonEnd(end.x, end.distance, end.moved)
+
+
+class _Linear:
+    """A residual r (k,) with its gradient J (k, n) at a point."""
+
+    def __init__(self, r: Floats, J: Floats) -> None:
+        self._r, self._J = r, J
+        self.distance = float(np.linalg.norm(r))
+        self.is_there = self.distance == 0.0
+
+    def step(self) -> Floats:
+        """The shortest step (n,)."""
+        return decompositions.least_squares(self._J, -self._r)

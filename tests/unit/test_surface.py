@@ -71,6 +71,8 @@ def test_forty_newton_steps_are_made():
 def test_newton_may_rise_far_off_and_not_at_rounding():
     end, course = approached([1.0, 0.5, 0.7, 1e-4, 1e-9, 3e-13, 4e-13, 0.0])
     assert (end.distance, len(course.asked)) == (3e-13, 7)
+    end = surface.approach(Course([1.0, 0.5, 0.7, 1e-4]), np.zeros(1), may_rise=False)
+    assert end.distance == 0.5
 
 
 @pytest.mark.parametrize(("distance", "steps"), [(3e-14, 0), (3e-13, 1)])
