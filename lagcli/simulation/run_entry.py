@@ -44,18 +44,20 @@ class CachedFunctions:
 
     def integrals(self, system: System, found: Found) -> invariants.Integrals:
         """The integrals with their functions, built anew where a value is built in that has changed."""
-        known = self._memory.known(found)
+        question = ("integrals", found)
+        known = self._memory.known(question)
         if not isinstance(known, invariants.Integrals) or not known.hold_for(system):
             known = invariants.Integrals(system, self.plain, found)
         known = known.of(system)  # whose start, values and restitutions a run reads
-        self._memory.keep(found, known)
+        self._memory.keep(question, known)
         return known
 
     def has_total_columns(self, system: System) -> bool:
         """See `operation_rules.has_total_columns`."""
         from lagcli.equations import operation_rules
 
-        return self._memory.answer(system.built_in, lambda: operation_rules.has_total_columns(system))
+        question = ("total columns", system.built_in)
+        return self._memory.answer(question, lambda: operation_rules.has_total_columns(system))
 
     def timed(self, model: Model) -> time_functions.TimeFunctions | None:
         """The functions of t alone, None where the model has none, whatever its parameters are."""

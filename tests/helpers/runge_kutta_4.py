@@ -6,6 +6,7 @@ import casadi as ca
 
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.scheme import step_end
+from lagcli.smoothness.sized_function import SizedFunction
 
 
 class RungeKutta4:
@@ -25,7 +26,7 @@ class RungeKutta4:
         fourth = numeric.rhs(t + h, y + h * third, p)
         new = y + h / 6 * (k + 2 * second + 2 * third + fourth)
         end = step_end.ended(numeric, inputs, new, (), lambda h: 0.0 * h)
-        return ca.Function("step", list(inputs), end.outputs(1.0, ()))
+        return SizedFunction("step", list(inputs), end.outputs(1.0, ()))
 
     def dense(self, numeric: NumericSystem) -> Any:
         inputs = step_end.inputs(numeric)
@@ -33,7 +34,7 @@ class RungeKutta4:
         new, k_new = (ca.MX.sym(name, y.numel()) for name in ("new", "k_new"))
         change = new - y
         rows = ca.horzcat(change, h * k - change, change - h * k_new)
-        return ca.Function("dense", [t, h, y, new, k_new, p, k], [rows])
+        return SizedFunction("dense", [t, h, y, new, k_new, p, k], [rows])
 
     def interpolated(self, y: Any, coefficients: Any, x: Any) -> Any:
         chord, first, last = (coefficients[:, i] for i in range(3))

@@ -107,10 +107,10 @@ class Integrals:
 
         def build() -> RunFunctions:
             numeric = self._first_plain.switching(selection)
-            return RunFunctions(numeric, self._memory.answer(numeric.stepped, Memory))
+            return RunFunctions(numeric, self._memory.answer(("schemes", numeric.stepped), Memory))
 
         other = copy.copy(self)
-        other.selection, other._plain = selection, self._memory.answer(selection, build)
+        other.selection, other._plain = selection, self._memory.answer(("functions", selection), build)
         return other
 
     @cached_property
@@ -130,7 +130,7 @@ class Integrals:
         if not taken:
             return self._plain
         return self._memory.answer(
-            (self.selection, choice), lambda: RunFunctions(self._plain.numeric.holding(taken))
+            ("levels", self.selection, choice), lambda: RunFunctions(self._plain.numeric.holding(taken))
         )
 
     def at(self, state: State) -> _Forms:
