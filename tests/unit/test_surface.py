@@ -75,6 +75,19 @@ def test_newton_may_rise_far_off_and_not_at_rounding():
     assert end.distance == 0.5
 
 
+@pytest.mark.parametrize(("length", "steps"), [(3e-13, 1), (3e-12, 40)])
+def test_small_steps_that_no_longer_halve_the_distance_are_rounding(length, steps, monkeypatch):
+    monkeypatch.setattr(Given, "step", lambda self: np.array([length]))
+    assert len(approached(shrinking(0.9))[1].asked) == 1 + steps
+
+
+@pytest.mark.parametrize(("length", "steps"), [(2e-16, 1), (3e-16, 40)])
+def test_steps_below_the_rounding_of_the_unknowns_are_the_last(length, steps, monkeypatch):
+    monkeypatch.setattr(Given, "step", lambda self: np.array([length]))
+    monkeypatch.setattr(Given, "is_there", False)
+    assert len(approached(shrinking(0.1))[1].asked) == 1 + steps
+
+
 @pytest.mark.parametrize(("distance", "steps"), [(3e-14, 0), (3e-13, 1)])
 def test_newton_ends_at_thirteen_digits(distance, steps):
     assert len(approached([distance, 0.0])[1].asked) == 1 + steps
