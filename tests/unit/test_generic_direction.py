@@ -7,10 +7,18 @@ from lagcli.linear import generic_direction
 
 
 @pytest.mark.parametrize("seed", [0, 20061, 7])
-def test_written_out_or_drawn_the_numbers_are_those_of_the_generator(seed):
-    drawn = np.random.default_rng(seed).standard_normal(200)
-    for n in (0, 1, 3, 17, 18, 19, 200):
-        assert (generic_direction.direction(n, seed) == drawn[:n]).all()
+def test_a_direction_is_evenly_distributed_and_begins_alike_whatever_its_length(seed):
+    found = generic_direction.direction(2000, seed)
+    assert (generic_direction.direction(3, seed) == found[:3]).all()
+    assert np.mean(found**2) == pytest.approx(1.0, rel=0.1)
+    assert np.abs(found).min() > 1e-6
+    sums = np.abs(np.fft.rfft(found)) / np.sqrt(2000)  # no period stands out
+    assert sums.max() < 4.0
+
+
+def test_directions_of_other_seeds_are_others():
+    one, other = (generic_direction.direction(2000, seed) for seed in (0, 1))
+    assert abs(one @ other) / 2000 < 0.1
 
 
 @pytest.mark.parametrize("n", [0, 1, 3, 17, 18, 19, 200])
