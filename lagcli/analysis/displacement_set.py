@@ -223,9 +223,8 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     """The components for rows B (C, n) and b (C,) of this rank; sizes (n,): a length of each coordinate, to compare
     them by."""
     B, b = rows
-    # The largest entry of each row is made one first: squares of huge ones are not finite.
-    B, b = _divided(B, b, np.abs(B).max(axis=1, initial=0.0))
-    B, b = _divided(B, b, np.linalg.norm(B * sizes, axis=1))
+    lengths = decompositions.lengths(B * sizes)
+    B, b = B / lengths[:, None], b / lengths
     dependent = _pivots(B * sizes, rank)
     independent = [i for i in range(B.shape[1]) if i not in set(dependent)]
     right = -np.column_stack([B[:, independent] * sizes[independent], b])
@@ -241,12 +240,6 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
         solved[:, :-1] / sizes[independent] + 0.0,
         solved[:, -1] + 0.0,
     )
-
-
-def _divided(B: Floats, b: Floats, lengths: Floats) -> tuple[Floats, Floats]:
-    """The rows over their lengths, but for those that are zero."""
-    lengths = np.where(lengths > 0.0, lengths, 1.0)
-    return B / lengths[:, None], b / lengths
 
 
 def _numbers(model: Model) -> tuple[int | None, ...]:

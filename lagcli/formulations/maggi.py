@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.formulations.dense_functions import DenseFunctions, DensePoint
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 
 Floats = npt.NDArray[np.float64]
 
@@ -152,11 +152,10 @@ def multipliers(functions: DenseFunctions, t: float, motion: ReducedMotion) -> F
     B = functions.point(t, motion.q).B
     forces = functions.forces(t, motion.q, motion.v)
     lower = np.linalg.cholesky(forces.M)
-    white = np.linalg.solve(lower, B.T)
-    lengths = np.linalg.norm(white, axis=0)
-    lengths[lengths == 0.0] = 1.0
+    white = np.linalg.solve(lower, B.T).T
+    lengths = decompositions.lengths(white)
     right = np.linalg.solve(lower, forces.M @ motion.a - forces.h)
-    return np.asarray(rank.space((white / lengths).T, is_whole=False).weights(right) / lengths)
+    return np.asarray(rank.space(white / lengths[:, None], is_whole=False).weights(right) / lengths)
 
 
 def reaction(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:
@@ -170,9 +169,8 @@ def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:
 
     Raises `ChartError` where the rank is undecided.
     """
-    white = np.linalg.solve(lower, B.T).T
-    lengths = np.linalg.norm(white, axis=1)
-    lengths[lengths == 0.0] = 1.0
+    white: Floats = np.asarray(np.linalg.solve(lower, B.T).T)
+    lengths = decompositions.lengths(white)
     found = rank.space(white / lengths[:, None])
     if found.value is None:
         raise ChartError("the rank of the rows is undecided")

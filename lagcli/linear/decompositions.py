@@ -25,6 +25,19 @@ class DecompositionParameters:
 PARAMETERS = DecompositionParameters()
 
 
+def lengths(rows: Floats) -> Floats:
+    """The lengths (C,) of rows (C, n), 1 where one vanishes; squares of large entries do not overflow."""
+    largest = np.abs(rows).max(axis=1, initial=0.0)
+    largest[largest == 0.0] = 1.0
+    found = largest * np.linalg.norm(rows / largest[:, None], axis=1)
+    return np.where(found > 0.0, found, 1.0)
+
+
+def unit(rows: Floats) -> Floats:
+    """Rows (C, n) of length one; a row that vanishes stays zero."""
+    return np.asarray(rows / lengths(rows)[:, None])
+
+
 def least_squares(A: Floats, b: Floats) -> Floats:
     """The shortest x (n,) or (n, k) that makes |A x - b| least, A (m, n), b (m,) or (m, k)."""
     return np.asarray(np.linalg.lstsq(A, b, rcond=PARAMETERS.rounding)[0], dtype=float)

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions, rank
-from lagcli.linearization import freedoms, spectrum
+from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 from lagcli.linearization.reference import PATH_PARTS
 from lagcli.smoothness.sized_function import SizedFunction
@@ -171,7 +171,7 @@ def _tangent(linear: Linear, T: float) -> Floats:
     nothing = np.zeros_like(B)
     positions = np.hstack([B, nothing])
     speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[:h], A]) / T])
-    basis = rank.null_basis(freedoms.unit(np.vstack([positions, speeds])))
+    basis = rank.null_basis(decompositions.unit(np.vstack([positions, speeds])))
     # In units of T speeds are of the size of positions.
     basis[n:] /= T
     return decompositions.orthonormal(basis)[0]

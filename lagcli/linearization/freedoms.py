@@ -88,14 +88,13 @@ def find(linear: Linear, terms: Floats) -> Freedoms:
     # In y = L^T dq the metric is the plain one.
     white = np.linalg.solve(L, B.T).T
     first = _cyclic_basis(linear.cyclic, B, L)
-    rest = _decided(np.vstack([unit(white), first.T])).kernel
+    rest = _decided(np.vstack([decompositions.unit(white), first.T])).kernel
     Z = np.linalg.solve(L.T, np.hstack([first, rest]))
     c = first.shape[1]
     K_Z, C_Z, A_Z, D_Z = Z.T @ K @ Z, Z.T @ C @ Z, A @ Z, D @ Z
     K_Z[:, :c] = 0.0
     D_Z[:, :c] = 0.0
-    lengths = np.linalg.norm(np.linalg.solve(L, A.T), axis=0)
-    lengths[lengths == 0] = 1.0
+    lengths = decompositions.lengths(np.linalg.solve(L, A.T).T)
     A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
     noise = _noise(linear, terms, Z)
     if np.abs(K_Z).max(initial=0.0) <= noise:
@@ -142,12 +141,5 @@ def _cyclic_basis(cyclic: npt.NDArray[np.bool_], B: Floats, L: Floats) -> Floats
     columns = np.flatnonzero(cyclic)
     if not columns.size:
         return np.zeros((L.shape[0], 0))
-    free = rank.null_basis(unit(B[:, columns]))
+    free = rank.null_basis(decompositions.unit(B[:, columns]))
     return decompositions.orthonormal(L.T[:, columns] @ free)[0]
-
-
-def unit(rows: Floats) -> Floats:
-    """Rows (k, n) with length one; those that vanish are left out."""
-    lengths = np.linalg.norm(rows, axis=1)
-    is_nonzero = lengths > 0
-    return np.asarray(rows[is_nonzero] / lengths[is_nonzero, None])

@@ -160,7 +160,9 @@ class _Independent:
             rows = [values[i] for values in (*self._surface, *self._rows)]
             if point is None or any(row is None for row in rows):
                 continue
-            weights = decompositions.least_squares(_units(rows).T, _unit(point))
+            weights = decompositions.least_squares(
+                decompositions.unit(np.array(rows)).T, decompositions.unit(point[None])[0]
+            )
             first = len(self._surface)
             taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > DEPENDENT}
         return tuple(name for i, name in enumerate(self._block.names) if i in taking)
@@ -171,10 +173,10 @@ class _Independent:
             rows = [other[i] for other in others]
             if point is None or any(row is None for row in rows):
                 continue
-            unit = _unit(point)
+            unit = decompositions.unit(point[None])[0]
             if not rows:
                 return not unit.any()
-            if np.abs(decompositions.residual(_units(rows).T, unit)).max() > DEPENDENT:
+            if np.abs(decompositions.residual(decompositions.unit(np.array(rows)).T, unit)).max() > DEPENDENT:
                 return False
         return True
 
@@ -201,13 +203,3 @@ def _points(block: PfaffianBlock) -> Sequence[enclosure.Point]:
 
 def _gradient(block: PfaffianBlock, phi: sympy.Expr) -> list[sympy.Expr]:
     return [forms.partial(phi, x) for x in block.variables]
-
-
-def _unit(row: Floats) -> Floats:
-    """The row with length one. Its largest entry is made one first: squares of huge ones are not finite."""
-    scaled = row / (float(np.abs(row).max(initial=0.0)) or 1.0)
-    return np.asarray(scaled / (float(np.linalg.norm(scaled)) or 1.0))
-
-
-def _units(rows: Sequence[Floats | None]) -> Floats:
-    return np.array([_unit(row) for row in rows if row is not None])

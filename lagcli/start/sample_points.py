@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import generic_direction, metric_rows, rank
+from lagcli.linear import decompositions, generic_direction, metric_rows, rank
 from lagcli.linear import surface as road
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial
@@ -134,7 +134,7 @@ def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.ra
     if len(rows) > metric_rows.PARAMETERS.dense:
         u = random.standard_normal(here.q.size)
         return u + MetricRows(B, initial.metric_at(numeric, here)).correction(LocalRows(B).times(u))
-    tangent = rank.null_basis(_unit(np.array(B)))
+    tangent = rank.null_basis(decompositions.unit(np.array(B)))
     return np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
 
 
@@ -165,11 +165,3 @@ def is_finite(numeric: NumericSystem, point: State) -> bool:
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     M = numeric.inertia(point.t, point.q, point.v, point.p)
     return bool(np.isfinite(B.nonzeros()).all() and np.isfinite(M.nonzeros()).all())
-
-
-def _unit(rows: Floats) -> Floats:
-    """Rows of length one; a row that vanishes stays zero."""
-    largest = np.abs(rows).max(axis=1, initial=0.0)
-    scaled = rows / np.where(largest > 0, largest, 1.0)[:, None]  # squares of large numbers overflow
-    lengths = np.linalg.norm(scaled, axis=1)
-    return np.asarray(scaled / np.where(lengths > 0, lengths, 1.0)[:, None])

@@ -171,7 +171,7 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
     if x is None:
         return found
     basis = directions(free, x)
-    G = point_type.unit(problem.at(problem.t, found.q, found.lam).G[idle]) @ basis
+    G = decompositions.unit(problem.at(problem.t, found.q, found.lam).G[idle]) @ basis
     if not basis.shape[1] or not np.isfinite(G).all():
         return found
     closed_too = [k for k, is_closed in zip(idle, _without_side(G), strict=True) if is_closed]

@@ -162,8 +162,8 @@ class FlatEquations:
         across, down = np.ones(A.shape[1]), np.ones(A.shape[0])
         across[q.size :], down[: q.size] = unit, 1 / unit
         for _ in range(2):
-            down /= _lengths(A * down[:, None] * across, 1)
-            across /= _lengths(A * down[:, None] * across, 0)
+            down /= decompositions.lengths(A * down[:, None] * across)
+            across /= decompositions.lengths((A * down[:, None] * across).T)
         inverse = decompositions.pseudo_inverse(A * down[:, None] * across)
         # Entries of rounding are none: what is zero by structure would be divided by the unit of force.
         inverse[np.abs(inverse) <= PARAMETERS.roundings * EPS * np.abs(inverse).max()] = 0.0
@@ -225,11 +225,6 @@ class FlatEquations:
                 sizes[:, order] += np.abs(solved[:known]) + spread[:known]
             rho[:, order], terms[:, order] = solved[known:], spread[known:]
         return rho[: ray.size], terms[: ray.size]
-
-
-def _lengths(matrix: Floats, axis: int) -> Floats:
-    lengths = np.linalg.norm(matrix, axis=axis)
-    return np.where(lengths > 0, lengths, 1.0)
 
 
 def judged(

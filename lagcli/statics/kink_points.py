@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 from lagcli.smoothness import operation_graph, switches
 from lagcli.statics import newton, point_type, refine, rest_equations, surface_descent
 from lagcli.statics.point_search import PointSearch
@@ -243,7 +243,7 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
         return None
     values = on_kink.at(on_kink.t, q, on_kink.nothing)
     near = values.g <= refine.PARAMETERS.closed * search.scales.contacts * search.scales.length
-    Z = rank.null_basis(point_type.unit(values.dc[:-1]))
+    Z = rank.null_basis(decompositions.unit(values.dc[:-1]))
     normal = Z.T @ values.dc[-1]
     size = float(np.linalg.norm(normal))
     along = "isolated"
@@ -310,7 +310,7 @@ def _on_surface(search: PointSearch, on_pole: StaticProblem) -> Iterator[Floats]
 def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) -> str:
     """A sentence on the function beside a place where it has no value."""
     problem, length = search.problem, search.scales.length
-    ways = _drawn(rank.null_basis(point_type.unit(on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1])))
+    ways = _drawn(rank.null_basis(decompositions.unit(on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1])))
     ways = np.vstack([ways, -ways])
     far, middle, near = (
         np.array([problem.value(q + part * length * way) for way in ways]) for part in PARAMETERS.around

@@ -88,7 +88,7 @@ def classify(
     carry nothing leave a cone of directions.
     """
     values = problem.at(problem.t, point.q, point.lam)
-    B, G = unit(values.B), unit(values.G[list(point.closed)])
+    B, G = decompositions.unit(values.B), decompositions.unit(values.G[list(point.closed)])
     push, is_carrying = _pushes(problem, point, scales)
     equalities, rows = rank.space(B, is_whole=False), rank.space(np.vstack([B, G]), is_whole=False)
     freedom = problem.n - equalities.low
@@ -123,7 +123,7 @@ def classify(
     sure = curvatures[~is_doubtful]
     up, down = int((sure > 0).sum()) + verdict.up, int((sure < 0).sum()) + verdict.down
     walls = bool((push[is_carrying] > 0).any()), bool((push[is_carrying] < 0).any())
-    weak = unit(values.G[idle]) @ Z / units
+    weak = decompositions.unit(values.G[idle]) @ Z / units
     if len(idle) < 2 or not np.isfinite(weak).all():  # one may be left along a direction or against it
         is_strict = verdict.is_strict or not verdict.flat
         kind = _kind(up > 0 or verdict.rises, down > 0 or verdict.falls, is_strict, *walls)
@@ -208,13 +208,7 @@ def _kind(rises: bool, falls: bool, is_strict: bool, pushes: bool, pulls: bool) 
 
 def unit_rank(rows: Floats) -> int:
     """The rank of rows, each measured by its length."""
-    return rank.space(unit(rows), is_whole=False).low
-
-
-def unit(rows: Floats) -> Floats:
-    """Rows divided by their lengths; those of no length as they are."""
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.asarray(rows / np.where(lengths > 0, lengths, 1.0))
+    return rank.space(decompositions.unit(rows), is_whole=False).low
 
 
 def _scaled(H: Floats) -> tuple[Floats, Floats]:

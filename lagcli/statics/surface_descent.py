@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import rank
+from lagcli.linear import decompositions, rank
 from lagcli.statics import newton
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem, Values
@@ -119,8 +119,7 @@ def _step(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | No
     if not values.finite:
         return None, 0.0
     rows = np.vstack([values.B, values.G[equations.acting]])
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    Z = rank.null_basis(rows / np.where(lengths > 0, lengths, 1.0))
+    Z = rank.null_basis(decompositions.unit(rows))
     if not Z.shape[1]:
         return None, 0.0
     H = -sign * Z.T @ values.K @ Z

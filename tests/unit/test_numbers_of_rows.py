@@ -40,6 +40,11 @@ def test_singular_values_count_or_are_rounding_with_a_gap(sigma, value):
     assert rank.estimate(two_rows(sigma)).value == value
 
 
+def test_rows_of_any_size_are_made_of_length_one():
+    found = decompositions.unit(np.array([[3e200, 4e200], [0.0, 0.0], [0.0, 2e-200]]))
+    assert found == pytest.approx(np.array([[0.6, 0.8], [0.0, 0.0], [0.0, 1.0]]))
+
+
 @pytest.mark.parametrize(("part", "is_solved"), [(2e-13, False), (5e-12, True)])
 def test_singular_values_below_twelve_digits_are_not_solved_for(part, is_solved):
     A = np.diag([1.0, part])

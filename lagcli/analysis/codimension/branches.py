@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
-from lagcli.linear import rank, surface
+from lagcli.linear import decompositions, rank, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.surface import Linearized
 
@@ -78,7 +78,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
 def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
     """The codimension at a point, or None."""
     _, J = part.at(part.begin, part.state.t)
-    count = rank.space(_unit_rows(J)).value
+    count = rank.space(decompositions.unit(J)).value
     if count is None:
         return None
     return count if count == len(part.rows) or manifold.is_regular(part, count, times) else None
@@ -90,7 +90,7 @@ def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, si
     Raises `_SlowConvergence`.
     """
     _, J = part.at(z, t)
-    tangent = rank.null_basis(_unit_rows(J))
+    tangent = rank.null_basis(decompositions.unit(J))
     direction = tangent @ random.standard_normal(tangent.shape[1])
     largest = float(np.abs(direction).max(initial=0.0))
     step = size * direction / largest if largest > 0 else direction
@@ -109,8 +109,3 @@ def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
     if end is not None and end.creeps:
         raise _SlowConvergence
     return end.x if end is not None and end.is_met else None
-
-
-def _unit_rows(J: Floats) -> Floats:
-    lengths = np.linalg.norm(J, axis=1)
-    return np.asarray(J / np.where(lengths > 0, lengths, 1.0)[:, None])

@@ -125,9 +125,8 @@ def _kernel(part: LocalPart, point: Floats) -> Floats | None:
     B = part.forms(point[None])[0][:, :-1]
     if not np.isfinite(B).all():
         return None
-    lengths = np.linalg.norm(B, axis=1, keepdims=True)
     try:
-        return rank.null_basis(B / np.where(lengths > 0, lengths, 1.0))
+        return rank.null_basis(decompositions.unit(B))
     except LinAlgError:
         return None
 
