@@ -34,7 +34,6 @@ Proof = Literal["symbolic", "numeric", "none"]
 # How often points are looked for nearer to a start that stands close to another branch of its rows, and how many
 # points between two points are looked at.
 SHORTER, LOOKS = 4, 24
-LATER = 0.01  # of the duration: soon, so that no other law has come to its end by then
 # A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
 TIP, TURN = 2e-12, 0.1
 SEED = 20061
@@ -140,7 +139,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         has_others = surface.kind != "deficient" and _is_lost(found, on)
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
-            later = LATER * (system.model.simulation.duration or 1.0) if found.depends_on_time else 0.0
+            later = sample_points.later(system) if found.depends_on_time else 0.0
             points = _generic(system, numeric, begin, holonomic_rows, 0.0)
             if surface.kind != "singular":
                 vanishing = _undecided_drop(_ranks(numeric, points, holonomic_rows, effective))

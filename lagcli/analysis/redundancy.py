@@ -27,7 +27,6 @@ from lagcli.start.initial import State
 # Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the
 # start may do so there alone.
 AHEAD = (0.05, 0.02, 0.005)
-LATER = 0.01  # of the duration: how far other points move on in time
 
 
 @frozen_value
@@ -143,10 +142,8 @@ def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequ
 
 def _around(system: System, numeric: NumericSystem, state: State) -> list[State]:
     """Generic points of the surface around, later ones where time enters: at the start a weight may vanish."""
-    from lagcli.compiled import pattern
-
-    later = LATER * (system.model.simulation.duration or 1.0) if pattern.depends_on_time(system) else 0.0
-    return sample_points.along(numeric, state, list(range(system.holonomic_count)), later)[1:]
+    rows = list(range(system.holonomic_count))
+    return sample_points.along(numeric, state, rows, sample_points.later(system))[1:]
 
 
 def _ahead(numeric: NumericSystem, state: State) -> list[State]:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis.codimension import Codimension
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, metric_rows, rank
@@ -25,8 +25,6 @@ from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
 
 Floats = npt.NDArray[np.float64]
-
-LATER = 0.01  # of the duration: how far points move on in time
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -82,7 +80,7 @@ def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.R
 
 
 def _along(system: System, numeric: NumericSystem, start: State) -> list[State]:
-    later = LATER * (system.model.simulation.duration or 1.0) if pattern.depends_on_time(system) else 0.0
+    later = sample_points.later(system)
     points = (
         1 if len(system.rows.rows) > metric_rows.PARAMETERS.dense else sample_points.PARAMETERS.points
     )  # of many rows a walk takes long

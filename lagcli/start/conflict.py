@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear import surface as road
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
-from lagcli.start import initial, projection
+from lagcli.start import initial, projection, sample_points
 from lagcli.start.configuration_search import ConfigurationResult, Search
 from lagcli.start.initial import State
 
@@ -51,10 +51,6 @@ class ConflictParameters:
     budget: int = 1500
     """Sets of rows that are tried, times their number of rows; the set that is left then is named.
     `test_sets_of_rows_are_tried_until_the_budget_is_spent` fails at 150 and 15000."""
-    later: tuple[float, ...] = (0.001, 0.01, 0.1)
-    """Parts of the duration at which rows that depend on one another are compared again.
-    `test_rows_that_depend_on_each_other_are_compared_again_at_three_times` fails at a tenth and at ten times
-    of it."""
 
 
 PARAMETERS = ConflictParameters()
@@ -198,10 +194,11 @@ def require_lasting(system: System, numeric: NumericSystem, state: State) -> Non
     is sought, and velocities for it; rows that are dependent at the state and have none there contradict each other
     (`a.x = t` and `a.x = sin(t)`, one rod with two lengths of which one grows).
     """
-    if not pattern.depends_on_time(system):
+    soon = sample_points.later(system)
+    if not soon:
         return  # what holds now holds for ever
-    for part in PARAMETERS.later:
-        later = dataclasses.replace(state, t=state.t + part * (system.model.simulation.duration or 1.0))
+    for after in (soon / 10, soon, 10 * soon):
+        later = dataclasses.replace(state, t=state.t + after)
         parting = _parting(system, numeric, state, later)
         if parting:
             names = initial.names_of(system, parting)

@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
-from lagcli.start import initial
+from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
 
@@ -27,7 +27,6 @@ TOGETHER = 30  # rows of small groups that are looked at together
 # The proof that rows follow from others looks at all rows of the model, again and again: of more than so many it
 # takes minutes.
 MOST_DEPENDENCIES = 3000
-LATER = (0.001, 0.01)  # of the duration: soon, so that no other law has come to its end by then
 
 
 @frozen_value
@@ -145,10 +144,8 @@ def _around(B: Sparse, without: set[int]) -> list[Rows]:
 
 
 def _times(system: System, state: State) -> tuple[float, ...]:
-    if not pattern.depends_on_time(system):
-        return ()
-    duration = system.model.simulation.duration or 1.0
-    return tuple(state.t + part * duration for part in LATER)
+    later = sample_points.later(system)
+    return (state.t + later / 10, state.t + later) if later else ()
 
 
 def _connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
