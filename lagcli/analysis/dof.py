@@ -139,7 +139,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         has_others = surface.kind != "deficient" and _is_lost(found, on)
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
-            later = sample_points.later(system) if found.depends_on_time else 0.0
+            later = initial.later(system) if found.depends_on_time else 0.0
             points = _generic(system, numeric, begin, holonomic_rows, 0.0)
             if surface.kind != "singular":
                 vanishing = _undecided_drop(_ranks(numeric, points, holonomic_rows, effective))

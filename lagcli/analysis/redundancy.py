@@ -143,7 +143,7 @@ def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequ
 def _around(system: System, numeric: NumericSystem, state: State) -> list[State]:
     """Generic points of the surface around, later ones where time enters: at the start a weight may vanish."""
     rows = list(range(system.holonomic_count))
-    return sample_points.along(numeric, state, rows, sample_points.later(system))[1:]
+    return sample_points.along(numeric, state, rows, initial.later(system))[1:]
 
 
 def _ahead(numeric: NumericSystem, state: State) -> list[State]:

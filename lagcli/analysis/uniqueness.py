@@ -80,7 +80,7 @@ def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.R
 
 
 def _along(system: System, numeric: NumericSystem, start: State) -> list[State]:
-    later = sample_points.later(system)
+    later = initial.later(system)
     points = (
         1 if len(system.rows.rows) > metric_rows.PARAMETERS.dense else sample_points.PARAMETERS.points
     )  # of many rows a walk takes long

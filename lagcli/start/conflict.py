@@ -18,7 +18,7 @@ from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear import surface as road
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
-from lagcli.start import initial, projection, sample_points
+from lagcli.start import initial, projection
 from lagcli.start.configuration_search import ConfigurationResult, Search
 from lagcli.start.initial import State
 
@@ -194,7 +194,7 @@ def require_lasting(system: System, numeric: NumericSystem, state: State) -> Non
     is sought, and velocities for it; rows that are dependent at the state and have none there contradict each other
     (`a.x = t` and `a.x = sin(t)`, one rod with two lengths of which one grows).
     """
-    soon = sample_points.later(system)
+    soon = initial.later(system)
     if not soon:
         return  # what holds now holds for ever
     for after in (soon / 10, soon, 10 * soon):

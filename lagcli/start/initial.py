@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem
+from lagcli.compiled import NumericSystem, pattern
 from lagcli.compiled.parts import TINY
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
@@ -48,9 +48,19 @@ class StartParameters:
     `test_residuals_of_some_roundings_need_no_reason` fails at 6 and 640."""
     most_listed: int = 20
     """Rows that a message names one by one. `test_twenty_rows_are_named_one_by_one` fails at 2 and 200."""
+    later: float = 1e-2
+    """How far points move on in time, as a part of the duration: soon, so that no other law has come to its end by
+    then. `test_points_move_on_by_a_hundredth_of_the_duration` fails at 0.001 and 0.1."""
 
 
 PARAMETERS = StartParameters()
+
+
+def later(system: System) -> float:
+    """How far points of a system move on in time, 0 where nothing depends on it."""
+    if not pattern.depends_on_time(system):
+        return 0.0
+    return PARAMETERS.later * (system.model.simulation.duration or 1.0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import decompositions, generic_direction, metric_rows, rank
 from lagcli.linear import surface as road
@@ -49,21 +49,11 @@ class SamplePointParameters:
     offset: float = 1e-2
     """How far aside that is looked at. `test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside` fails
     at 0.001 and 0.1."""
-    later: float = 1e-2
-    """How far points move on in time, as a part of the duration: soon, so that no other law has come to its end by
-    then. `test_points_move_on_by_a_hundredth_of_the_duration` fails at 0.001 and 0.1."""
 
 
 PARAMETERS = SamplePointParameters()
 # Of random steps: the same in every run.
 SEED = 20061
-
-
-def later(system: System) -> float:
-    """How far points of a system move on in time, 0 where nothing depends on it."""
-    if not pattern.depends_on_time(system):
-        return 0.0
-    return PARAMETERS.later * (system.model.simulation.duration or 1.0)
 
 
 def begin(system: System, numeric: NumericSystem) -> State:

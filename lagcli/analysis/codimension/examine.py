@@ -11,7 +11,7 @@ from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
-from lagcli.start import initial, sample_points
+from lagcli.start import initial
 from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
 
@@ -144,7 +144,7 @@ def _around(B: Sparse, without: set[int]) -> list[Rows]:
 
 
 def _times(system: System, state: State) -> tuple[float, ...]:
-    later = sample_points.later(system)
+    later = initial.later(system)
     return (state.t + later / 10, state.t + later) if later else ()
 
 
