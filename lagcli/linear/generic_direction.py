@@ -10,15 +10,14 @@ Floats = npt.NDArray[np.float64]
 # The first signs of `default_rng(0).choice((-1.0, 1.0))`, written out: a model with few coordinates need not load
 # `numpy.random`, which takes a twentieth of the time of its whole run.
 _FIRST_SIGNS = "+++------+++++++++"
-# The golden ratio as a part of 2^64, and a prime by which the seeds lie apart.
-_GOLDEN, _APART = 0x9E3779B97F4A7C15, 1_000_003
 
 
 def direction(n: int, seed: int) -> Floats:
     """n numbers (n,) of mean square one that no model has: the parts of one in the squares of whole numbers, which
     begin by the seed, times the golden ratio (Weyl)."""
-    k = np.arange(n, dtype=np.uint64) + np.uint64(1 + seed * _APART)
-    return np.asarray((k * k * np.uint64(_GOLDEN)).astype(np.int64) * (3**0.5 / 2**63))
+    k = np.arange(n, dtype=np.uint64) + np.uint64(1 + seed * 1_000_003)  # a prime lies between the seeds
+    golden = np.uint64(0x9E3779B97F4A7C15)  # the part beyond one, of 2^64
+    return np.asarray((k * k * golden).astype(np.int64) * (3**0.5 / 2**63))
 
 
 def signs(n: int) -> Floats:
