@@ -81,8 +81,9 @@ def potential_origin(problem: StaticProblem) -> Origin:
         if not np.isfinite(driving).all() or not np.isfinite(gradient).all():
             continue
         largest = np.abs(F).max(initial=0.0)
-        if np.abs(driving).max(initial=0.0) > FORCE_ROUNDOFF * max(largest, 1e-300):
-            found = "integrated"
+        if np.abs(driving).max(initial=0.0) <= FORCE_ROUNDOFF * max(largest, 1e-300):
+            continue  # a Lagrangian written at length leaves rounding, whose gradient is of any shape
+        found = "integrated"
         if np.abs(gradient - gradient.T).max(initial=0.0) > CURL_ROUNDOFF * np.abs(gradient).max(initial=0.0):
             return "none"
     return found

@@ -243,3 +243,13 @@ def test_a_continuum_has_the_type_of_the_directions_across(text, of, kinds):
     found = stationary(coordinates + text, of, starts=6)
     assert sorted(p.type for p in found) == sorted(kinds)
     assert len([p for p in found if p.dimension]) == 1
+
+
+def test_rounding_of_a_lagrangian_written_at_length_is_no_force_without_a_potential():
+    text = "(2*x + y + z)**4 + (2*x + 2*y - z + 2*x*z)**2 + (-x + 2*y + z)**2"
+    model = lagcli.loads(
+        "lagcli: 1\ncoordinates: {x: 0, y: 0, z: 0}\n"
+        f"lagrangian: rate(x)**2/2 + rate(y)**2/2 + rate(z)**2/2 - ({text})\n"
+    )
+    found = lagcli.equilibrium(model)
+    assert [point.type for point in found.points] == ["minimum", "minimum", "saddle"]
