@@ -77,9 +77,8 @@ def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tup
 
 
 def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
-    """The signs by Newton's polygon, with b along the ray on which the first form is largest."""
-    b = rays[int(np.argmax(np.abs(forms[:, power - 1])))]
-    turned = rays @ np.column_stack([[b[1], -b[0]], b])
+    """The signs by Newton's polygon, with b along the direction on which the first form is largest."""
+    turned = rays @ _axes_of_two(rays, forms[:, power - 1], roundings[:, power - 1], power)
     orders = forms.shape[1]
     sides: list[dict[tuple[Fraction, int], tuple[float, float]]] = [{}, {}]
     for order in range(power, orders + 1):
@@ -87,8 +86,37 @@ def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple
         for (i, j), value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True):
             sides[0][Fraction(i), j] = value, floor
             sides[1][Fraction(i), j] = value * (-1) ** i, floor
+    for terms in sides:
+        terms[Fraction(1), power - 1] = 0.0, 0.0  # by the choice of the axes, but for their own rounding
     above, below = (_signs(terms, Fraction(0), orders) for terms in sides)
     return above, below
+
+
+def _axes_of_two(rays: Floats, form: Floats, rounding: Floats, power: int) -> Floats:
+    """Axes (2, 2) in columns, the second where a form is largest on the circle, to rounding.
+
+    Of a power of a linear function all other terms vanish then. Beside that direction, as on a ray, they are small in
+    turn, and the last of them, which decides the signs, is lost in rounding before the one above it is.
+    """
+    b = rays[int(np.argmax(np.abs(form)))]
+    axes = np.column_stack([[b[1], -b[0]], b])
+    exponents, values, _ = _coefficients(rays @ axes, form, rounding, power)
+    P = np.zeros(power + 1)  # the form at (s, 1)
+    P[[i for i, _ in exponents]] = values
+    s = np.polynomial.Polynomial(P)
+    # P(s) / (1 + s^2)^(power/2) is flat where it is largest: between the rays beside this one.
+    flat = (
+        s.deriv()
+        + np.polynomial.Polynomial([0, 0, 1]) * s.deriv()
+        - power * np.polynomial.Polynomial([0, 1]) * s
+    )
+    roots = np.polynomial.Polynomial(flat.coef[: power + 1]).roots()
+    real = roots.real[np.imag(roots) == 0]
+    nearest = (
+        float(real[int(np.argmin(np.abs(real)))]) if real.size else 0.0
+    )  # none where it is the same all around
+    turn = 1 / np.hypot(1.0, nearest) * np.array([[1.0, nearest], [-nearest, 1.0]])
+    return np.asarray(axes @ turn)
 
 
 def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> PowerSigns:

@@ -209,6 +209,20 @@ def test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest(
     assert (found.rises, found.falls, found.is_decided) == (True, False, is_strict)
 
 
+@pytest.mark.parametrize("offset", [0.0, 5e-5, 2e-4, 1e-3, 0.02])
+def test_the_power_of_a_line_that_lies_on_no_ray_loses_no_sign_to_rounding(offset: float) -> None:
+    """(u - s**2)**4 + s**6 with u and s turned against the rays: its small terms beside s = 0 are not its signs."""
+    angles = np.pi * np.arange(32) / 32
+    rays = np.column_stack([np.cos(angles), np.sin(angles)])
+    turned = angles[9] + offset
+    u, s = rays @ [np.cos(turned), np.sin(turned)], rays @ [-np.sin(turned), np.cos(turned)]
+    powers = [u**4, -4 * u**3 * s**2, 6 * u**2 * s**4 + s**6, -4 * u * s**6, s**8]
+    forms = np.column_stack([0 * u, 0 * u, 0 * u, *powers])
+    noise = 1e-13 * np.random.default_rng(0).standard_normal(forms.shape)
+    for side in power_signs.of_powers(rays, forms + noise, np.full(forms.shape, 1e-12), 4):
+        assert (side.rises, side.falls, side.is_decided) == (True, False, True)
+
+
 @pytest.mark.parametrize(("part", "is_clear"), [(1e-14, False), (2e-13, True)])
 def test_a_branch_is_zero_within_sixty_roundings(part: float, is_clear: bool) -> None:
     square = {(0, 2): 1.0, (1, 1): -2.0, (2, 0): 1.0 + part}  # (b - a)^2 with b = a + b'
