@@ -132,6 +132,12 @@ class RunSettings(TypedDict, total=False):
 
 
 @functools.cache
+def keyword_types() -> Mapping[str, object]:
+    """The type of each setting as a keyword."""
+    return typing.get_type_hints(RunSettings)
+
+
+@functools.cache
 def table() -> Mapping[str, tuple[object, RunSetting]]:
     """The type of each setting, None left out, and what it is."""
     rows = {}

@@ -112,9 +112,8 @@ def _axes_of_two(rays: Floats, form: Floats, rounding: Floats, power: int) -> Fl
     )
     roots = np.polynomial.Polynomial(flat.coef[: power + 1]).roots()
     real = roots.real[np.imag(roots) == 0]
-    nearest = (
-        float(real[int(np.argmin(np.abs(real)))]) if real.size else 0.0
-    )  # none where it is the same all around
+    # There is none where the form is the same all around.
+    nearest = float(real[int(np.argmin(np.abs(real)))]) if real.size else 0.0
     turn = 1 / np.hypot(1.0, nearest) * np.array([[1.0, nearest], [-nearest, 1.0]])
     return np.asarray(axes @ turn)
 

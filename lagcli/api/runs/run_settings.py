@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-import typing
 from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
@@ -30,8 +29,8 @@ def keywords(*left_out: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         own = inspect.signature(function)
         parameters = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
         named = {
-            name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=text)
-            for name, text in typing.get_type_hints(settings.RunSettings).items()
+            name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            for name, kind in settings.keyword_types().items()
             if name not in left_out
         }
 

@@ -68,7 +68,7 @@ def _option(name: str, kind: object, row: settings.RunSetting) -> inspect.Parame
     help_line = row.meaning.replace("`samples`", "--samples") + one_of
     names = {"metavar": "NAME", "autocompletion": _COMPLETIONS[name]} if kind is str else {}
     option = typer.Option(flag, help=help_line, **names)
-    hint = bool if kind is bool else typing.get_type_hints(settings.RunSettings)[name]
+    hint = bool if kind is bool else settings.keyword_types()[name]
     default = False if kind is bool else None
     annotation = Annotated[hint, option]  # type: ignore[valid-type]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
