@@ -37,8 +37,8 @@ SLOW = 1e-11
 COLUMNS = (
     "g", "g_t", "gamma", "has_gradient", "speeds", "noise", "touching_gap", "slow", "lowest", "pull", "blurred"
 )  # fmt: skip
-# Numbers of a run: rtol, span, size, speed and since.
-CHOSEN = 5
+# Numbers of a run: rtol, span, size, speed, since and across.
+CHOSEN = 6
 
 
 class MotionNumbers(NamedTuple):
@@ -67,19 +67,21 @@ def function(parts: Parts) -> ca.Function:
     `parts.Sizes`, the largest acceleration, those that are rounding of the forces, size and speed, all of them in the
     `order` of contacts.
 
-    chosen (5,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
-    are none the smaller here; the time since the start. A contact without a gradient at the point has rates of 0.
+    chosen (6,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
+    are none the smaller here; the time since the start; the time by which the point lies behind a switch at which it
+    stands. A contact without a gradient at the point has rates of 0.
 
-    g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g: of its terms and the way of a
-    step, of the size of the motion, and of the time. touching_gap: gaps of contacts that are closed as far as a run can
-    tell, within its tolerance. slow: speeds that are none: rounding, or what rises no higher than rounding under the
-    forces. lowest: heights of rebounds that are not followed. pull: the largest accelerations in this motion. blurred:
-    the rounding of gamma, whose terms may cancel as those of forces do.
+    g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g: of its terms and the way of
+    a step, of the size of the motion, and of the time. touching_gap: gaps of contacts that are closed as far as a
+    run can tell, within its tolerance. slow: speeds that are none: rounding, what rises no higher than rounding
+    under the forces, or what these make across a switch. lowest: heights of rebounds that are not followed. pull:
+    the largest accelerations in this motion. blurred: the rounding of gamma, whose terms may cancel as those of
+    forces do.
     """
     contacts, n = parts.contacts, parts.v.numel()
     q, v, t = parts.y[:n], parts.v, parts.t
     chosen = ca.SX.sym("chosen", CHOSEN)
-    rtol, span, least_size, least_speed, since = ca.vertsplit(chosen)
+    rtol, span, least_size, least_speed, since, across = ca.vertsplit(chosen)
     G = contacts.G
     rows = np.asarray(G.sparsity().row(), dtype=np.int64).tolist()
     g, g_t, gamma = (ca.densify(x) for x in (contacts.g, contacts.g_t, contacts.gamma))
@@ -106,11 +108,12 @@ def function(parts: Parts) -> ca.Function:
     # All that forces have made so far, where they are the rounding of terms that cancel.
     made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
     # A gap is a sum of its coordinates, or of terms that cancel, whose roundings are counted.
-    noise = EPS * (ca.fmax(ca.fmax(ROUNDINGS * local, g_off), FEW * (extent + made)) + 4 * ca.fabs(t) * terms)
+    noise = EPS * ca.fmax(ca.fmax(ROUNDINGS * local, g_off), FEW * (extent + made))
+    noise += ca.fmax(FEW * EPS * ca.fabs(t), across) * terms
     touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
-    slow = ca.fmax(slow, ROUNDINGS * EPS * g_t_off)
+    slow = ca.fmax(slow, ca.fmax(ROUNDINGS * EPS * g_t_off, FEW * across * pull))
     blurred = ROUNDINGS * EPS * gamma_off
     columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull, blurred]
     of_motion = own.a, ROUNDINGS * EPS * forces_off, size, speed

@@ -390,6 +390,59 @@ def test_a_start_at_a_switch_is_that_of_the_time_after_it(force: str) -> None:
     assert not len(found.events["t"])
 
 
+@pytest.mark.parametrize("force", ["-abs(t)*t**2", "-max(0, t)**2", "-t**2.5", "-t*sqrt(t)"])
+def test_a_load_that_begins_at_a_switch_presses_from_the_start_on(force: str) -> None:
+    found = moving(f"[0, 0, {force}]", "a.z >= 0")
+    t = found.t
+    load = {"-a": t**3, "-m": t**2}.get(force[:2], t**2.5 if "2.5" in force else t**1.5)
+    assert found["lambda.f"] == pytest.approx(load, abs=1e-12)
+    assert not len(found.events["t"])
+
+
+@pytest.mark.parametrize("start", [0, 5])
+@pytest.mark.parametrize("wall", ["max(0, t - {0})**2", "abs(t - {0})**3"])
+def test_a_wall_that_begins_to_rise_at_the_start_carries_without_an_impact(wall: str, start: float) -> None:
+    found = moving("[0, 0, 0]", f"a.z >= {wall.format(start)}", rest=f"simulation: {{start: {start}}}")
+    t, power = found.t - start, 2 if wall[0] == "m" else 3
+    assert found["a.z"] == pytest.approx(t**power, abs=1e-12)
+    assert found["lambda.f"] == pytest.approx(power * (power - 1) * t ** (power - 2), abs=1e-12)
+    assert not len(found.events["t"])
+
+
+@pytest.mark.parametrize(("begin", "bend"), [(0, 0), (5, 5), (-1, 0)])
+@pytest.mark.parametrize("e", [0, 0.5])
+def test_a_wall_that_is_suddenly_faster_strikes_at_the_start(e: float, begin: float, bend: float) -> None:
+    model = lagcli.loads(
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [0, 0, 0]}}\n"
+        f"inequality: {{f: {{condition: 'a.z >= 3*max(0, t - {bend})', restitution: {e}}}}}\n"
+        f"simulation: {{start: {begin}, duration: 2, samples: 11}}\n"
+    )
+    found = lagcli.simulate(model)
+    assert found["a.z"] == pytest.approx(3 * (1 + e) * after(found.t, bend), abs=1e-9)
+    assert [*found.events["kind"]] == ["impact"]
+    assert found.events["t"][0] == pytest.approx(bend, abs=1e-12)
+    assert begin != bend or found.events["t"][0] == begin
+    report = lagcli.audit(model, found, events=found.events)
+    assert not [check.name for check in report.checks if check.verdict == "fail"]
+
+
+@pytest.mark.parametrize("depth", [3.0, 0.25])
+def test_a_wall_that_jumps_away_lets_a_contact_go(depth: float) -> None:
+    model = lagcli.loads(
+        "lagcli: 1\nparticles: {a: {mass: 1, position: [0, 0, 0]}, b: {mass: 1, position: [1, 0, 0]}}\n"
+        'forces: {w: {to: all, force: "[0, 0, -2*m]"}}\n'
+        f"inequality: {{f: 'a.z >= -{depth}*{STEP}', g: b.z >= 0}}\n"
+        "simulation: {duration: 2.2, samples: 9}\n"
+    )
+    found = lagcli.simulate(model)
+    assert found["a.z"] == pytest.approx(-np.minimum(depth, after(found.t) ** 2), abs=1e-10)
+    assert found["lambda.g"] == pytest.approx(2.0, abs=1e-12)
+    lands = depth < 1
+    assert [*found.events["kind"]] == (["release", "impact", "contact"] if lands else ["release"])
+    report = lagcli.audit(model, found, events=found.events)
+    assert not [check.name for check in report.checks if check.verdict == "fail"]
+
+
 @pytest.mark.parametrize("end", [0.5, 1.0, 1.25])
 def test_a_run_that_is_resumed_decides_as_the_whole_one(end: float, tmp_path) -> None:
     model = lagcli.loads(

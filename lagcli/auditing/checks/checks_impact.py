@@ -131,6 +131,11 @@ class ImpactEvidence:
         marked = np.flatnonzero(incidents.cuts)
         named[marked, incidents.contact[marked]] = True
         acts = named | (np.abs(incidents.impulses[:, self.contacts]) > self.impulse_limit)
+        # A wall may jump away from a contact, which lets go with what it was before.
+        record, freed = self.before.record, np.array(incidents.kinds) == "release"
+        earlier = self.laws.values(record.t - 2 * self.before.clock, record.q, record.v, record.lam)
+        was = earlier.f[:, self.contacts]
+        g = np.where(freed[:, None] & (np.abs(was) < np.abs(g)), was, g)
         residual = np.where(acts, g, np.minimum(g, 0.0))
         return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
 

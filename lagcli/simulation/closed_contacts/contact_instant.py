@@ -56,13 +56,15 @@ PARAMETERS = InstantParameters()
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactParameters:
     """Numbers of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
-    far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact; since: the time from the start on."""
+    far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact; since: the time from the start on; across: by
+    which the state lies behind a switch."""
 
     rtol: float
     span: float = 0.0
     size: float = 0.0
     speed: float = 0.0
     since: float = 0.0
+    across: float = 0.0
 
 
 class ContactRowValues:
@@ -89,7 +91,7 @@ class ContactRowValues:
         """The numbers of `compiled.contact_values`, in memory of their own."""
         t, q, v, p, numbers = self._arguments
         t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
-        numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed, chosen.since
+        numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed, chosen.since, chosen.across
         self._bound.trigger()
         return np.asarray(self._bound.results[0][self._order])
 

@@ -85,14 +85,15 @@ class ContactChanges:
         """The contacts that lie closed on others and carry nothing."""
         return tuple(i - self._rows for i in self._run.bound.numeric.idle_rows)
 
-    def here(self) -> ContactInstant:
-        """The contacts where the run stands."""
-        return self._instant(self._run.t, self._run.bound.y)
+    def here(self, across: float = 0.0) -> ContactInstant:
+        """The contacts where the run stands, a time across behind a switch."""
+        return self._instant(self._run.t, self._run.bound.y, across)
 
-    def _instant(self, t: float, y: Floats) -> ContactInstant:
+    def _instant(self, t: float, y: Floats, across: float = 0.0) -> ContactInstant:
         run = self._run
         given = float(run.tolerance[0]), run.found.taken, run.contacts.size
-        chosen = ContactParameters(*given, since=t - run.grid.start)
+        across = max(across, run.timetable.least)
+        chosen = ContactParameters(*given, since=t - run.grid.start, across=across)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noise(self, watch: StepWatch) -> Floats:
@@ -154,7 +155,7 @@ class ContactChanges:
 
     def begin(self) -> None:
         """Decide the contacts at the start; an impact there is an incident."""
-        here = self.here()
+        self.log.is_switched, here = True, self.here(self._run.found.taken)
         if here.near.any():
             self._require_directions(here, np.flatnonzero(here.near).tolist())
             self._change(here, None, is_start=True)
@@ -165,7 +166,7 @@ class ContactChanges:
 
         At an edge only an impact asks for one gradient.
         """
-        here = self.here()
+        here = self.here(self._run.found.taken)
         # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
         if not (here.near.any() or self.closed or self.idle) or _press_on(self._run, here, self.closed):
             return events
@@ -388,7 +389,7 @@ def _press_on(run: Stepper, here: ContactInstant, closed: tuple[int, ...]) -> bo
     level = here.at_rest
     level[list(closed)] = False
     approaching = here.near & (here.speeds < -here.slow)
-    if not closed or level.any() or approaching.any():
+    if not closed or level.any() or approaching.any() or not here.near[list(closed)].all():
         return False
     if (np.abs(here.speeds) > here.speed_roundoff)[list(closed)].any():
         return False

@@ -23,7 +23,8 @@ class InstantLines:
 
 
 class IncidentLog:
-    """The incidents of one run; is_switched: it has just been led across a switch, and the rows there are to come."""
+    """The incidents of one run; is_switched: it stands at its start, or has just been led across a switch, and the rows
+    there are to come."""
 
     def __init__(self, stepper: Stepper) -> None:
         self._run = stepper

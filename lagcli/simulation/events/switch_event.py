@@ -63,7 +63,7 @@ class SwitchEvent(Event):
         return True
 
     def _jumps(self, here: State, beyond: State) -> bool:
-        """True where the wall of a closed contact is elsewhere on the other side, however fast it may be."""
+        """True where the wall of a closed contact is on the wrong side beyond, however fast it may be."""
         numeric = self._stepper.bound.numeric
         first = len(self._stepper.bound.enforced.system.rows.rows)
         closed = [i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]
@@ -71,7 +71,7 @@ class SwitchEvent(Event):
         (g, *_), (g_beyond, *_) = sides = [[np.array(each)[closed] for each in side] for side in found]
         speed = sum(np.abs(G @ here.v + g_t.ravel()) for _, G, g_t, *_ in sides)
         room = SAME * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beyond.t - here.t) * speed
-        return not bool((np.abs(g_beyond - g).ravel() <= room).all())
+        return not bool(((g_beyond - g).ravel() >= -room).all())
 
     def _is_pole(self, t: float, away: float, acceleration: float) -> bool:
         """True if y' at the state grows without bound towards a switch, half of `away` behind a time."""

@@ -119,6 +119,11 @@ class Timetable:
         """True if there is anything that steps may have to end at."""
         return not self._is_empty or self._longest < math.inf
 
+    @property
+    def least(self) -> float:
+        """The time across a switch near t = 0; 0 where there are none."""
+        return 0.0 if self._is_empty else 2 * PARAMETERS.offset * PARAMETERS.grain * self._piece
+
     def shortened(self, t: float, h: float) -> float:
         """The longest step from t that is no longer than h and passes nothing it must not."""
         h = min(h, self._longest)
