@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -89,7 +89,12 @@ def of_file(path: Path, model: Model | None) -> Scene:
         raise point_tracks.NothingToShow(
             f"{path} has no columns NAME.x, NAME.y, NAME.z, NAME.vx of particles; give its model with --model"
         )
-    wanted = _wanted(opened.columns, names, model)
+    # The columns of a table that are shown: a table may have others of any number
+    own = {f"{name}.{part}" for name in names for part in ("x", "y", "z", "vx", "vy", "vz")} | {"t"}
+    own |= {f"R.{name}.{axis}" for name in names for axis in "xyz"}
+    if model is not None:
+        own |= {part.format(name) for name in model.generalized_names for part in ("{}", "rate({})", "R.{}")}
+    wanted = [name for name in opened.columns if name in own or name.startswith("lambda.")]
     rows = opened.take(wanted)
     table = dict(zip(wanted, rows.T, strict=True))
     _require_rows(str(path), table)
@@ -98,15 +103,6 @@ def of_file(path: Path, model: Model | None) -> Scene:
         _require_own(str(path), model, table)
         return of_run(model, table)
     return _fitting(table, None, pathlib.Path(path).stem, ("", ""))
-
-
-def _wanted(columns: Sequence[str], names: Sequence[str], model: Model | None) -> list[str]:
-    """The columns of a table that are shown: a table may have others of any number."""
-    own = {f"{name}.{part}" for name in names for part in ("x", "y", "z", "vx", "vy", "vz")} | {"t"}
-    own |= {f"R.{name}.{axis}" for name in names for axis in "xyz"}
-    if model is not None:
-        own |= {part.format(name) for name in model.generalized_names for part in ("{}", "rate({})", "R.{}")}
-    return [name for name in columns if name in own or name.startswith("lambda.")]
 
 
 def _require_own(path: str, model: Model, table: Table) -> None:

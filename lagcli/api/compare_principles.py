@@ -85,7 +85,14 @@ def beside(
     mu = initial_multipliers(model, names, given)
     t, q, v = (part[0] for part in table_columns.States(model, run.columns)(first.table[:1]))
     action_forces.require_action(built, float(t), q, run.parameters)
-    _require_no_condition(run)
+    for condition in run.conditions:
+        where = next(row.location for row in run.built.rows.rows if row.name in condition.rows)
+        message = (
+            f"the row demands the hidden condition `{condition.text} = 0`, which no multiplier holds: its vakonomic"
+            " equations are not written"
+        )
+        hint = "write the condition under `holonomic` in its place"
+        raise diagnostics.ModelError([diagnostics.Diagnostic("not-of-an-action", message, where, hint)])
     if not names:
         same = dataclasses.replace(first, name="vakonomic")
         return OtherPrinciple(same, Principles({}, (), (), (), 0.0), ())
@@ -109,7 +116,9 @@ def beside(
         columns=tuple(columns),
         table=vakonomic.table[:, indices],
     )
-    kinds = _kinds(run)
+    # The verdict on each differential row
+    found = classify.classified(run.built, run.numeric, settings.LIMIT).found
+    kinds = {verdict.row: verdict.kind for verdict in found.verdicts}
     principles = Principles(
         mu=mu,
         integrable=tuple(n for n in names if kinds.get(n) in ("exact", "integrable", "jointly-integrable")),
@@ -119,18 +128,6 @@ def beside(
         left_out=left_out,
     )
     return OtherPrinciple(vakonomic, principles, tuple(_notes(names, start.mu, values, left_out)))
-
-
-def _require_no_condition(run: SimulationRun) -> None:
-    """Raise `ModelError` where rows demand a condition that is none of their own."""
-    for condition in run.conditions:
-        where = next(row.location for row in run.built.rows.rows if row.name in condition.rows)
-        message = (
-            f"the row demands the hidden condition `{condition.text} = 0`, which no multiplier holds: its vakonomic"
-            " equations are not written"
-        )
-        hint = "write the condition under `holonomic` in its place"
-        raise diagnostics.ModelError([diagnostics.Diagnostic("not-of-an-action", message, where, hint)])
 
 
 def _notes(names: Sequence[str], mu: Floats, given: Floats, left_out: Sequence[str]) -> Iterator[str]:
@@ -146,12 +143,6 @@ def _notes(names: Sequence[str], mu: Floats, given: Floats, left_out: Sequence[s
             f"without a value in vakonomic motion, for they read multipliers of differential rows or whole reactions:"
             f" {', '.join(left_out)}"
         )
-
-
-def _kinds(run: SimulationRun) -> dict[str, str]:
-    """The verdict on each differential row."""
-    found = classify.classified(run.built, run.numeric, settings.LIMIT).found
-    return {verdict.row: verdict.kind for verdict in found.verdicts}
 
 
 def _too_large(model: Model, where: diagnostics.Location) -> diagnostics.ModelError:

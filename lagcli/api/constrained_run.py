@@ -69,15 +69,6 @@ def constrained(
 
     Raises `diagnostics.ModelError` where the row has no limit, `ValueError` for a name there is not.
     """
-    _require_no_inequality(model)
-    first = prepare_run.start(model, chosen)
-    index = _row_index(first, plan.constraint)
-    chosen, stops = _until_stopped(model, chosen, first)
-    notes = [*assemble_start.of_run(first), *stops]
-    return _constrained(model, chosen, index, plan), first.built.rows.rows[index].name, notes
-
-
-def _require_no_inequality(model: Model) -> None:
     for law in model.inequality:
         if law.members.count:
             raise _without_limit(
@@ -86,6 +77,11 @@ def _require_no_inequality(model: Model) -> None:
                 law.equation.location,
                 "take the inequality out, if it plays no part",
             )
+    first = prepare_run.start(model, chosen)
+    index = _row_index(first, plan.constraint)
+    chosen, stops = _until_stopped(model, chosen, first)
+    notes = [*assemble_start.of_run(first), *stops]
+    return _constrained(model, chosen, index, plan), first.built.rows.rows[index].name, notes
 
 
 def _without_limit(message: str, where: diagnostics.Location, hint: str) -> diagnostics.ModelError:

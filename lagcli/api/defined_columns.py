@@ -31,19 +31,15 @@ def added(tables: Sequence[ChartTable], choice: ChartChoice) -> tuple[list[Chart
     names = {}
     for option, text in (*(("--y", y) for y in choice.y), *((("--x", choice.x),) if choice.x else ())):
         if "=" in text:
-            names[text] = _name(option, text)
+            name, _, written = (part.strip() for part in text.partition("="))
+            if not _NAME.fullmatch(name) or not written:
+                raise UndrawableColumns(
+                    f"{option} {text}: write NAME=EXPR, a name of letters and digits, such as 'pull=abs(lambda.rod)'"
+                )
+            names[text] = name
             found = _with(found, option, names[text], text.partition("=")[2])
     y = tuple(names.get(text, text) for text in choice.y)
     return found, dataclasses.replace(choice, y=y, x=names.get(choice.x or "", choice.x))
-
-
-def _name(option: str, text: str) -> str:
-    name, _, written = (part.strip() for part in text.partition("="))
-    if not _NAME.fullmatch(name) or not written:
-        raise UndrawableColumns(
-            f"{option} {text}: write NAME=EXPR, a name of letters and digits, such as 'pull=abs(lambda.rod)'"
-        )
-    return name
 
 
 def _with(tables: Sequence[ChartTable], option: str, name: str, text: str) -> list[ChartTable]:

@@ -118,7 +118,9 @@ class _StiffRuns:
         low, high = plan.stiffness[0], plan.stiffness[-1]
         seconds = constrained.settings.duration
         k = Stiffness(low, math.log(high / low) / seconds, constrained.start.t)
-        plan.report(self._forecast_of_ramp(k, seconds))
+        swings = (self._swings(k.least * math.exp(k.growth * seconds)) - self._swings(k.least)) * 2
+        swings /= k.growth * seconds
+        plan.report(f"the run swings {swings:.3g} times and takes some {self._steps(swings):.2g} steps")
         followed = self._follow(k)
         refined = self._refined(high)
         t, multiplier = constrained.at(refined)
@@ -249,11 +251,6 @@ class _StiffRuns:
         # The run is made again with a larger tolerance, in fewer steps.
         seconds = 1.6 * times * followed.seconds
         return f"{head} and takes some {times * followed.steps:.2g} steps, {seconds:.2g} s at the pace so far"
-
-    def _forecast_of_ramp(self, k: Stiffness, seconds: float) -> str:
-        swings = (self._swings(k.least * math.exp(k.growth * seconds)) - self._swings(k.least)) * 2
-        swings /= k.growth * seconds
-        return f"the run swings {swings:.3g} times and takes some {self._steps(swings):.2g} steps"
 
     def _steps(self, swings: float) -> float:
         return max(10.0, STEPS_IN_A_SWING * swings)

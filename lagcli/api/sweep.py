@@ -80,17 +80,13 @@ def sweep(
     chosen = sweep_plan.SweepSettings(settings, run_settings.seconds(limit), limit_each, pattern)
     plan = sweep_plan.plan(model, parts, reduced, chosen)
     with point_task.locked(pattern, plan.rows):
-        return _computed(plan, executor, jobs, bool(uncertain))
+        from lagcli.api.sweeps import engines
 
-
-def _computed(plan: SweepPlan, executor: Executor | None, jobs: int, spreads: bool) -> pandas.DataFrame:
-    from lagcli.api.sweeps import engines
-
-    rows: list[PointRow] = []
-    with engines.local(jobs) if executor is None else engines.given(executor) as engine:
-        for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
-            rows += found
-    return _frame(plan, rows, spreads, engine.lost)
+        rows: list[PointRow] = []
+        with engines.local(jobs) if executor is None else engines.given(executor) as engine:
+            for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
+                rows += found
+        return _frame(plan, rows, bool(uncertain), engine.lost)
 
 
 def _points(

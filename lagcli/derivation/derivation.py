@@ -93,7 +93,18 @@ def _derived(built: System, options: Options) -> Derivation:
         written[index][1].extend(lengths)
     elif lengths:
         written.insert(0, ("Lengths", lengths))
-    if substituted := _constants(system, signs):
+    # Parameters that stand as numbers, and the constants of rigid bodies
+    found = []
+    for name, value in system.table.substituted.items():
+        left = f.FormulaText(name)
+        right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
+        found.append(Line(sides=(left, right), kind="value"))
+    for symbol, number in system.constants.items():
+        body = symbol.name.split(" ")[1]
+        found.append(
+            Line(sides=(signs.node(symbol), f.FormulaNumber(f"{number:.10g}")), kind="constant", family=body)
+        )
+    if substituted := found:
         written.insert(0, ("Values put in", substituted))
     sections = tuple(
         Section(title, tuple(lines if options.everything else _cut(lines)))
@@ -116,21 +127,6 @@ def _about(system: Symbolic) -> str:
     ]
     counted = ", ".join(part for part in counts if part)
     return f"{counted}. (D.n): `lagcli explain D.n` says what each equation is."
-
-
-def _constants(system: Symbolic, signs: Signs) -> list[Line]:
-    """Parameters that stand as numbers, and the constants of rigid bodies."""
-    found = []
-    for name, value in system.table.substituted.items():
-        left = f.FormulaText(name)
-        right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
-        found.append(Line(sides=(left, right), kind="value"))
-    for symbol, number in system.constants.items():
-        body = symbol.name.split(" ")[1]
-        found.append(
-            Line(sides=(signs.node(symbol), f.FormulaNumber(f"{number:.10g}")), kind="constant", family=body)
-        )
-    return found
 
 
 def _cut(lines: list[Line]) -> Iterator[Line]:

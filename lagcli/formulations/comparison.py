@@ -306,7 +306,10 @@ def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span
         times += [(a.t, b.t) for a, b in zip(first, second, strict=False)]
         labels += [label] * count
         rest = [*first[count:], *second[count:]]
-        if rest and not _is_settled(rest, sides):
+        # Impacts of a contact whose rebounds end in both runs
+        if rest and not (
+            rest[0].kind == "impact" and all(f"accumulation of {rest[0].name}" in side for side in sides)
+        ):
             alone += [event for event in rest if event.t < end - LATE * span]
     t = np.array(times, dtype=float).reshape(-1, 2)
     return Matched(t, tuple(labels), min(alone, key=lambda event: event.t, default=None))
@@ -317,8 +320,3 @@ def _by_label(events: Sequence[RunEvent]) -> dict[str, list[RunEvent]]:
     for event in events:
         found.setdefault(event.label, []).append(event)
     return found
-
-
-def _is_settled(rest: Sequence[RunEvent], sides: Sequence[dict[str, list[RunEvent]]]) -> bool:
-    """True for impacts of a contact whose rebounds end in both runs."""
-    return rest[0].kind == "impact" and all(f"accumulation of {rest[0].name}" in side for side in sides)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 
-from lagcli.formulations.comparison import KINDS, TITLES, Agreement, Comparison
+from lagcli.formulations.comparison import KINDS, TITLES, Comparison
 
 LABELS = {"lambda": "λ"}
 
@@ -33,7 +32,9 @@ def of(found: Comparison) -> ComparisonLines:
     for one, agreement in zip(found.formulations, ({}, *found.agreements), strict=True):
         cells = [one.path] if several else []
         cells += [TITLES[one.name], str(one.freedoms), str(one.rows), str(one.steps), f"{one.seconds:.3f}"]
-        rows.append([*cells, *(_digits(agreement, kind) for kind in shown)])
+        rows.append(
+            [*cells, *(f"{agreement[kind].digits:.1f}" if kind in agreement else "" for kind in shown)]
+        )
     return ComparisonLines(
         headers,
         rows,
@@ -47,10 +48,6 @@ def of(found: Comparison) -> ComparisonLines:
 def _agreement(found: Comparison) -> str:
     verdict = f"{'all' if found.agree else 'not all'} within {found.tolerance:g}" if found.judged else ""
     return f"digits that agree with the first line, of the largest value of each kind; {verdict}"
-
-
-def _digits(agreement: Mapping[str, Agreement], kind: str) -> str:
-    return f"{agreement[kind].digits:.1f}" if kind in agreement else ""
 
 
 def _disagreement(found: Comparison) -> str:

@@ -236,7 +236,14 @@ class _Document:
             reader = readers[name.value] = entries.ParticleReader(formulas, name, node)
             self._scope.names.define(name.value, reader.find, reader.uses)
         # Definitions must be known before positions are looked at: a position may use one.
-        self._define_definitions()
+        order = {name.value: i for i, (name, _) in enumerate(self._entries("definitions"))}
+        for name, node in self._entries("definitions"):
+            expression = self._formulas.parse(node, parser.parse)
+            uses: set[str] = set()
+            if expression is not None:
+                self._defined[name.value] = expression
+                uses = tree.names(expression.tree)
+            self._scope.names.define(name.value, self._definition_finder(name.value, expression, order), uses)
         read = []
         for word, reader in readers.items():
             self._look(word)
@@ -249,16 +256,6 @@ class _Document:
         node = self._file.get("particles")
         entry = node.get(particle) if isinstance(node, yaml_tree.Mapping) else None
         return entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None
-
-    def _define_definitions(self) -> None:
-        order = {name.value: i for i, (name, _) in enumerate(self._entries("definitions"))}
-        for name, node in self._entries("definitions"):
-            expression = self._formulas.parse(node, parser.parse)
-            uses: set[str] = set()
-            if expression is not None:
-                self._defined[name.value] = expression
-                uses = tree.names(expression.tree)
-            self._scope.names.define(name.value, self._definition_finder(name.value, expression, order), uses)
 
     def _definition_finder(
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]

@@ -377,7 +377,9 @@ _OWN_WORDS = {"m": "mass", "r": "position", "v": "velocity"}
 
 def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
     """A list of at least two particles, in which a family stands for all its members."""
-    if not isinstance(node, yaml_tree.Sequence) and not _is_family(formulas, node):
+    if not isinstance(node, yaml_tree.Sequence) and not (
+        isinstance(node, yaml_tree.Scalar) and formulas.scope.names.is_family(node.value.strip())
+    ):
         formulas.report(node, "not-a-list", "a rigid body is a list of particles", "for example `[a, b, c]`")
         return None
     named = references(formulas, node, ("particle",))
@@ -400,10 +402,6 @@ def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -
         )
         good = False
     return model.RigidBody(name.value, tuple(numbers), name.location) if good else None
-
-
-def _is_family(formulas: Formulas, node: yaml_tree.AnyNode) -> bool:
-    return isinstance(node, yaml_tree.Scalar) and formulas.scope.names.is_family(node.value.strip())
 
 
 def either(

@@ -127,7 +127,12 @@ class _Members:
                         following.append(user)
             ready = following
         if missing:
-            self._report(min(missing))
+            number, member = min(missing)
+            unit = self._units[number]
+            entry = self._particles[unit.entry] if unit.entry is not None else None
+            name = unit.name if entry is None else entry.members.names[member]
+            error = ExpressionError("circular", f"`{name}` depends on itself", 0, len(unit.parts[0].text))
+            self._formulas.trouble(unit.parts[0].origin, error)
         return steps
 
     def _batches(self, nodes: list[Node]) -> list[str | Batch]:
@@ -169,11 +174,3 @@ class _Members:
         if isinstance(node, (tree.Name, tree.Member)) and others:
             return [((number, k), others) for k in range(count)]
         return []
-
-    def _report(self, node: Node) -> None:
-        number, member = node
-        unit = self._units[number]
-        entry = self._particles[unit.entry] if unit.entry is not None else None
-        name = unit.name if entry is None else entry.members.names[member]
-        error = ExpressionError("circular", f"`{name}` depends on itself", 0, len(unit.parts[0].text))
-        self._formulas.trouble(unit.parts[0].origin, error)

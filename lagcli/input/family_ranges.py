@@ -68,7 +68,20 @@ class Reader:
             if found is None:
                 return None
             variables, count = found
-        return self._named(name, key, variables, count)
+        try:
+            lookup = self._formulas.scope.indexed.integer_lookup(variables)
+            if not self._formulas.can_evaluate(name, key, count):
+                return None
+            columns = [np.broadcast_to(integers.evaluate(index, lookup), count) for index in key.indices]
+        except ExpressionError as error:
+            if not variables and error.code == "unknown-name":
+                index = name.value[error.start : error.end]
+                error.hint = error.hint or f"a family needs the range of its index: `for: {index} = 1..N`"
+            self._formulas.within(family.with_indices("", (), variables)).trouble(name, error)
+            return None
+        self._budget.left -= count
+        indices = list(zip(*(column.tolist() for column in columns), strict=True))
+        return family.with_indices(key.owner, indices, variables)
 
     def _key(self, name: yaml_tree.Scalar) -> tree.Index | None:
         if not tokens.is_name(base(name)):
@@ -161,21 +174,3 @@ class Reader:
             return None
         chosen = np.flatnonzero(np.broadcast_to(holds, count))
         return {name: values[chosen] for name, values in variables.items()}, chosen.size
-
-    def _named(
-        self, name: yaml_tree.Scalar, key: tree.Index, variables: dict[str, Integers], count: int
-    ) -> Family | None:
-        try:
-            lookup = self._formulas.scope.indexed.integer_lookup(variables)
-            if not self._formulas.can_evaluate(name, key, count):
-                return None
-            columns = [np.broadcast_to(integers.evaluate(index, lookup), count) for index in key.indices]
-        except ExpressionError as error:
-            if not variables and error.code == "unknown-name":
-                index = name.value[error.start : error.end]
-                error.hint = error.hint or f"a family needs the range of its index: `for: {index} = 1..N`"
-            self._formulas.within(family.with_indices("", (), variables)).trouble(name, error)
-            return None
-        self._budget.left -= count
-        indices = list(zip(*(column.tolist() for column in columns), strict=True))
-        return family.with_indices(key.owner, indices, variables)

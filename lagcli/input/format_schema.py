@@ -122,7 +122,15 @@ def _described(key: keys.Key) -> Schema:
 
 def _value(key: keys.Key) -> Schema:
     if key.entries:
-        names: Schema = {"type": ["object", "null"], "propertyNames": _names(key)}
+        # The names that entries of a section may have
+        kinds = dict(entry_names.NAMING)
+        columns = namespace.NOT_FOR_COLUMNS if kinds.get(key.name) in namespace.NUMBERED else ()
+        closed = (*namespace.RESERVED, *columns)
+        pattern = f"^{_WORD}{_INDICES if key.name in entry_names.FAMILIES else ''}$"
+        names: Schema = {
+            "type": ["object", "null"],
+            "propertyNames": {"pattern": pattern, "not": {"enum": list(closed)}},
+        }
         names["additionalProperties"] = _entry(key)
         return names
     if key.keys:
@@ -152,15 +160,6 @@ def _shape(holds: str) -> Schema:
         raise ValueError(f"no shape for {holds!r}")
     # A text in quotes means the same.
     return {"enum": [*words, *(str(word).lower() for word in words if not isinstance(word, str))]}
-
-
-def _names(key: keys.Key) -> Schema:
-    """The names that entries of a section may have."""
-    kinds = dict(entry_names.NAMING)
-    columns = namespace.NOT_FOR_COLUMNS if kinds.get(key.name) in namespace.NUMBERED else ()
-    closed = (*namespace.RESERVED, *columns)
-    pattern = f"^{_WORD}{_INDICES if key.name in entry_names.FAMILIES else ''}$"
-    return {"pattern": pattern, "not": {"enum": list(closed)}}
 
 
 def _written(text: str) -> Json:

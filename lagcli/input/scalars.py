@@ -92,13 +92,12 @@ class Formulas:
         if error.code != namespace.BROKEN:
             location = origin.locate(error.start, error.end)
             hint = yaml_tree.QUOTES if origin.is_torn else error.hint
-            if error.code == "unknown-function" and self._is_declared(origin.value[error.start : error.end]):
+            if error.code == "unknown-function" and (
+                self.scope.names.kind(origin.value[error.start : error.end]) is not None
+            ):
                 hint = messages.AT_A_TIME
             message = error.message + self.where(error.member)
             self.found.add(diagnostics.Diagnostic(error.code, message, location, hint))
-
-    def _is_declared(self, name: str) -> bool:
-        return self.scope.names.kind(name) is not None
 
     def where(self, member: int | None) -> str:
         """The end of a sentence about one member of a family, the first it is true of."""

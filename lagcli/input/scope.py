@@ -49,7 +49,15 @@ class Scope:
             case tree.Name():
                 return self._name(node, variables, own)
             case tree.Member():
-                return self._member(node, variables, own)
+                spot = tree.Name(node.start, node.start + len(node.owner), node.owner)
+                owner = self._name(spot, variables, own)
+                if self.names.kind(node.owner) == "particle" and not (own and node.owner in OWN):
+                    return _particle_member(node, owner, node.member)
+                if self.names.kind(node.owner) == "coordinate":
+                    message = f"the coordinate `{node.owner}` has no component `{node.member}`"
+                    hint = hints.coordinate_member(node.owner, node.member)
+                    raise ExpressionError("unknown-component", message, node.start, node.end, hint)
+                return evaluate.component(node, owner, node.member, node.owner)
             case tree.Call():
                 return self._special(node, variables)
             case tree.Index():
@@ -74,17 +82,6 @@ class Scope:
         if self.names.is_family(name):
             raise self.names.bare(node, name)
         return self.names.value(node, name)
-
-    def _member(self, node: tree.Member, variables: Mapping[str, Integers], own: bool) -> Either:
-        spot = tree.Name(node.start, node.start + len(node.owner), node.owner)
-        owner = self._name(spot, variables, own)
-        if self.names.kind(node.owner) == "particle" and not (own and node.owner in OWN):
-            return _particle_member(node, owner, node.member)
-        if self.names.kind(node.owner) == "coordinate":
-            message = f"the coordinate `{node.owner}` has no component `{node.member}`"
-            hint = hints.coordinate_member(node.owner, node.member)
-            raise ExpressionError("unknown-component", message, node.start, node.end, hint)
-        return evaluate.component(node, owner, node.member, node.owner)
 
     def _of_family(self, node: tree.Index, variables: Mapping[str, Integers]) -> Either:
         """The facts of `p[i]`, `p[i].x`, `theta[i]`: of all entries its members belong to together."""

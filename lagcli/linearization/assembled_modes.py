@@ -45,7 +45,9 @@ def modes(
     free = _free(functions, found)
     every = spectrum.compute(free)
     judged = stability.verdict(functions, found, every, is_minimum)
-    values = _eigenvalues(every)
+    # All eigenvalues, zeros first, then by imaginary and real parts, conjugates side by side
+    order = _order(every.values)
+    values = np.concatenate([np.zeros(every.zeros, dtype=complex), every.values[order]])
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",
         state_columns(built, found.here),
@@ -150,12 +152,6 @@ def state_columns(built: System, here: Reference) -> dict[str, float]:
         speeds = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
         columns |= {name: float(x) for name, x in zip(speeds, here.v, strict=True)}
     return columns
-
-
-def _eigenvalues(found: Spectrum) -> Complex:
-    """All eigenvalues, zeros first, then by imaginary and real parts, conjugates side by side."""
-    order = _order(found.values)
-    return np.concatenate([np.zeros(found.zeros, dtype=complex), found.values[order]])
 
 
 def _order(values: Complex) -> list[int]:

@@ -96,7 +96,10 @@ def find(linear: Linear, terms: Floats) -> Freedoms:
     D_Z[:, :c] = 0.0
     lengths = decompositions.lengths(np.linalg.solve(L, A.T).T)
     A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
-    noise = _noise(linear, terms, Z)
+    # The most that rounding of the entries of K makes of Z^T K Z
+    inertia = linear.inertia[:, None]
+    whitened = np.linalg.norm(terms / inertia / inertia.T, 2) if terms.size else 0.0
+    noise = STIFFNESS_ROUNDOFF * float(whitened * np.linalg.norm(inertia * Z, 2) ** 2 if Z.size else 0.0)
     if np.abs(K_Z).max(initial=0.0) <= noise:
         K_Z[:] = 0.0
     rate = max(np.abs(C_Z).max(initial=0.0), np.abs(K_Z).max(initial=0.0) ** 0.5)
@@ -112,13 +115,6 @@ def _decided(rows: Floats) -> rank.RowSpace:
             "the rank of the rows is undecided there, which is too near to where they are dependent"
         )
     return found
-
-
-def _noise(linear: Linear, terms: Floats, Z: Floats) -> float:
-    """The most that rounding of the entries of K makes of Z^T K Z."""
-    inertia = linear.inertia[:, None]
-    whitened = np.linalg.norm(terms / inertia / inertia.T, 2) if terms.size else 0.0
-    return STIFFNESS_ROUNDOFF * float(whitened * np.linalg.norm(inertia * Z, 2) ** 2 if Z.size else 0.0)
 
 
 def _differential(A: Floats, D: Floats, rate: float) -> tuple[Floats, Floats]:

@@ -76,7 +76,17 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
     k = min(wanted + SPARE, n - rank - 1)
     sigma = -SHIFT * size
     if negative:
-        sigma = _least(K, M, B, size) * (1 + 1e-3) - SHIFT * size
+        # The lowest w^2 to a few digits, by halving
+        low = -size
+        while _below(K, M, B, low, size):
+            low *= 2
+        high = 0.0
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if _below(K, M, B, middle, size) else (middle, high)
+            if high - low <= 1e-4 * abs(low):
+                break
+        sigma = low * (1 + 1e-3) - SHIFT * size
     solve = _solver(K - sigma * M, B)
     inverse = linalg.LinearOperator((n, n), matvec=solve, dtype=float)
     for _ in range(ROUNDS):
@@ -105,20 +115,6 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
         bool((squares > 0).all()) and not negative,
         is_complete,
     )
-
-
-def _least(K: sparse.csc_array, M: sparse.csc_array, B: sparse.csc_array, size: float) -> float:
-    """The lowest w^2 to a few digits, by halving."""
-    low = -size
-    while _below(K, M, B, low, size):
-        low *= 2
-    high = 0.0
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if _below(K, M, B, middle, size) else (middle, high)
-        if high - low <= 1e-4 * abs(low):
-            break
-    return low
 
 
 def _below(K: sparse.csc_array, M: sparse.csc_array, B: sparse.csc_array, mu: float, size: float) -> int:

@@ -49,17 +49,13 @@ def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[inv
 
 
 def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunction, ...]:
-    if _has_angles(phi, variables):
+    if any(_jumps(angle, variables) for angle in phi.atoms(sympy.atan2, sympy.atan)):
         return _of_angles(phi, variables)
     quotients = _quotients(phi, variables)
     quotients = [q for q in quotients if all(_is_continuous(part, variables) for part in q)]
     quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
     found = (invariant.LevelFunction(notation.written(a), notation.written(b)) for a, b in quotients)
     return tuple(dict.fromkeys(found))
-
-
-def _has_angles(phi: sympy.Expr, variables: Variables) -> bool:
-    return any(_jumps(angle, variables) for angle in phi.atoms(sympy.atan2, sympy.atan))
 
 
 def _jumps(angle: sympy.Expr, variables: Variables) -> bool:

@@ -11,7 +11,7 @@ from lagcli.auditing import audit_lines
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
-from lagcli.model.model import Model, Units
+from lagcli.model.model import Model
 from lagcli.output.figures import labels
 from lagcli.output.tables.incident_table import IMPULSE, IncidentTable
 from lagcli.reporting import model_on_page
@@ -161,7 +161,16 @@ def _motion(parts: ReportParts) -> Iterator[Block]:
         yield parts.curves
     yield PageTable(("account of the run", ""), tuple(_account(run.stats)))
     if len(run.events):
-        yield _incidents(run.events, parts.model.units)
+        rows: list[tuple[str, ...]] = []
+        for one in run.events[:MOST_ROWS]:
+            impulse = one.impulses.get(one.name)
+            rows.append((f"{one.t:.9g}", one.kind, one.name, f"{impulse:.6g}" if impulse else ""))
+        more = f" (the first {MOST_ROWS} of {len(run.events)})" if len(run.events) > MOST_ROWS else ""
+        time = f"t ({parts.model.units.time})" if parts.model.units.time.strip() else "t"
+        headers: tuple[str, ...] = (time, "kind", "name", IMPULSE.rstrip("."))
+        if not any(row[-1] for row in rows):
+            headers, rows = headers[:-1], [row[:-1] for row in rows]
+        yield PageTable(headers, tuple(rows), frozenset((2,)), f"Incidents{more}")
     if run.stats.warnings:
         yield PageSentences(tuple(f"Warning: {one.reason} [{one.code}]." for one in run.stats.warnings))
     if run.notes:
@@ -191,19 +200,6 @@ def _account(stats: Stats) -> Iterator[tuple[str, str]]:
     if stats.accuracy is not None:
         for kind, digits in stats.accuracy.digits.items():
             yield f"right digits of {kind}", "all zero" if digits is None else f"{digits:.1f}"
-
-
-def _incidents(events: IncidentTable, units: Units) -> PageTable:
-    rows: list[tuple[str, ...]] = []
-    for one in events[:MOST_ROWS]:
-        impulse = one.impulses.get(one.name)
-        rows.append((f"{one.t:.9g}", one.kind, one.name, f"{impulse:.6g}" if impulse else ""))
-    more = f" (the first {MOST_ROWS} of {len(events)})" if len(events) > MOST_ROWS else ""
-    time = f"t ({units.time})" if units.time.strip() else "t"
-    headers: tuple[str, ...] = (time, "kind", "name", IMPULSE.rstrip("."))
-    if not any(row[-1] for row in rows):
-        headers, rows = headers[:-1], [row[:-1] for row in rows]
-    return PageTable(headers, tuple(rows), frozenset((2,)), f"Incidents{more}")
 
 
 def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -58,7 +57,18 @@ def at(model: Model, text: str) -> Model:
     if not -len(rows) <= row < len(rows):
         raise NoSuchRow(f"{path}:{row}: it has {len(rows)} rows, from 0 to {len(rows) - 1}; -1 is the last")
     values = dict(zip([*names, *there], rows[row].tolist(), strict=True))
-    values |= _changed_by_name(model, names, rates)
+    # The initial values that were changed by name, by their columns
+    declared = dict(zip([*names, *rates], np.concatenate(system.start(model)).tolist(), strict=True))
+    found: dict[str, float] = {}
+    for name, _ in model.changes:
+        owner, dot, field = name.rpartition(".")
+        if not dot:
+            continue
+        columns = [column.format(owner) for column in _COLUMNS.get(field, (f"{{}}.{field}",))]
+        if any(column not in declared for column in columns):
+            raise NoSuchRow(f"--set {name} is of a whole family: with --from only single members can be set")
+        found |= {column: declared[column] for column in columns}
+    values |= found
     q = np.array([values[name] for name in names])
     v = np.array([values.get(name, 0.0) for name in rates])
     for name, value in values.items():
@@ -78,18 +88,3 @@ def of_option(model: Model, text: str) -> Model:
         raise BadRequest(f"--from: cannot read {text}: {error.strerror}") from None
     except (NoSuchRow, *read_table.UNREADABLE) as error:
         raise BadRequest(f"--from {error}") from None
-
-
-def _changed_by_name(model: Model, names: Sequence[str], rates: Sequence[str]) -> dict[str, float]:
-    """The initial values that were changed by name, by their columns. Raises `NoSuchRow` for those of a family."""
-    declared = dict(zip([*names, *rates], np.concatenate(system.start(model)).tolist(), strict=True))
-    found: dict[str, float] = {}
-    for name, _ in model.changes:
-        owner, dot, field = name.rpartition(".")
-        if not dot:
-            continue
-        columns = [column.format(owner) for column in _COLUMNS.get(field, (f"{{}}.{field}",))]
-        if any(column not in declared for column in columns):
-            raise NoSuchRow(f"--set {name} is of a whole family: with --from only single members can be set")
-        found |= {column: declared[column] for column in columns}
-    return found

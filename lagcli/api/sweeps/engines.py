@@ -122,19 +122,15 @@ def rows(engine: Engine, task: PointTask, points: SweepPoints, numbers: range) -
     Raises what a point raises that is no answer of it, and `WorkersLost`.
     """
     if engine.executor is None:
-        yield from _here(task, points, numbers)
+        size, at = 1, 0
+        while at < len(numbers):
+            part = numbers[at : at + size]
+            found, seconds = point_task.run_points(task, part, [points.point(number) for number in part])
+            yield found
+            at += len(part)
+            size = _size(seconds / len(part), PAUSE)
     else:
         yield from _Stream(engine, task, points, numbers).rows()
-
-
-def _here(task: PointTask, points: SweepPoints, numbers: range) -> Iterator[list[PointRow]]:
-    size, at = 1, 0
-    while at < len(numbers):
-        part = numbers[at : at + size]
-        found, seconds = point_task.run_points(task, part, [points.point(number) for number in part])
-        yield found
-        at += len(part)
-        size = _size(seconds / len(part), PAUSE)
 
 
 def _size(seconds: float, wanted: float = PART_SECONDS) -> int:
@@ -227,17 +223,14 @@ class _Stream:
         self._parts = dict(sorted(self._parts.items()))
         return found
 
-    def _ended(self, first: int) -> PointRow:
-        number = self._parts[first][0]
-        return point_task.stopped(self._task, number, self._points.point(number), ENDED)
-
     def _end_alone(self) -> None:
         """Make a row of the point that went alone when its worker was ended."""
         self._endings += 1
         if self._endings > MOST_ENDINGS:
             raise self._lost()
         first, self._pools = self._alone.pop(0), 1
-        self._come[first] = [self._ended(first)]
+        number = self._parts[first][0]
+        self._come[first] = [point_task.stopped(self._task, number, self._points.point(number), ENDED)]
 
     def _renew(self) -> None:
         """Make the pool anew and send again what was under way. Raises `WorkersLost`."""

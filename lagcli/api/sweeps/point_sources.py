@@ -70,7 +70,10 @@ class TableOfPoints:
     @property
     def digest(self) -> str:
         """See `SweepPoints`."""
-        return _digest(self.names, self._rows)
+        found = hashlib.sha256("\0".join(self.names).encode())
+        found.update(str(self._rows.shape).encode())
+        found.update(self._rows.astype("<f8", copy=False).tobytes())
+        return found.hexdigest()
 
     def point(self, number: int) -> Point:
         """See `SweepPoints`."""
@@ -122,27 +125,21 @@ def over(model: Model, text: str) -> TableOfPoints:
         raise BadPoints(f"--over {text}: write NAME=LOW:HIGH:COUNT or NAME=[VALUE, ...]")
     label = f"--over {name}"
     if ":" in written:
-        return TableOfPoints([name], _range(model, label, written), label)
-    return TableOfPoints([name], _listed(model, label, written), label)
-
-
-def _range(model: Model, label: str, written: str) -> Floats:
-    parts = [part.strip() for part in written.split(":")]
-    if len(parts) != 3 or not all(parts):
-        raise BadPoints(f"{label}={written}: a range is LOW:HIGH:COUNT, both ends counted, such as 0.5:2:16")
-    low, high, count = (given_expression.number(model, label, part) for part in parts)
-    if count != int(count) or count < 1:
-        raise BadPoints(
-            f"{label}={written}: the count of a range is a whole number, 1 or more, not {parts[2]}"
-        )
-    if count == 1 and low != high:
-        raise BadPoints(f"{label}={written}: a range has two ends, which one point cannot be")
-    if count > MOST_IN_RANGE:
-        raise BadPoints(f"{label}={written}: a range has at most {MOST_IN_RANGE} points")
-    return np.linspace(low, high, int(count)).reshape(-1, 1)
-
-
-def _listed(model: Model, label: str, written: str) -> Floats:
+        parts = [part.strip() for part in written.split(":")]
+        if len(parts) != 3 or not all(parts):
+            raise BadPoints(
+                f"{label}={written}: a range is LOW:HIGH:COUNT, both ends counted, such as 0.5:2:16"
+            )
+        low, high, count = (given_expression.number(model, label, part) for part in parts)
+        if count != int(count) or count < 1:
+            raise BadPoints(
+                f"{label}={written}: the count of a range is a whole number, 1 or more, not {parts[2]}"
+            )
+        if count == 1 and low != high:
+            raise BadPoints(f"{label}={written}: a range has two ends, which one point cannot be")
+        if count > MOST_IN_RANGE:
+            raise BadPoints(f"{label}={written}: a range has at most {MOST_IN_RANGE} points")
+        return TableOfPoints([name], np.linspace(low, high, int(count)).reshape(-1, 1), label)
     try:
         node = parser.parse(written)
     except ExpressionError:
@@ -151,11 +148,4 @@ def _listed(model: Model, label: str, written: str) -> Floats:
     if any(isinstance(item, tree.Vector) for item in items):
         raise BadPoints(f"{label}={written}: a point is made of numbers; set the components one by one")
     values = [given_expression.number(model, label, written[item.start : item.end]) for item in items]
-    return np.array(values, dtype=float).reshape(-1, 1)
-
-
-def _digest(names: Sequence[str], rows: Floats) -> str:
-    found = hashlib.sha256("\0".join(names).encode())
-    found.update(str(rows.shape).encode())
-    found.update(rows.astype("<f8", copy=False).tobytes())
-    return found.hexdigest()
+    return TableOfPoints([name], np.array(values, dtype=float).reshape(-1, 1), label)

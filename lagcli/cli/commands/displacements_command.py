@@ -66,7 +66,36 @@ def carry_out(model: Model, at: float | None, given: RunSettings, as_json: bool,
     if as_json:
         print(json_text.text(found.as_json()))
     else:
-        _print_report(found)
+        bases, parts = found.bases, found.components
+        n = len(parts.names)
+        label = "3N" if n == 3 * len(found.particles) else "n"
+        console.paragraph(
+            f"t = {found.t:.9g}: {_number(n, 'coordinate')}, {_number(bases.rows, 'row')} of rank {bases.rank};"
+            f" {label} - rank = {n} - {bases.rank} = {_number(bases.dimension, 'virtual displacement')}",
+            "    ",
+        )
+        print()
+        _table(found)
+        print()
+        console.paragraph(
+            f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
+        )
+        console.paragraph(_allowed(found), "    ")
+        console.paragraph(
+            f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
+            "    ",
+        )
+        if bases.dimension > MOST_COLUMNS:
+            console.paragraph(
+                f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    "
+            )
+        print()
+        if found.contacts.contacts:
+            _contacts(found)
+            print()
+        _components(parts)
+        print()
+        _internal(found.internal)
     if quiet:
         return
     exits.print_err_all(found.assembled.lines(model.units) if found.assembled else ())
@@ -74,37 +103,6 @@ def carry_out(model: Model, at: float | None, given: RunSettings, as_json: bool,
     exits.print_err_all(f"note: {note}" for note in found.contacts.notes)
     if not found.bases.is_certain:
         exits.print_err("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
-
-
-def _print_report(found: Displacements) -> None:
-    bases, parts = found.bases, found.components
-    n = len(parts.names)
-    label = "3N" if n == 3 * len(found.particles) else "n"
-    console.paragraph(
-        f"t = {found.t:.9g}: {_number(n, 'coordinate')}, {_number(bases.rows, 'row')} of rank {bases.rank};"
-        f" {label} - rank = {n} - {bases.rank} = {_number(bases.dimension, 'virtual displacement')}",
-        "    ",
-    )
-    print()
-    _table(found)
-    print()
-    console.paragraph(
-        f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
-    )
-    console.paragraph(_allowed(found), "    ")
-    console.paragraph(
-        f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
-        "    ",
-    )
-    if bases.dimension > MOST_COLUMNS:
-        console.paragraph(f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    ")
-    print()
-    if found.contacts.contacts:
-        _contacts(found)
-        print()
-    _components(parts)
-    print()
-    _internal(found.internal)
 
 
 def _allowed(found: Displacements) -> str:

@@ -63,7 +63,11 @@ def modes(
     }  # fmt: skip
     found = model_reading.reported(lambda: _found(read, given), as_json)
     if plot is not None:
-        _draw(found, read, plot)
+        # matplotlib takes a third of a second to load: only where a figure is asked for.
+        with write_guard.drawing(plot):
+            from lagcli.output.figures import modes_figure
+
+            modes_figure.draw(plot, found, read.title or pathlib.Path(read.path).stem)
     if animate is not None:
         _animate(found, read, animate)
     if as_json:
@@ -89,14 +93,6 @@ def _found(model: Model, given: options.Keywords) -> Modes:
     except SimulationStopped as stop:
         exits.print_err(f"lagcli: {stop}")
         raise exits.Exit(exits.STOPPED) from None
-
-
-def _draw(found: Modes, model: Model, path: str) -> None:
-    # matplotlib takes a third of a second to load: only where a figure is asked for.
-    with write_guard.drawing(path):
-        from lagcli.output.figures import modes_figure
-
-        modes_figure.draw(path, found, model.title or pathlib.Path(model.path).stem)
 
 
 def _animate(found: Modes, model: Model, path: str) -> None:

@@ -25,7 +25,6 @@ from lagcli.output.files import file_requests, formats, write_guard
 if TYPE_CHECKING:
     from lagcli.api.plot import AskedChart, DrawnRuns
     from lagcli.model.model import Model
-    from lagcli.output.charts.chart import ChartData
 
 
 FilesArgument = Annotated[
@@ -171,7 +170,11 @@ def carry_out(options: PlotOptions) -> None:
 
             chart_figure.draw(options.output, drawn.chart)
     if options.is_shown:
-        _show(drawn.chart)
+        from lagcli.output.charts import chart_terminal
+
+        columns = console.width() if sys.stdout.isatty() else console.USUAL
+        look = chart_terminal.TerminalLook(columns, not console.is_plain(sys.stdout))
+        print("\n".join(chart_terminal.lines(drawn.chart, look)))
     if drawn.stopped:
         exits.print_err_all(f"lagcli: {reason}" for reason in drawn.stopped)
         raise exits.Exit(exits.STOPPED)
@@ -194,11 +197,3 @@ def _drawn(options: PlotOptions) -> DrawnRuns:
             exits.print_err(f"note: {step}")
     assert found is not None
     return found
-
-
-def _show(chart: ChartData) -> None:
-    from lagcli.output.charts import chart_terminal
-
-    columns = console.width() if sys.stdout.isatty() else console.USUAL
-    look = chart_terminal.TerminalLook(columns, not console.is_plain(sys.stdout))
-    print("\n".join(chart_terminal.lines(chart, look)))

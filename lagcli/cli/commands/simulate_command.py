@@ -14,7 +14,6 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats
 
 if TYPE_CHECKING:
-    from lagcli.running.run_account import Stats
     from lagcli.running.run_request import RunRequest
     from lagcli.running.written_run import RunEnding, WrittenRun
 
@@ -134,14 +133,7 @@ def _print_account(end: RunEnding) -> None:
         f" drift {stats.position_drift:.1e} in position, {stats.velocity_drift:.1e} in velocity;"
         f" energy balance {balance}"
     )
-    if happened := _incidents(stats):
-        exits.print_err(f"incidents: {happened}")
-    if end.digits:
-        exits.print_err(f"digits: {end.digits}")
-
-
-def _incidents(stats: Stats) -> str:
-    """The incidents that are counted, and the event that ended the run, or nothing."""
+    # The incidents that are counted, and the event that ended the run, or nothing
     counted = (
         (stats.impacts, "impact", "impacts"),
         (stats.accumulations, "accumulation of impacts", "accumulations of impacts"),
@@ -152,4 +144,7 @@ def _incidents(stats: Stats) -> str:
         parts.append(f"largest penetration {stats.largest_penetration:.1e}")
     if stats.ended_by is not None and stats.t_end is not None:
         parts.append(f"ended by the event {stats.ended_by} at t = {stats.t_end:.9g}")
-    return ", ".join(parts)
+    if happened := ", ".join(parts):
+        exits.print_err(f"incidents: {happened}")
+    if end.digits:
+        exits.print_err(f"digits: {end.digits}")

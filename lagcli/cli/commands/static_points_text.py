@@ -35,7 +35,18 @@ class PointOptions:
 def print_report(model: Model, found: StaticReport, options: PointOptions) -> None:
     """Write the points where they are asked for. Raises `exits.Exit` with 4 where there are none."""
     if options.output is not None and found.points:
-        _write(model, found, options)
+        from lagcli.output.tables import provenance, sinks
+
+        assert options.output is not None
+        numbers, types = found.table()
+        target = sys.stdout.buffer if options.output == "-" else options.output
+        name = "standard output" if options.output == "-" else options.output
+        whence = provenance.of(model).as_json()
+        with (
+            write_guard.writing(name),
+            sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
+        ):
+            sink.write(numbers, [types])
     if options.as_json:
         print(json_text.text(found.as_json()))
     elif options.output != "-":
@@ -57,21 +68,6 @@ def print_report(model: Model, found: StaticReport, options: PointOptions) -> No
 
 def _starts(found: StaticReport) -> str:
     return "1 start" if found.starts == 1 else f"{found.starts} starts"
-
-
-def _write(model: Model, found: StaticReport, options: PointOptions) -> None:
-    from lagcli.output.tables import provenance, sinks
-
-    assert options.output is not None
-    numbers, types = found.table()
-    target = sys.stdout.buffer if options.output == "-" else options.output
-    name = "standard output" if options.output == "-" else options.output
-    whence = provenance.of(model).as_json()
-    with (
-        write_guard.writing(name),
-        sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
-    ):
-        sink.write(numbers, [types])
 
 
 def _print_report(found: StaticReport) -> None:

@@ -168,27 +168,24 @@ class _Bar(Progress):
 
     def at(self, t: float) -> None:
         if self._shown is None and time.monotonic() - self._began > self.DELAY:
-            self._show()
+            from rich import progress as rich_progress
+            from rich.console import Console
+
+            shown = rich_progress.Progress(
+                rich_progress.BarColumn(),
+                rich_progress.TaskProgressColumn(),
+                rich_progress.TimeRemainingColumn(),
+                console=Console(stderr=True),
+                transient=True,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+            self._task = shown.add_task("", total=1.0)
+            # Known before it starts: an interrupt in between finds it and gives the terminal its cursor back.
+            self._shown = shown
+            shown.start()
         if self._shown is not None and self._task is not None:
             self._shown.update(self._task, completed=(t - self._start) / self._span)
-
-    def _show(self) -> None:
-        from rich import progress as rich_progress
-        from rich.console import Console
-
-        shown = rich_progress.Progress(
-            rich_progress.BarColumn(),
-            rich_progress.TaskProgressColumn(),
-            rich_progress.TimeRemainingColumn(),
-            console=Console(stderr=True),
-            transient=True,
-            redirect_stdout=False,
-            redirect_stderr=False,
-        )
-        self._task = shown.add_task("", total=1.0)
-        # Known before it starts: an interrupt in between finds it and gives the terminal its cursor back.
-        self._shown = shown
-        shown.start()
 
     def close(self) -> None:
         if self._shown is not None:

@@ -94,7 +94,14 @@ def guarded(run: Callable[[], None], debug: bool = False) -> int:
         print_err(f"lagcli: cannot write {name}: {error.strerror or error}")
         code = NOT_WRITTEN
     except Exception as error:  # noqa: BLE001 - the last resort: any other failure is a bug, reported as such
-        code = _bug(error, debug)
+        if debug:
+            traceback.print_exc()
+        first = str(error).partition("\n")[0]
+        print_err(
+            f"lagcli: this is a bug in lagcli ({type(error).__name__}: {first});"
+            " please report it with the model file and the output of the same command with --debug"
+        )
+        code = BUG
     with contextlib.suppress(OSError):
         sys.stdout.flush()
     _drop_stdout()
@@ -122,14 +129,3 @@ def _drop_stdout() -> None:
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, sys.stdout.fileno())
         os.close(nothing)
-
-
-def _bug(error: Exception, debug: bool) -> int:
-    if debug:
-        traceback.print_exc()
-    first = str(error).partition("\n")[0]
-    print_err(
-        f"lagcli: this is a bug in lagcli ({type(error).__name__}: {first});"
-        " please report it with the model file and the output of the same command with --debug"
-    )
-    return BUG

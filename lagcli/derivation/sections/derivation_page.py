@@ -138,7 +138,27 @@ class Derivation:
         """Unicode text in at most `width` columns where terms allow."""
         parts = [self.title, self.about]
         for section in self.sections:
-            parts += ["", section.title, *_text_section(section, width)]
+            lefts = [render_text.text(line.sides[0]) if line.sides else "" for line in section.lines]
+            widths = [render_text.width(left) for left in lefts]
+            column = max((w for w in widths if w <= WIDEST_LEFT), default=0)
+            found = []
+            for line, left, own in zip(section.lines, lefts, widths, strict=True):
+                if not line.sides:
+                    found += ["  " + part for part in render_text.folded(line.note, width - 2)]
+                    continue
+                pad = " " * max(0, column - own)
+                following = zip(line.relations, line.sides[1:], strict=True)
+                whole = f"  {pad}{left}" + "".join(
+                    f" {sign} {render_text.text(side)}" for sign, side in following
+                )
+                if line.note:
+                    whole += f"   {line.note}"
+                number = f"({line.number})" if line.number else ""
+                indent = 2 + (column if own <= WIDEST_LEFT else 4) + 3
+                rows = render_text.wrapped(whole, width - len(number) - 2, indent)
+                rows[-1] += " " * max(2, width - render_text.width(rows[-1]) - len(number)) + number
+                found += rows
+            parts += ["", section.title, *found]
         return "\n".join(part.rstrip() for part in parts)
 
     def latex(self, fragment: bool = False) -> str:
@@ -236,28 +256,6 @@ class Derivation:
         ]
 
 
-def _text_section(section: Section, width: int) -> list[str]:
-    lefts = [render_text.text(line.sides[0]) if line.sides else "" for line in section.lines]
-    widths = [render_text.width(left) for left in lefts]
-    column = max((w for w in widths if w <= WIDEST_LEFT), default=0)
-    found = []
-    for line, left, own in zip(section.lines, lefts, widths, strict=True):
-        if not line.sides:
-            found += ["  " + part for part in render_text.folded(line.note, width - 2)]
-            continue
-        pad = " " * max(0, column - own)
-        following = zip(line.relations, line.sides[1:], strict=True)
-        whole = f"  {pad}{left}" + "".join(f" {sign} {render_text.text(side)}" for sign, side in following)
-        if line.note:
-            whole += f"   {line.note}"
-        number = f"({line.number})" if line.number else ""
-        indent = 2 + (column if own <= WIDEST_LEFT else 4) + 3
-        rows = render_text.wrapped(whole, width - len(number) - 2, indent)
-        rows[-1] += " " * max(2, width - render_text.width(rows[-1]) - len(number)) + number
-        found += rows
-    return found
-
-
 def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:
     """A long sum in pieces of a line each."""
     if not isinstance(node, f.FormulaSum) or render_text.width(render_text.text(node)) <= LONG:
@@ -315,15 +313,13 @@ def _fragment(title: str, sections: tuple[Section, ...]) -> Iterator[str]:
                 yield from (f"{render_latex.words(line.note)}\n" for line in lines)
                 continue
             equations = list(lines)
-            is_wide = any(_is_wide(line.sides[0]) for line in equations)
+            # A left side beside which the others of its section would stand far to the right
+            is_wide = any(
+                render_text.width(render_text.text(line.sides[0])) > WIDEST_LEFT for line in equations
+            )
             yield r"\begin{align*}"
             yield " \\\\\n".join(row for line in equations for row in _aligned(line, is_wide))
             yield r"\end{align*}"
-
-
-def _is_wide(left: f.FormulaNode) -> bool:
-    """True for a left side beside which the others of its section would stand far to the right."""
-    return render_text.width(render_text.text(left)) > WIDEST_LEFT
 
 
 def _aligned(line: Line, is_wide: bool) -> list[str]:

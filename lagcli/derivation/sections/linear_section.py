@@ -62,21 +62,17 @@ def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
     if not (found.C or found.K or found.B or found.D):
         yield Line(note="C and K are zero, and there are no rows: M δq̈ = 0, deviations drift.")
         return
-    shown = _shown(system, signs)
-    yield from _motion(system, signs, found, shown)
-    yield from _rows(system, signs, found, shown)
-    yield from _values(system, signs, found, point)
-
-
-def _shown(system: Symbolic, signs: Signs) -> _Deviations:
-    """Symbols of deviations with their signs."""
+    # Symbols of deviations with their signs
     levels: list[tuple[sympy.Symbol, ...]] = []
     for dots, letters in enumerate((system.q, system.q, system.q, system.lam)):
         symbols = tuple(sympy.Symbol(f"deviation {dots} {letter}") for letter in letters)
         for symbol, letter in zip(symbols, letters, strict=True):
             signs.show_deviation(symbol, letter, dots % 3)
         levels.append(symbols)
-    return _Deviations(*levels)
+    shown = _Deviations(*levels)
+    yield from _motion(system, signs, found, shown)
+    yield from _rows(system, signs, found, shown)
+    yield from _values(system, signs, found, point)
 
 
 def _motion(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations) -> Iterator[Line]:

@@ -118,7 +118,19 @@ class OneSided:
             " rows and all contacts with g = 0 take part; + is just after and - just before."
         )
         yield from self._jumps()
-        yield from self._equality_rates()
+        # B v+ + b = 0 of the rows that are equations
+        signs, system = self._signs, self._system
+        for row in system.rows:
+            if row.f is not None:
+                rate = dataclasses.replace(signs.of_row("f", row.name), dots=1, sup="+")
+                yield Line("", (rate, NIL), kind="kept", family=row.family)
+                continue
+            total = row.b
+            for i, slope in row.B.items():
+                after = sympy.Symbol(f"after {system.names[i]}", real=True)
+                signs.show_after(after, i)
+                total += slope * after
+            yield Line("", (signs.node(total), NIL), kind="kept", family=row.family)
         for row, impulse, e in zip(
             self._contacts.rows, self._contact_impulses, self._contacts.restitution, strict=True
         ):
@@ -183,21 +195,6 @@ class OneSided:
             pairs = zip(self._every.rows, self._impulses, strict=True)
             right = sum((row.B[i] * impulse for row, impulse in pairs if i in row.B), ZERO)
             yield Line("", (signs.node(left), signs.node(right)), kind="jump")
-
-    def _equality_rates(self) -> Iterator[Line]:
-        """B v+ + b = 0 of the rows that are equations."""
-        signs, system = self._signs, self._system
-        for row in system.rows:
-            if row.f is not None:
-                rate = dataclasses.replace(signs.of_row("f", row.name), dots=1, sup="+")
-                yield Line("", (rate, NIL), kind="kept", family=row.family)
-                continue
-            total = row.b
-            for i, slope in row.B.items():
-                after = sympy.Symbol(f"after {system.names[i]}", real=True)
-                signs.show_after(after, i)
-                total += slope * after
-            yield Line("", (signs.node(total), NIL), kind="kept", family=row.family)
 
     def alone(self, j: int, equation: Equation, on: Mapping[sympy.Symbol, sympy.Expr]) -> Iterator[Line]:
         """Lambda of an impact on contact j alone, -(1 + e) g'- / (G P G^T), with what the rows say put in."""

@@ -33,7 +33,7 @@ class Sections:
         self._system, self.signs, self._table = system, signs, system.table
         self._every = system.all_closed
         self._free = {system.first_index(number): number for number in system.newton}
-        self._families = [_family(p.members.base, p.members.count) for p in self._entries()]
+        self._families = [p.members.base if p.members.count > 1 else _ALONE for p in self._entries()]
 
     def _entries(self) -> list[nouns.Particle]:
         return [p for p in self._table.model.particles for _ in range(p.members.count)]
@@ -290,10 +290,6 @@ def points_of_rest(system: Symbolic, parts: Sections) -> Iterator[Line]:
     for row in system.rows:
         if row.b != 0:
             yield Line("D.6", (signs.node(tidy(row.b)), NIL), kind="rest row", family=row.family)
-
-
-def _family(base: str, count: int) -> str:
-    return base if count > 1 else _ALONE
 
 
 def _short(name: str) -> str:

@@ -38,7 +38,13 @@ class Inverse:
 def inverse(system: Symbolic) -> Inverse:
     """M^-1 for the coordinates that do not obey Newton's equations, block by block."""
     found: dict[tuple[int, int], sympy.Expr] = {}
-    for block in _blocks(system):
+    # The coordinates that M couples
+    neighbours: dict[int, set[int]] = {i: {i} for i in system.lagrange}
+    for i, j in system.M:
+        if i in neighbours and j in neighbours:
+            neighbours[i].add(j)
+            neighbours[j].add(i)
+    for block in components(neighbours):
         if len(block) > MAX_BLOCK:
             return Inverse(None, f"M has a block of {len(block)} coupled coordinates, more than {MAX_BLOCK}")
         matrix = sympy.Matrix([[system.matrix(i, j) for j in block] for i in block])
@@ -54,16 +60,6 @@ def inverse(system: Symbolic) -> Inverse:
                 if entry != 0:
                     found[i, j] = entry
     return Inverse(found)
-
-
-def _blocks(system: Symbolic) -> list[list[int]]:
-    """The coordinates that M couples."""
-    neighbours: dict[int, set[int]] = {i: {i} for i in system.lagrange}
-    for i, j in system.M:
-        if i in neighbours and j in neighbours:
-            neighbours[i].add(j)
-            neighbours[j].add(i)
-    return components(neighbours)
 
 
 def components(neighbours: dict[int, set[int]]) -> list[list[int]]:

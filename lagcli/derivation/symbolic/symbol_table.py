@@ -53,7 +53,24 @@ class SymbolTable:
         self._masses: dict[int, sympy.Expr] = {}
         for parameter in model.parameters:
             self._declare(parameter, parameter.name in values)
-        self._fill()
+        # In the model's order each finds what it uses: a chain of any length needs no recursion
+        for number, name in enumerate(self.particles.names):
+            entry = int(self.particles.entries(np.array([number]))[0])
+            if not self.model.particles[entry].is_dependent:
+                position = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
+                moving = tuple(self.rates[f"{name}.{axis}"] for axis in "xyz")
+                self._positions[number], self._velocities[number] = position, moving
+                self.recognizer.know(f"r {name}", position)
+                self.recognizer.know(f"v {name}", moving)
+                self.recognizer.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
+        for step in self.model.order:
+            if isinstance(step, str):
+                # What is too large is met again where a law uses it, and else does no harm.
+                with contextlib.suppress(diagnostics.ModelError):
+                    self.definition(step)
+                continue
+            for member in step.member_numbers.tolist():
+                self.position(self.particles.first(step.entry) + member)
 
     def _declare(self, parameter: nouns.Parameter, as_number: bool) -> None:
         name, value = parameter.name, parameter.value
@@ -81,26 +98,6 @@ class SymbolTable:
         if parameter.formula is not None and not tree.names(parameter.formula.tree) - self.constants.keys():
             return self._value(parameter.formula, View())
         return exact(parameter.value)
-
-    def _fill(self) -> None:
-        """In the model's order each finds what it uses: a chain of any length needs no recursion."""
-        for number, name in enumerate(self.particles.names):
-            entry = int(self.particles.entries(np.array([number]))[0])
-            if not self.model.particles[entry].is_dependent:
-                position = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
-                moving = tuple(self.rates[f"{name}.{axis}"] for axis in "xyz")
-                self._positions[number], self._velocities[number] = position, moving
-                self.recognizer.know(f"r {name}", position)
-                self.recognizer.know(f"v {name}", moving)
-                self.recognizer.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
-        for step in self.model.order:
-            if isinstance(step, str):
-                # What is too large is met again where a law uses it, and else does no harm.
-                with contextlib.suppress(diagnostics.ModelError):
-                    self.definition(step)
-                continue
-            for member in step.member_numbers.tolist():
-                self.position(self.particles.first(step.entry) + member)
 
     def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
         """A scalar. Raises `diagnostics.ModelError` for what is too large."""

@@ -325,7 +325,10 @@ def _rows(
             rows.append(_holonomic(table, f"{body.name}.{number}", body.name, value, index))
     for rule in table.model.differential:
         for name, value in _values(table, rule):
-            rows.append(_differential(table, name, rule.members.base, value, rates))
+            B, b = _slopes(table, value, rates), _at_rest(table, value)
+            rows.append(
+                SymbolicRow(name, rule.members.base, None, B, tidy(b), tidy(-table.calculus.rate(value)))
+            )
     return tuple(rows), constants
 
 
@@ -344,13 +347,6 @@ def _holonomic(
     rate = table.calculus.rate(f)
     B, b = _slopes(table, f, index), _at_rest(table, rate)
     return SymbolicRow(name, family, f, B, tidy(b), tidy(-table.calculus.rate(rate)))
-
-
-def _differential(
-    table: SymbolTable, name: str, family: str, value: sympy.Expr, rates: dict[sympy.Symbol, int]
-) -> SymbolicRow:
-    B, b = _slopes(table, value, rates), _at_rest(table, value)
-    return SymbolicRow(name, family, None, B, tidy(b), tidy(-table.calculus.rate(value)))
 
 
 def _slopes(table: SymbolTable, value: sympy.Expr, index: dict[sympy.Symbol, int]) -> dict[int, sympy.Expr]:

@@ -30,14 +30,26 @@ class Layout:
         if value in self._shown:
             return self._shown[value]
         if value.is_Add:
-            return self._sum(value)
+            terms = sorted(sympy.Add.make_args(value), key=self._term_key)
+            signed = [self._signed(term) for term in terms]
+            first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
+            return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
         if value.is_Rational:
             return _rational(value)
         if value.is_Mul:
             sign, node = self._signed(value)
             return node if sign > 0 else f.negative(node)
         if value.is_Pow and not isinstance(value, sympy.exp):
-            return self._power(value)
+            base, exponent = value.as_base_exp()
+            if exponent.could_extract_minus_sign():
+                return self._product(value, sympy.Integer(1))
+            if exponent == sympy.Rational(1, 2):
+                return f.Root(self.node(base))
+            shown = self.node(base)
+            power = self.node(exponent)
+            if isinstance(shown, f.Apply) and shown.power is None and len(shown.arguments) == 1:
+                return f.Apply(shown.name, shown.arguments, power)
+            return f.FormulaPower(shown, power)
         return self._other(value)
 
     def _other(self, value: sympy.Expr) -> f.FormulaNode:
@@ -53,12 +65,6 @@ class Layout:
         if value == sympy.E:
             return f.Apply("exp", (f.ONE,))
         return f.FormulaText(str(value))
-
-    def _sum(self, value: sympy.Expr) -> f.FormulaNode:
-        terms = sorted(sympy.Add.make_args(value), key=self._term_key)
-        signed = [self._signed(term) for term in terms]
-        first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
-        return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
 
     def _term_key(self, term: sympy.Expr) -> tuple[object, ...]:
         """Accelerations first, then rates, then positions; each as they are declared."""
@@ -129,18 +135,6 @@ class Layout:
             kind = VECTOR if VECTOR in kinds else PARAMETER if kinds == {PARAMETER} else SUM
             return kind, inner[0][1] if inner else 0, str(base)
         return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)
-
-    def _power(self, value: sympy.Expr) -> f.FormulaNode:
-        base, exponent = value.as_base_exp()
-        if exponent.could_extract_minus_sign():
-            return self._product(value, sympy.Integer(1))
-        if exponent == sympy.Rational(1, 2):
-            return f.Root(self.node(base))
-        shown = self.node(base)
-        power = self.node(exponent)
-        if isinstance(shown, f.Apply) and shown.power is None and len(shown.arguments) == 1:
-            return f.Apply(shown.name, shown.arguments, power)
-        return f.FormulaPower(shown, power)
 
 
 def _rational(value: sympy.Expr) -> f.FormulaNode:

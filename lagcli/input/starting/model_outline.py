@@ -91,7 +91,12 @@ def read(data: bytes | str) -> Outline:
         section: tuple(dict.fromkeys(filter(None, (_pattern(name) for name, _ in node))))
         for section, node in entries.items()
     }
-    vector_names = {*names.get("particles", ()), *_vectors(entries)}
+    # The parameters that are written as a list
+    given = entries.get("parameters")
+    vector_names = {
+        *names.get("particles", ()),
+        *{name.value for name, node in given or () if isinstance(node, yaml_tree.Sequence)},
+    }
     laws = frozenset(
         _pattern(name)
         for section in ("holonomic", "differential")
@@ -105,12 +110,6 @@ def _pattern(name: yaml_tree.Scalar) -> str:
     """The name of an entry, `p[*]` for the family `p[i]`; nothing where it is no name."""
     base, *indices = name.value.replace(" ", "").split("[")
     return base + "[*]" * len(indices) if tokens.is_name(base) else ""
-
-
-def _vectors(entries: dict[str, yaml_tree.Mapping]) -> set[str]:
-    """The parameters that are written as a list."""
-    given = entries.get("parameters")
-    return {name.value for name, node in given or () if isinstance(node, yaml_tree.Sequence)}
 
 
 def _tree(node: yaml_tree.AnyNode | None) -> tree.Node | None:
@@ -130,7 +129,12 @@ def _is_vector(node: tree.Node | None, vectors: set[str]) -> bool:
         case tree.Name():
             return node.name in vectors
         case tree.Member() | tree.Index():
-            return node.member in ("v", "a") or _is_member(node, vectors)
+            # A whole particle of a family
+            return node.member in ("v", "a") or (
+                isinstance(node, tree.Index)
+                and not node.member
+                and f"{node.owner}{'[*]' * len(node.indices)}" in vectors
+            )
         case tree.Vector():
             return True
         case tree.Call():
@@ -138,15 +142,6 @@ def _is_vector(node: tree.Node | None, vectors: set[str]) -> bool:
         case tree.Relation() | tree.Sum() | tree.Product():
             return _any(node, vectors)
     return False
-
-
-def _is_member(node: tree.Member | tree.Index, vectors: set[str]) -> bool:
-    """True for a whole particle of a family."""
-    return (
-        isinstance(node, tree.Index)
-        and not node.member
-        and f"{node.owner}{'[*]' * len(node.indices)}" in vectors
-    )
 
 
 def _any(node: tree.Node, vectors: set[str]) -> bool:

@@ -49,7 +49,13 @@ class Motion:
 def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple[str, str]) -> Scene:
     """The scene of a motion; without a model there are neither rods nor surfaces, and all particles are alike. units:
     labels of time and force. Raises `NothingToShow` for lengths or times that no page holds."""
-    _require_drawable(motion)
+    far = float(np.abs(motion.particles).max(initial=0.0))
+    if not far * far < np.finfo(np.float64).max / motion.particles.size:
+        raise NothingToShow(f"positions of up to {far:.3g} are too large to be drawn")
+    if not float(motion.t[-1]) - float(motion.t[0]) <= float(np.finfo(np.float32).max):
+        raise NothingToShow(
+            f"times from {motion.t[0]:.3g} to {motion.t[-1]:.3g} are too far apart to be shown"
+        )
     points = PointTable(motion.particles, motion.is_run)
     found, surfaces = RowPictures(), list(motion.guide_lines)
     if model is not None:
@@ -58,7 +64,8 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     found.links += [points.tie(tie) for tie in motion.ties]
     hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
     tracks = [*points.tracks, *_reaches(found)]
-    view = scene.view(tracks, _down(model))
+    # The direction of the constant forces on all particles together, where that is numbers alone
+    view = scene.view(tracks, None if model is None else quadratic_algebra.weight(model))
     size, notes = scene.size(tracks), motion.notes
     if model is not None:
         curves = CurvePictures(model, motion.t, motion.particles, view, found).all()
@@ -87,17 +94,6 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     )
 
 
-def _require_drawable(motion: Motion) -> None:
-    """Raise `NothingToShow` where squares of lengths, or times as parts of the page, are beyond all numbers there."""
-    far = float(np.abs(motion.particles).max(initial=0.0))
-    if not far * far < np.finfo(np.float64).max / motion.particles.size:
-        raise NothingToShow(f"positions of up to {far:.3g} are too large to be drawn")
-    if not float(motion.t[-1]) - float(motion.t[0]) <= float(np.finfo(np.float32).max):
-        raise NothingToShow(
-            f"times from {motion.t[0]:.3g} to {motion.t[-1]:.3g} are too far apart to be shown"
-        )
-
-
 def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
     """A sentence that names the rows that are kept and not drawn, or nothing."""
     laws: tuple[nouns.Law, ...] = (*model.holonomic, *model.inequality, *model.differential)
@@ -115,11 +111,6 @@ def _reaches(found: RowPictures) -> list[Floats]:
         if ball.kind == "sphere":
             tracks += [ball.frames[:, 3] - half, ball.frames[:, 3] + half]
     return tracks
-
-
-def _down(model: nouns.Model | None) -> Floats | None:
-    """The direction of the constant forces on all particles together, where that is numbers alone."""
-    return None if model is None else quadratic_algebra.weight(model)
 
 
 def _masses(model: nouns.Model | None, count: int) -> Floats:

@@ -58,7 +58,10 @@ class CurvePictures:
             if all(one.simple for one in equal):  # and the position is all that there is to be seen of them
                 self.found.shown |= {one.name for one in equal}
         if len(led) == 2 and not level:
-            if not self._is_circle(number) and self._line(led, track, []):
+            # A particle whose curve is drawn as a circle: on a sphere and a plane
+            if not any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds) and self._line(
+                led, track, []
+            ):
                 self.found.curved.add(number)
         elif flat and len(led) == 1 and not led[0].simple:
             self._line(led, track, [self._face()])
@@ -67,10 +70,6 @@ class CurvePictures:
                 self._figure_page(one, track)
             elif one.one_sided and not one.simple:
                 self._line([one], track if one.moves else _touched(one.function, track), [self._face()])
-
-    def _is_circle(self, number: int) -> bool:
-        """True for a particle whose curve is drawn as a circle: on a sphere and a plane."""
-        return any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds)
 
     def _is_level(self, one: SingleParticleRow, track: Floats) -> bool:
         """True for an equation that only says in which plane the motion is."""

@@ -152,7 +152,10 @@ def polygons(
         near = float(np.abs(gap).min())
         if near > (FAR * size if one.one_sided else OFF_SURFACE * size):
             continue
-        shift = _radius(one, radii)
+        # The radius of the particles that touch a wall, where all have the same
+        own = radii[sorted(one.particles)]
+        known = one.one_sided and not np.isnan(own).any() and np.ptp(own) <= SAME * own.max()
+        shift = float(own[0]) if known else 0.0
         walls = [
             other
             for other in planes
@@ -161,13 +164,6 @@ def polygons(
         ]  # fmt: skip
         found.append((one, _polygon(one, tracks.reshape(-1, 3), (walls, shift), size)))
     return found
-
-
-def _radius(one: RowPlane, radii: Floats) -> float:
-    """The radius of the particles that touch a wall, where all have the same."""
-    own = radii[sorted(one.particles)]
-    known = one.one_sided and not np.isnan(own).any() and np.ptp(own) <= SAME * own.max()
-    return float(own[0]) if known else 0.0
 
 
 def _polygon(one: RowPlane, tracks: Floats, cut: tuple[list[RowPlane], float], size: float) -> DrawnSurface:

@@ -166,7 +166,15 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
     axes, spread = _spread([track - centre for track in tracks])
     flat = spread[2] <= FLAT * max(spread[0], LEAST) and extent > 0
     if not flat:
-        towards = _turned(up)
+        # The direction aside, for another direction that is up
+        if abs(up[2]) > 1 - FLAT:
+            towards = np.asarray(TOWARDS_EYE * np.array([1.0, 1.0, np.sign(up[2])]))
+        else:
+            right = np.cross(up, [0.0, 0.0, 1.0])
+            right /= np.linalg.norm(right)
+            towards = np.asarray(
+                TOWARDS_EYE[0] * right + TOWARDS_EYE[1] * np.cross(up, right) + TOWARDS_EYE[2] * up
+            )
         return Viewpoint(towards / np.linalg.norm(towards), up, centre, extent / 2 or 1.0, False)
     normal, up = _face(axes, spread, up)
     return Viewpoint(normal, up, centre, extent / 2, True)
@@ -179,15 +187,6 @@ def _spread(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:
     _, vectors = np.linalg.eigh(total / scale)
     axes = vectors.T[::-1]
     return axes, np.array([max(float(np.abs(track @ axis).max()) for track in tracks) for axis in axes])
-
-
-def _turned(up: Floats) -> Floats:
-    """The direction aside, for another direction that is up."""
-    if abs(up[2]) > 1 - FLAT:
-        return np.asarray(TOWARDS_EYE * np.array([1.0, 1.0, np.sign(up[2])]))
-    right = np.cross(up, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    return np.asarray(TOWARDS_EYE[0] * right + TOWARDS_EYE[1] * np.cross(up, right) + TOWARDS_EYE[2] * up)
 
 
 def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:

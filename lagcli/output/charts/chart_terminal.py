@@ -77,7 +77,10 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
         return
     line, used = "", 0
     for index, curve in enumerate(panel.curves):
-        name = _name(panel, curve)
+        # The name of a curve; of columns of several runs both of the legend's entries
+        column = next((key.label for key in panel.keys if key.colour == curve.colour and key.dash == 0), "")
+        is_both = any(key.colour is None for key in panel.keys)
+        name = _short(f"{column}, {curve.label}" if is_both else curve.label)
         sample = "──" if look.has_colours else LETTERS[index % len(LETTERS)]
         width = diagnostics.columns(sample) + 1 + diagnostics.columns(name) + 3
         if line and used + width > look.columns:
@@ -86,13 +89,6 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
         line += f"{_coloured(sample, _colour(panel, index), look)} {name}   "
         used += width
     yield line.rstrip()
-
-
-def _name(panel: ChartPanel, curve: ChartCurve) -> str:
-    """The name of a curve; of columns of several runs both of the legend's entries."""
-    column = next((key.label for key in panel.keys if key.colour == curve.colour and key.dash == 0), "")
-    is_both = any(key.colour is None for key in panel.keys)
-    return _short(f"{column}, {curve.label}" if is_both else curve.label)
 
 
 def _short(name: str) -> str:
@@ -162,7 +158,13 @@ class _Area:
             self._put(canvas, index, curve)
         if not self._look.has_colours and 1 < len(self._panel.curves) <= len(LETTERS):
             for index, curve in enumerate(self._panel.curves):
-                self._put_letters(canvas, index, curve)
+                # A letter on a curve, at some of its points that no other curve has
+                x, y = self._decimated(curve)
+                known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+                for spot in range(SPOTS if known.size else 0):
+                    part = (spot + (index + 1) / (len(self._panel.curves) + 1)) / SPOTS
+                    k = known[min(int(part * known.size), known.size - 1)]
+                    canvas.point(float(x[k]), float(y[k]), marker=LETTERS[index])
         for mark in marks:
             for t in mark.times:
                 self._mark(canvas, float(t))
@@ -191,15 +193,6 @@ class _Area:
         else:
             x, y = decimate.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
         return _part(x, self.x), _part(y, self._y)
-
-    def _put_letters(self, canvas: _Canvas, index: int, curve: ChartCurve) -> None:
-        """A letter on a curve, at some of its points that no other curve has."""
-        x, y = self._decimated(curve)
-        known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-        for spot in range(SPOTS if known.size else 0):
-            part = (spot + (index + 1) / (len(self._panel.curves) + 1)) / SPOTS
-            k = known[min(int(part * known.size), known.size - 1)]
-            canvas.point(float(x[k]), float(y[k]), marker=LETTERS[index])
 
     def _mark(self, canvas: _Canvas, t: float) -> None:
         colour = MARK_COLOUR if self._look.has_colours else None

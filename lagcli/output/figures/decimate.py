@@ -99,7 +99,12 @@ def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> t
         chosen, keys = _moved(x, y, cells)
         if len(chosen) <= most:
             return x[chosen], y[chosen]
-        pieces = _new_pieces(keys)
+        # The indices of points from which a piece leads to the next that no piece before has led over,
+        # either way
+        low, high = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
+        pairs = low * (CELLS * CELLS) + high
+        _, first = np.unique(pairs, return_index=True)
+        pieces = np.sort(first[low[first] >= 0])
         if len(pieces) <= most or cells <= FEWEST_CELLS:
             break
         cells //= 2
@@ -122,14 +127,6 @@ def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[
     changes = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
     chosen = np.union1d(changes, [len(x) - 1])
     return chosen, keys[chosen]
-
-
-def _new_pieces(keys: NDArray[np.int64]) -> NDArray[np.intp]:
-    """The indices of points from which a piece leads to the next that no piece before has led over, either way."""
-    low, high = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
-    pairs = low * (CELLS * CELLS) + high
-    _, first = np.unique(pairs, return_index=True)
-    return np.sort(first[low[first] >= 0])
 
 
 def _joined(x: Floats, y: Floats, pieces: NDArray[np.intp]) -> tuple[Floats, Floats]:

@@ -94,7 +94,10 @@ def _grid(
     usual = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(count, 4 if count <= 12 else 5)
     high = {1: 2.0, 2: 1.4, 3: 1.2, 4: 0.9, 5: 0.56}[usual]
     size = 8.0 if usual <= 3 else 7.0
-    floor = panels.ROUND_OFF * max(_size(panel) for panel in band.panels)
+    floor = panels.ROUND_OFF * max(
+        max(float(np.nanmax(np.abs(curve.values), initial=0.0)) for curve in panel.curves)
+        for panel in band.panels
+    )
     scales = [_value_scale(panel, floor, most=5 if usual <= 2 else 3) for panel in band.panels]
     label = ruler.wrap(band.label, -(-count // usual) * high, 8)
     strip = figure_page.MARGIN + figure_page.text_height(label, 8)
@@ -188,7 +191,3 @@ def _time_limits(band: panels.Band) -> tuple[float, float]:
     if len(times) == 0:
         return 0.0, 1.0
     return panels.widened((float(times[0]), float(times[-1])))
-
-
-def _size(panel: panels.Panel) -> float:
-    return max(float(np.nanmax(np.abs(curve.values), initial=0.0)) for curve in panel.curves)

@@ -40,7 +40,20 @@ def compose(found: witness.Witness) -> figure.Figure:
             _times(right, found, found.along(found.coordinate))
         else:
             _loop(left, found)
-            _moved(right, found)
+            # The coordinate over the moves; the gap between its ends is the amount
+            path, p = found.paths[0], found.along(found.coordinate)
+            values = path.points[:, p]
+            moves = np.linspace(0, len(path.corners) - 1, len(values))
+            for edge in range(len(path.corners)):
+                right.axvline(edge, color="#dddddd", linewidth=0.6, zorder=0)
+            right.plot(moves, values, color=_RED, linewidth=1.4)
+            _gap(right, moves[-1], values[0], values[-1], found.amount)
+            right.axhline(values[0], color=_GREY, linewidth=0.6, linestyle=(0, (3, 3)))
+            right.set_xticks(
+                np.arange(len(path.corners) - 1) + 0.5, [f"{k + 1}" for k in range(len(path.corners) - 1)]
+            )
+            right.set_xlabel("move", fontsize=9)
+            right.set_ylabel(labels.shortened(found.coordinate, labels.NAME), fontsize=9)
         for plot in (left, right):
             plot.tick_params(labelsize=8)
             plot.margins(0.12)
@@ -86,23 +99,6 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
     plot.plot(*path.corners[0][[i, j]], "o", color="#222222", markersize=4)
     plot.set_xlabel(labels.shortened(found.names[i], labels.NAME), fontsize=9)
     plot.set_ylabel(labels.shortened(found.names[j], labels.NAME), fontsize=9)
-
-
-def _moved(plot: axes.Axes, found: witness.Witness) -> None:
-    """The coordinate over the moves; the gap between its ends is the amount."""
-    path, p = found.paths[0], found.along(found.coordinate)
-    values = path.points[:, p]
-    moves = np.linspace(0, len(path.corners) - 1, len(values))
-    for edge in range(len(path.corners)):
-        plot.axvline(edge, color="#dddddd", linewidth=0.6, zorder=0)
-    plot.plot(moves, values, color=_RED, linewidth=1.4)
-    _gap(plot, moves[-1], values[0], values[-1], found.amount)
-    plot.axhline(values[0], color=_GREY, linewidth=0.6, linestyle=(0, (3, 3)))
-    plot.set_xticks(
-        np.arange(len(path.corners) - 1) + 0.5, [f"{k + 1}" for k in range(len(path.corners) - 1)]
-    )
-    plot.set_xlabel("move", fontsize=9)
-    plot.set_ylabel(labels.shortened(found.coordinate, labels.NAME), fontsize=9)
 
 
 def _times(plot: axes.Axes, found: witness.Witness, index: int) -> None:

@@ -27,7 +27,14 @@ def draw(path: str | os.PathLike[str], found: Modes, title: str) -> None:
 
 def compose(found: Modes, title: str) -> figure.Figure:
     """The figure that ``draw`` writes."""
-    shown = _shown(found)
+    # The shapes that are drawn: of two that are conjugate one, zeros last where not all find room
+    if found.frequencies is not None:
+        every = list(range(min(len(found.shapes), len(found.frequencies))))
+        every.sort(key=lambda k: found.frequencies is not None and found.frequencies[k] == 0)
+    else:
+        every = [k for k, z in enumerate(found.eigenvalues[: len(found.shapes)]) if z.imag >= 0]
+        every.sort(key=lambda k: found.eigenvalues[k] == 0)
+    shown = sorted(every[:MOST_PANELS])
     rows = max(1, -(-len(shown) // COLUMNS))
     height = 0.9 + _HEIGHT * rows
     with figure_page.style():
@@ -43,7 +50,16 @@ def compose(found: Modes, title: str) -> figure.Figure:
             left=0.07, right=0.985, bottom=0.55 / height, top=1 - 0.6 / height, wspace=0.12, hspace=0.6
         )
         for plot, k in zip(plots.flat, shown, strict=False):
-            _panel(plot, found, k)
+            plot.set_title(_heading(found, k), fontsize=8)
+            plot.set_ylim(-1.2, 1.6)
+            plot.set_yticks([-1, 0, 1])
+            plot.axhline(0.0, color="#888888", linewidth=0.6, zorder=0)
+            plot.tick_params(labelsize=7)
+            shape = found.shapes[k]
+            if all(name[-2:] in (".x", ".y", ".z") for name in found.coordinates):
+                _particles(plot, found, shape)
+            else:
+                _bars(plot, found, shape)
         for plot in list(plots.flat)[len(shown) :]:
             plot.set_visible(False)
         return drawn
@@ -53,30 +69,6 @@ def _about(found: Modes) -> str:
     return {"equilibrium": "an equilibrium", "steady": "a steady motion", "periodic": "a periodic motion"}[
         found.about
     ]
-
-
-def _shown(found: Modes) -> list[int]:
-    """The shapes that are drawn: of two that are conjugate one, zeros last where not all find room."""
-    if found.frequencies is not None:
-        every = list(range(min(len(found.shapes), len(found.frequencies))))
-        every.sort(key=lambda k: found.frequencies is not None and found.frequencies[k] == 0)
-    else:
-        every = [k for k, z in enumerate(found.eigenvalues[: len(found.shapes)]) if z.imag >= 0]
-        every.sort(key=lambda k: found.eigenvalues[k] == 0)
-    return sorted(every[:MOST_PANELS])
-
-
-def _panel(plot: axes.Axes, found: Modes, k: int) -> None:
-    plot.set_title(_heading(found, k), fontsize=8)
-    plot.set_ylim(-1.2, 1.6)
-    plot.set_yticks([-1, 0, 1])
-    plot.axhline(0.0, color="#888888", linewidth=0.6, zorder=0)
-    plot.tick_params(labelsize=7)
-    shape = found.shapes[k]
-    if all(name[-2:] in (".x", ".y", ".z") for name in found.coordinates):
-        _particles(plot, found, shape)
-    else:
-        _bars(plot, found, shape)
 
 
 def _heading(found: Modes, k: int) -> str:

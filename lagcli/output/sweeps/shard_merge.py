@@ -49,34 +49,30 @@ def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
         if request.target is not None:
             with write_guard.writing(request.target):
                 locks.enter_context(file_lock.FileLock(Path(request.target)))
-        return _write(paths, request)
-
-
-def _write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
-    try:
-        found = merged(paths)
-    except FileNotFoundError as error:
-        raise BadRequest(f"--merge: there is no file {error.filename}") from None
-    except OSError as error:
-        raise BadRequest(f"--merge: cannot read {error.filename}: {error.strerror}") from None
-    except (*read_table.UNREADABLE, BadShards) as error:
-        raise BadRequest(f"--merge: {error}") from None
-    with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
-        target = request.target
-        table = (
-            SweepTable.on_stdout(found.columns)
-            if target is None
-            else SweepTable(Path(target), found.columns, None)
-        )
-        stack.callback(table.discard)
-        for rows in sweep_table.blocks(found.rows):
-            table.write(rows)
-        stack.pop_all()
-        table.commit(len(found.rows))
-    account = SweepAccount([], False)
-    account.take(found.rows)
-    notes = () if found.has_checksums else (UNSEEN,)
-    return SweepEnding(account.code, (*notes, account.sentence()), None)
+        try:
+            found = merged(paths)
+        except FileNotFoundError as error:
+            raise BadRequest(f"--merge: there is no file {error.filename}") from None
+        except OSError as error:
+            raise BadRequest(f"--merge: cannot read {error.filename}: {error.strerror}") from None
+        except (*read_table.UNREADABLE, BadShards) as error:
+            raise BadRequest(f"--merge: {error}") from None
+        with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
+            target = request.target
+            table = (
+                SweepTable.on_stdout(found.columns)
+                if target is None
+                else SweepTable(Path(target), found.columns, None)
+            )
+            stack.callback(table.discard)
+            for rows in sweep_table.blocks(found.rows):
+                table.write(rows)
+            stack.pop_all()
+            table.commit(len(found.rows))
+        account = SweepAccount([], False)
+        account.take(found.rows)
+        notes = () if found.has_checksums else (UNSEEN,)
+        return SweepEnding(account.code, (*notes, account.sentence()), None)
 
 
 def merged(paths: Sequence[str]) -> MergedRows:

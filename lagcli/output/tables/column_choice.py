@@ -47,14 +47,12 @@ def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -
             if matches(name) and (index < len(columns) or pattern.startswith(name.partition(".")[0] + "."))
         ]
         if not found:
-            raise UnknownColumn(pattern, _nearest(everything, pattern))
+            stem = re.sub(r"[*?]", "", pattern).casefold()
+            names: dict[str, str] = {}
+            for name in everything:
+                names.setdefault(name.casefold(), name)
+            raise UnknownColumn(
+                pattern, [names[key] for key in difflib.get_close_matches(stem, list(names), n=3, cutoff=0.5)]
+            )
         chosen.update(dict.fromkeys(found))
     return list(chosen)
-
-
-def _nearest(columns: Sequence[str], pattern: str) -> list[str]:
-    stem = re.sub(r"[*?]", "", pattern).casefold()
-    names: dict[str, str] = {}
-    for name in columns:
-        names.setdefault(name.casefold(), name)
-    return [names[key] for key in difflib.get_close_matches(stem, list(names), n=3, cutoff=0.5)]

@@ -93,7 +93,13 @@ class NpzWriter:
                     shape = (sum(self._lengths),)
                     header = {"descr": "<f8", "fortran_order": False, "shape": shape}
                     np.lib.format.write_array_header_1_0(file, header)
-                    for start, length in self._byte_ranges(index):
+                    # The position of column ``index`` in the spool: (first byte, bytes) of each block
+                    ranges = []
+                    start = 0
+                    for length in self._lengths:
+                        ranges.append((start + 8 * length * index, 8 * length))
+                        start += 8 * length * self._width
+                    for start, length in ranges:
                         self._spool.seek(start)
                         file.write(self._spool.read(length))
                 index += 1
@@ -107,15 +113,6 @@ class NpzWriter:
         self._spool.seek(8 * self._width * sum(self._lengths))
         self._spool.write(np.ascontiguousarray(block, "<f8").data)
         self._lengths.append(block.shape[1])
-
-    def _byte_ranges(self, index: int) -> list[tuple[int, int]]:
-        """The position of column ``index`` in the spool: (first byte, bytes) of each block."""
-        ranges = []
-        start = 0
-        for length in self._lengths:
-            ranges.append((start + 8 * length * index, 8 * length))
-            start += 8 * length * self._width
-        return ranges
 
 
 def _comment(provenance: Mapping[str, object]) -> bytes:

@@ -10,7 +10,7 @@ import os
 import zlib
 from collections.abc import Generator, Sequence
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +122,14 @@ def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[NDArra
     their checksum is another; OSError.
     """
     with path.open("rb") as file:
-        _require_columns(file, path, columns)
+        # Read the header, which must be the one that would be written
+        expected = _header(columns, 0)
+        found = file.read(len(expected))
+        if not found.startswith(MAGIC):
+            raise UnfitRows(f"{path} holds no rows of a run")
+        digits = expected.rindex(b"0,)") + 1  # where the number of rows ends
+        if (found[: digits - DIGITS], found[digits:]) != (expected[: digits - DIGITS], expected[digits:]):
+            raise UnfitRows(f"{path} has other columns")
         width = 8 * len(columns)
         if path.stat().st_size < file.tell() + width * rows.count:
             raise UnfitRows(f"{path} has less rows than the checkpoint speaks of")
@@ -133,17 +140,6 @@ def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[NDArra
             yield np.frombuffer(data, "<f8").reshape(-1, len(columns))
     if checksum != rows.checksum:
         raise UnfitRows(f"{path} holds the rows of a different run, or is damaged")
-
-
-def _require_columns(file: BinaryIO, path: Path, columns: Sequence[str]) -> None:
-    """Read the header, which must be the one that would be written. Raises `UnfitRows`."""
-    expected = _header(columns, 0)
-    found = file.read(len(expected))
-    if not found.startswith(MAGIC):
-        raise UnfitRows(f"{path} holds no rows of a run")
-    digits = expected.rindex(b"0,)") + 1  # where the number of rows ends
-    if (found[: digits - DIGITS], found[digits:]) != (expected[: digits - DIGITS], expected[digits:]):
-        raise UnfitRows(f"{path} has other columns")
 
 
 def _data(rows: NDArray[np.float64]) -> bytes:

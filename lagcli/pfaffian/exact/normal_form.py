@@ -189,7 +189,11 @@ class NormalForm:
         if isinstance(e, (*_CIRCULAR, *_HYPERBOLIC, sympy.exp)):
             return self._elementary(e)
         if isinstance(e, sympy.Abs):
-            return self._absolute(e)
+            # |N/D| as a letter over D; its relation has two roots, so that only numbers can prove a
+            # difference
+            self.independent = False
+            above, below = sympy.fraction(guarded.together(self._write(e.args[0])))
+            return self._radical(("absolute", 2, guarded.expand(above**2), below), e) / below
         if isinstance(e, _OPAQUE):
             plain = _log_of_primes(e) if _is_log_of_number(e) else e
             return self._opaque(e) if plain == e else self._write(plain)
@@ -271,7 +275,17 @@ class NormalForm:
             return self._write(base) ** exponent
         if exponent.is_Rational:
             quotient, rest = divmod(int(exponent.p), int(exponent.q))
-            root = self._root(base, int(exponent.q), base ** sympy.Rational(1, exponent.q))
+            # The q-th root of `radicand`, as a letter over a denominator, which keeps the relation a
+            # polynomial. With radicand N/D the letter is D (N/D)^(1/q) and its q-th power N D^(q-1).
+            q = int(exponent.q)
+            meaning = base ** sympy.Rational(1, exponent.q)
+            if q > MAX_ROOT:
+                raise NoNormalFormError(f"the root {meaning} is too high")
+            above, below = sympy.fraction(guarded.together(self._write(base)))
+            power = guarded.expand(above * below ** (q - 1))
+            if power.is_Rational and not (power.is_Integer and sympy.isprime(int(power))):
+                self.independent = False
+            root = self._radical(("root", q, power, below), meaning) / below
             return self._write(base) ** quotient * root**rest
         if _is_exponential(e):
             return self._exponential(exponent * sympy.log(base))
@@ -287,27 +301,6 @@ class NormalForm:
                 unit = term / coefficient.q
                 product *= self._letter(("power", base, unit), base**unit) ** int(coefficient.p)
         return product
-
-    def _root(self, radicand: sympy.Expr, q: int, meaning: sympy.Expr) -> sympy.Expr:
-        """The q-th root of `radicand`, as a letter over a denominator, which keeps the relation a polynomial.
-
-        With radicand N/D the letter is D (N/D)^(1/q) and its q-th power N D^(q-1).
-        """
-        if q > MAX_ROOT:
-            raise NoNormalFormError(f"the root {meaning} is too high")
-        above, below = sympy.fraction(guarded.together(self._write(radicand)))
-        power = guarded.expand(above * below ** (q - 1))
-        if power.is_Rational and not (power.is_Integer and sympy.isprime(int(power))):
-            self.independent = False
-        return self._radical(("root", q, power, below), meaning) / below
-
-    def _absolute(self, e: sympy.Abs) -> sympy.Expr:
-        """|N/D| as a letter over D; its relation has two roots, so that only numbers can prove a
-        difference.
-        """
-        self.independent = False
-        above, below = sympy.fraction(guarded.together(self._write(e.args[0])))
-        return self._radical(("absolute", 2, guarded.expand(above**2), below), e) / below
 
     def _radical(self, key: _RadicalKey, meaning: sympy.Expr) -> sympy.Symbol:
         _, q, power, below = key
@@ -373,7 +366,14 @@ def _dependent(arguments: Iterable[sympy.Expr]) -> dict[sympy.Expr, sympy.Expr]:
     independent: list[int] = []
     found = {}
     for k, row in enumerate(table):
-        weights = _weights([table[i] for i in independent], row)
+        # w with sum_i w_i rows_i = row, or None; the rows are independent
+        rows = [table[i] for i in independent]
+        if not rows:
+            weights = None
+        else:
+            A = sympy.Matrix(rows).T
+            w = guarded.call((A.T * A).inv) * A.T * sympy.Matrix(row)
+            weights = list(w) if A * w == sympy.Matrix(row) else None
         if weights is None:
             independent.append(k)
             continue
@@ -394,12 +394,3 @@ def _factored(argument: sympy.Expr) -> tuple[dict[sympy.Expr, int], sympy.Ration
         for f, n in factors:
             found[f] = found.get(f, 0) + sign * n
     return found, number
-
-
-def _weights(rows: list[list[int]], row: list[int]) -> list[sympy.Rational] | None:
-    """w with sum_i w_i rows_i = row, or None; the rows are independent."""
-    if not rows:
-        return None
-    A = sympy.Matrix(rows).T
-    w = guarded.call((A.T * A).inv) * A.T * sympy.Matrix(row)
-    return list(w) if A * w == sympy.Matrix(row) else None

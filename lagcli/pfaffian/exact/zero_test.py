@@ -44,7 +44,27 @@ def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, 
     by Newton's method with 50 digits.
     """
     if surface:
-        return _test_on(expression, surface, deadline)
+        finding = _test(expression, deadline, exact_first=False)
+        if finding.truth is Truth.YES or expression.is_Rational:
+            return finding
+        try:
+            values = time_limit.run(deadline, lambda: enclosure.values_on(expression, surface))
+            if any(abs(value) > enclosure.ZERO for value in values):
+                return Finding(Truth.NO, "numeric")
+            remainder = time_limit.run(
+                deadline, lambda: normal_form.NormalForm([expression], surface).element(expression)
+            )
+        except normal_form.NoNormalFormError as error:
+            return Finding(Truth.UNKNOWN, "none", str(error))
+        except time_limit.TimeUpError:
+            return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
+        except NoAnswerError as error:
+            return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
+        if remainder == 0:
+            return Finding(Truth.YES, "symbolic")
+        return Finding(
+            Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
+        )
     return _test(expression, deadline, exact_first=False)
 
 
@@ -88,30 +108,6 @@ def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding
     except time_limit.TimeUpError:
         return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
     return exact
-
-
-def _test_on(expression: sympy.Expr, surface: tuple[sympy.Expr, ...], deadline: float) -> Finding:
-    finding = _test(expression, deadline, exact_first=False)
-    if finding.truth is Truth.YES or expression.is_Rational:
-        return finding
-    try:
-        values = time_limit.run(deadline, lambda: enclosure.values_on(expression, surface))
-        if any(abs(value) > enclosure.ZERO for value in values):
-            return Finding(Truth.NO, "numeric")
-        remainder = time_limit.run(
-            deadline, lambda: normal_form.NormalForm([expression], surface).element(expression)
-        )
-    except normal_form.NoNormalFormError as error:
-        return Finding(Truth.UNKNOWN, "none", str(error))
-    except time_limit.TimeUpError:
-        return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
-    except NoAnswerError as error:
-        return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
-    if remainder == 0:
-        return Finding(Truth.YES, "symbolic")
-    return Finding(
-        Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
-    )
 
 
 def _normal_form(expression: sympy.Expr) -> Finding:

@@ -124,7 +124,14 @@ class _FlagSearch:
         if extra[-1] == extra[-2]:
             extra = extra[:-1]
         inside = tuple(self._lies_in(row, last) for row in self._declared)
-        beyond = self._beyond(last, surface)
+        # A basis of I^(oo) without the df: those of its forms that are independent of them
+        basis_rows: list[tuple[FracElement, ...]] = list(surface.rows)
+        found = []
+        for row in last.rows:
+            if self._field.solved([*map(list, basis_rows), list(row)]).count > len(basis_rows):
+                basis_rows.append(row)
+                found.append(tuple(self._field.expression(a) for a in row))
+        beyond = tuple(found)
         return Flag(
             extra,
             growth,
@@ -156,7 +163,8 @@ class _FlagSearch:
         C = here.count
         values: list[Row] = []
         for X, Y in self._pairs(here, first):
-            row = [self._curl(theta, X, Y) for theta in here.rows]
+            # d theta(X, Y), with a proof that it is not zero unless it is
+            row = [self._field.checked(self._raw_curl(theta, X, Y)) for theta in here.rows]
             if any(row):
                 values.append(row)
         if not values:
@@ -195,10 +203,6 @@ class _FlagSearch:
             found.append(X)
         return found
 
-    def _curl(self, theta: Sequence[FracElement], X: Row, Y: Row) -> FracElement:
-        """d theta(X, Y), with a proof that it is not zero unless it is."""
-        return self._field.checked(self._raw_curl(theta, X, Y))
-
     def _raw_curl(self, theta: Sequence[FracElement], X: Row, Y: Row) -> FracElement:
         """d theta(X, Y) = sum_k X(theta_k) Y_k - Y(theta_k) X_k."""
         terms = []
@@ -220,16 +224,6 @@ class _FlagSearch:
         if dims[-1] == dims[-2]:
             dims.pop()
         return tuple(dims[0] - d for d in dims)
-
-    def _beyond(self, last: SolvedForms, surface: SolvedForms) -> tuple[tuple[sympy.Expr, ...], ...]:
-        """A basis of I^(oo) without the df: those of its forms that are independent of them."""
-        basis_rows: list[tuple[FracElement, ...]] = list(surface.rows)
-        found = []
-        for row in last.rows:
-            if self._field.solved([*map(list, basis_rows), list(row)]).count > len(basis_rows):
-                basis_rows.append(row)
-                found.append(tuple(self._field.expression(a) for a in row))
-        return tuple(found)
 
     def _lies_in(self, row: Row, last: SolvedForms) -> bool:
         for k in range(len(row)):

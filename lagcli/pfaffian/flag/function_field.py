@@ -67,7 +67,15 @@ class FunctionField:
         self.basis = normal_form.NormalForm([*entries, *slopes], block.surface)
         self.zero, self.one = self.basis.field.zero, self.basis.field.one
         self._slopes = self._letters()
-        self._constants = self._constant_letters()
+        # The letters that hold parameters alone, by their index, with their values or nan
+        found = {}
+        parameters = set(self._block.parameters)
+        for index, letter in enumerate(self.basis.letters):
+            meaning = self.basis.means(letter)
+            if meaning.free_symbols <= parameters:
+                number = guarded.subs(meaning, self._values).evalf() if self._values else sympy.nan
+                found[index] = float(number) if number.is_real else math.nan
+        self._constants = found
         self._proved: dict[FracElement, bool] = {}
         self._exceptional: dict[sympy.Expr, None] = {}
         self._divisors: dict[PolyElement, None] = {}
@@ -181,17 +189,6 @@ class FunctionField:
                 if x in meaning.free_symbols:
                     slopes[generator] = basis.element(forms.partial(meaning, x))
             found.append(slopes)
-        return found
-
-    def _constant_letters(self) -> dict[int, float]:
-        """The letters that hold parameters alone, by their index, with their values or nan."""
-        found = {}
-        parameters = set(self._block.parameters)
-        for index, letter in enumerate(self.basis.letters):
-            meaning = self.basis.means(letter)
-            if meaning.free_symbols <= parameters:
-                number = guarded.subs(meaning, self._values).evalf() if self._values else sympy.nan
-                found[index] = float(number) if number.is_real else math.nan
         return found
 
     def require_regular(self, a: FracElement) -> None:

@@ -59,30 +59,26 @@ def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
     if size == 1:
         return sympy.Matrix([[sympy.exp(A[0] * s)]])
     if size == 2:
-        return _two(A, s)
+        # With A = h I + B, B**2 = q I: exp(A s) = exp(h s) (cosh(sqrt(q) s) I + sinh(sqrt(q) s)/sqrt(q) B)
+        h = A.trace() / 2
+        B = A - h * sympy.eye(2)
+        q = guarded.factor(-B.det())
+        if q == 0:
+            even, odd = sympy.Integer(1), s
+        elif q.is_negative or q.could_extract_minus_sign():
+            w = _root(-q)
+            even, odd = sympy.cos(w * s), sympy.sin(w * s) / w
+        else:
+            w = _root(q)
+            even = (sympy.exp(w * s) + sympy.exp(-w * s)) / 2
+            odd = (sympy.exp(w * s) - sympy.exp(-w * s)) / (2 * w)
+        return (sympy.exp(h * s) * (even * sympy.eye(2) + odd * B)).applyfunc(guarded.expand)
     try:
         found = guarded.call((A * s).exp)
         found = found.applyfunc(lambda e: guarded.expand(e, complex=e.has(sympy.I)))
     except SympyFailure:
         return None
     return found if all(potential.writable(e) for e in found) else None
-
-
-def _two(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix:
-    """With A = h I + B, B**2 = q I: exp(A s) = exp(h s) (cosh(sqrt(q) s) I + sinh(sqrt(q) s)/sqrt(q) B)."""
-    h = A.trace() / 2
-    B = A - h * sympy.eye(2)
-    q = guarded.factor(-B.det())
-    if q == 0:
-        even, odd = sympy.Integer(1), s
-    elif q.is_negative or q.could_extract_minus_sign():
-        w = _root(-q)
-        even, odd = sympy.cos(w * s), sympy.sin(w * s) / w
-    else:
-        w = _root(q)
-        even = (sympy.exp(w * s) + sympy.exp(-w * s)) / 2
-        odd = (sympy.exp(w * s) - sympy.exp(-w * s)) / (2 * w)
-    return (sympy.exp(h * s) * (even * sympy.eye(2) + odd * B)).applyfunc(guarded.expand)
 
 
 def _root(square: sympy.Expr) -> sympy.Expr:

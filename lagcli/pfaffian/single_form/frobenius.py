@@ -92,7 +92,12 @@ def _judge(form: forms.Form, deadline: float) -> FormVerdict:
         return _undecided("all coefficients vanish identically, the form states nothing")
     closed = zero_test.vanish((c for _, c in form.curls()), deadline)
     if closed.truth is zero_test.Truth.YES:
-        return _exact(form, deadline)
+        phi = _potential(form, deadline)
+        if phi is None:
+            method = f"{_CLOSED}; no closed form of its integral was found."
+            return FormVerdict("exact", None, sympy.Integer(1), method, "symbolic")
+        method = f"{_CLOSED}; its integral was verified by differentiation."
+        return FormVerdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
     return _not_exact(form, closed, deadline)
 
 
@@ -114,15 +119,6 @@ def _has_value(expression: sympy.Expr, deadline: float) -> bool:
         return time_limit.run(deadline, lambda: enclosure.has_value(expression))
     except time_limit.TimeUpError:
         return True
-
-
-def _exact(form: forms.Form, deadline: float) -> FormVerdict:
-    phi = _potential(form, deadline)
-    if phi is None:
-        method = f"{_CLOSED}; no closed form of its integral was found."
-        return FormVerdict("exact", None, sympy.Integer(1), method, "symbolic")
-    method = f"{_CLOSED}; its integral was verified by differentiation."
-    return FormVerdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
 
 
 def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:

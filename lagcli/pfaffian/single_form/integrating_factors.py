@@ -140,7 +140,13 @@ def verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr |
             is not zero_test.Truth.YES
         ):
             return None
-    for side in _sides(gradient[k]):
+    # The expression on both sides of every kink: y + |y| must not pass, it is constant where y < 0
+    expression = gradient[k]
+    sides = [expression]
+    for modulus in sorted(expression.atoms(sympy.Abs), key=str)[:MAX_KINKS]:
+        u = modulus.args[0]
+        sides = [side.xreplace({modulus: sign * u}) for side in sides for sign in (1, -1)]
+    for side in sides:
         if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
             return None
     choices = [i for i, a in enumerate(form.coefficients) if a != 0]
@@ -151,15 +157,6 @@ def verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr |
     mu = min(ways, key=lambda way: (way.count_ops(), len(str(way))))
     sound = zero_test.is_zero(mu * form.coefficients[k] - gradient[k], deadline).truth is zero_test.Truth.YES
     return mu if sound else tidy_integral.ratio(gradient[k], form.coefficients[k])
-
-
-def _sides(expression: sympy.Expr) -> list[sympy.Expr]:
-    """The expression on both sides of every kink: y + |y| must not pass, it is constant where y < 0."""
-    sides = [expression]
-    for modulus in sorted(expression.atoms(sympy.Abs), key=str)[:MAX_KINKS]:
-        u = modulus.args[0]
-        sides = [side.xreplace({modulus: sign * u}) for side in sides for sign in (1, -1)]
-    return sides
 
 
 # The strategies: each takes the primitive form and the pieces of its coefficients and yields hints.
