@@ -338,8 +338,8 @@ def test_the_instant_is_foreseen_where_the_clearance_goes_to_zero_in_a_line(slop
     found = [seen.predicted(t, min(1.0, slope * (2 - t)) ** 2, 1.0) for t in (1.0, 1.3, 1.6, 1.8)]
     assert found[0] == singularity_monitor.NEVER
     assert abs(found[-1].instant - 2) < 0.05
-    assert found[-1].is_near(1.8, 0.15, 1e-8)
-    assert not found[-1].is_near(1.8, 0.05, 1e-6)
+    assert found[-1].is_near(1.8, 0.15, 1e-8, 8)
+    assert not found[-1].is_near(1.8, 0.05, 1e-6, 8)
     assert singularity_monitor.SingularityMonitor(seen.state).again() == found[-1]
     # Going apart, or too far to be seen.
     assert seen.predicted(1.9, 0.5, 1.0) == singularity_monitor.NEVER

@@ -40,7 +40,7 @@ class SingularEvent(Event):
         if predicted.is_here:
             self._leave()
             return True
-        if not predicted.is_near(run.t, run.control.step, run.tolerance[0]):
+        if not predicted.is_near(run.t, run.control.step, run.tolerance[0], run.method.order):
             return False
         if predicted.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
             return False

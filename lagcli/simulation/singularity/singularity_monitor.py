@@ -14,7 +14,7 @@ import numpy as np
 
 
 class MonitorParameters:
-    """Thresholds at which a singular configuration is predicted; times are parts of a step.
+    """Thresholds at which a singular configuration is predicted.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
@@ -24,15 +24,9 @@ class MonitorParameters:
     narrow: float = 0.9
     """An angle (rad) between rows that is smaller is followed. `test_angles_that_are_wide_are_not_followed`
     fails at 0.09 and 9."""
-    ahead: float = 2.0
-    """A step across may be this many times longer than an ordinary one.
-    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.2 and 20."""
-    farther: float = 0.4
-    """For each digit of the tolerance beyond `digits` it may be longer by this part: its order is higher.
-    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.04 and 4."""
-    digits: int = 6
-    """The digits from which on it may. `test_a_step_across_begins_some_steps_before_the_instant` fails at 0
-    and 60."""
+    ahead: float = 0.85
+    """A step across may begin this part of its own reach before the instant.
+    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.085 and 8.5."""
     amplified: float = 1e-16
     """Rounding of positions is amplified by about this over the cube of the angle.
     `test_a_step_across_begins_some_steps_before_the_instant` fails at 1e-17 and 1e-15."""
@@ -70,6 +64,8 @@ class MonitorParameters:
 
 
 PARAMETERS = MonitorParameters()
+# Gauss nodes of the step that `singularity_step` compares its own with: the order of its error is twice that.
+FEWER_NODES = 8
 # Indices in the status of `project`.
 SMALLEST_ANGLE, SMALLEST_DIAGONAL = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
@@ -100,18 +96,21 @@ class Prediction(NamedTuple):
         """True if the run begins at the instant."""
         return self.component == STANDING
 
-    def is_near(self, t: float, h: float, rtol: float) -> bool:
-        """True if a step across from t is worth a try, where ordinary steps have the length h.
+    def is_near(self, t: float, h: float, rtol: float, order: int) -> bool:
+        """True if a step across from t is worth a try, where ordinary steps of a scheme of some order have the
+        length h.
 
-        The closer to the instant a step begins, the more rounding is amplified: it may not come too close for its
-        tolerance. Soon after the start of a run steps are short for no reason of the motion, and grow.
+        The error of an ordinary step is a part (h / T)**order of the motion. That gives T, the time in which the motion
+        changes. The error of a step across goes with its own order. The closer to the instant it begins, the more
+        rounding is amplified: it may not come too close for its tolerance. Soon after the start of a run steps are
+        short for no reason of the motion, and grow.
         """
-        steps = PARAMETERS.ahead + PARAMETERS.farther * max(0.0, -math.log10(rtol) - PARAMETERS.digits)
+        reach = PARAMETERS.ahead * h * rtol ** (1 / (2 * FEWER_NODES) - 1 / order)
         if self.angle < (PARAMETERS.amplified / rtol) ** (1 / 3):
-            steps *= PARAMETERS.earlier
+            reach *= PARAMETERS.earlier
         if h > PARAMETERS.growing * self.step:
-            steps *= PARAMETERS.earlier**2
-        return self.instant - t < h * steps
+            reach *= PARAMETERS.earlier**2
+        return self.instant - t < reach
 
 
 NEVER = Prediction(math.inf, 0)

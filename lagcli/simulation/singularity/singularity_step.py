@@ -24,7 +24,7 @@ from lagcli.linear.metric_rows import MetricRows
 from lagcli.simulation.run_state.incident import RankDrop
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.singularity.singularity_monitor import SMALLEST_ANGLE, Prediction
+from lagcli.simulation.singularity.singularity_monitor import FEWER_NODES, SMALLEST_ANGLE, Prediction
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ class SingularStepParameters:
     nodes: int = 10
     """Gauss nodes of the step, even: no node lies in the middle, where the instant is.
     At 6 `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance` fails."""
-    fewer_nodes: int = 8
+    fewer_nodes: int = FEWER_NODES
     """Nodes of the step it is compared with; the difference is the estimate of its error.
     `test_an_instant_is_found_again_until_it_is_centered` fails at 0 and 80."""
     roundoff: float = 1e-13
