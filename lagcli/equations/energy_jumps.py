@@ -96,7 +96,7 @@ class Crossings:
         def is_before(part: Floats) -> sides.Flags:
             return np.asarray(np.sign(way.switches(float(part))[k]) == side)
 
-        low, high = sides.bracket(is_before, *map(np.array, ends))
+        low, high = sides.bracket(is_before, *ends)
         values = tuple(np.array(way.values(float(part))[owner]) for part in sides.beside(low, high))
         return Jump(float(low), self.subjects[owner], self.words[k]) if sides.value_jumps(values) else None
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.linearization.linearized import Linear
+from lagcli.smoothness import sides
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -29,7 +30,6 @@ Complex = npt.NDArray[np.complex128]
 SHIFT, ZERO, STIFF = 1e-7, 1e-12, 1e5
 # Eigenvalues that are asked for beyond those that are wanted, and rounds in which more are asked for.
 SPARE, ROUNDS = 6, 3
-BISECTIONS = 60
 ASYMMETRY = 1e-11
 # For singular factors, of dependent rows: their part of the diagonal.
 LOOSE = 1e-13
@@ -76,17 +76,11 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
     k = min(wanted + SPARE, n - rank - 1)
     sigma = -SHIFT * size
     if negative:
-        # The lowest w^2 to a few digits, by halving
         low = -size
         while _below(K, M, B, low, size):
             low *= 2
-        high = 0.0
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            low, high = (low, middle) if _below(K, M, B, middle, size) else (middle, high)
-            if high - low <= 1e-4 * abs(low):
-                break
-        sigma = low * (1 + 1e-3) - SHIFT * size
+        least, _ = sides.bracket(lambda mu: not _below(K, M, B, float(mu), size), low, 0.0, narrow=1e-4)
+        sigma = float(least) * (1 + 1e-3) - SHIFT * size
     solve = _solver(K - sigma * M, B)
     inverse = linalg.LinearOperator((n, n), matvec=solve, dtype=float)
     for _ in range(ROUNDS):

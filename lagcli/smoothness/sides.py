@@ -89,11 +89,19 @@ class Sides:
             return np.asarray((b > PARAMETERS.grows * a) & ~(c < PARAMETERS.grows * d) & (a > 0))
 
 
-def bracket(is_before: Callable[[Floats], Flags], low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """The parts (K,) of K ways between which each changes, by halves of those given; is_before: tells of a part of each
-    if it lies before the change."""
+def bracket(
+    is_before: Callable[[Floats], Flags | bool],
+    low: Floats | float,
+    high: Floats | float,
+    narrow: float = 0.0,
+) -> tuple[Floats, Floats]:
+    """The parts (K,) of K ways, or () of one, between which each changes, by halves of those given: as near as so small
+    a part of themselves. is_before: tells of a part of each if it lies before the change."""
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     for _ in range(PARAMETERS.halvings):
-        middle = (low + high) / 2
+        if (high - low <= narrow * np.maximum(np.abs(low), np.abs(high))).all():
+            break
+        middle = np.asarray((low + high) / 2)
         before = is_before(middle)
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     return low, high

@@ -7,14 +7,17 @@ elsewhere is found all the same.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 from mpmath import iv
 
 from lagcli.compiled.program import Program
 from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
+from lagcli.smoothness import sides
 from lagcli.statics import newton, refine
 from lagcli.statics.all_zeros import Completeness
 from lagcli.statics.point_search import PointSearch
@@ -61,6 +64,7 @@ class BranchingParameters:
 PARAMETERS = BranchingParameters()
 
 
+Floats = npt.NDArray[np.float64]
 Piece = tuple[float, float]
 
 
@@ -167,14 +171,14 @@ def _narrowed(force: _Force, piece: Piece) -> float:
     if low < 0 < high and 0 in force(iv.mpf(0))[0]:
         return 0.0
     left = force(iv.mpf(low))[0].a > 0
-    while True:
-        middle = (low + high) / 2
-        if not low < middle < high:
-            return middle
-        value = force(iv.mpf(middle))[0]
-        if 0 in value:
-            return middle
-        low, high = (middle, high) if (value.a > 0) == left else (low, middle)
+
+    def is_before(x: Floats) -> bool:
+        value = force(iv.mpf(float(x)))[0]
+        return 0 not in value and bool((value.a > 0) == left)
+
+    while math.nextafter(low, high) < high:  # beside zero there are more doubles than an interval is halved
+        low, high = map(float, sides.bracket(is_before, low, high))
+    return high
 
 
 def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 
+import pytest
+
 from tests.helpers.parameter_objects import fields, parameter_objects
 from tests.house.test_architecture import FILES, imported, nodes
 
@@ -61,3 +63,57 @@ def test_each_arithmetic_stands_in_one_file() -> None:
     assert (
         found - {"lagcli.smoothness.time_functions"} == ARITHMETICS.keys()
     )  # which folds plain numbers faster
+
+
+# A change is bracketed by `smoothness/sides.bracket`; decision 0029 has the reasons of the others.
+HALVING = {
+    "lagcli.smoothness.sides": "the owner",
+    "lagcli.contact.zero_search": "Newton's steps within a bracket, whose slopes are at hand",
+    "lagcli.contact.zero_bounds": "the same on a cubic",
+    "lagcli.statics.one_unknown": "all pieces that bounds leave open, not one change",
+    "lagcli.linearization.floquet": "SciPy's root of a value that costs a matrix each time",
+}
+ROOTS = frozenset("brentq brenth bisect ridder toms748 root_scalar".split())
+
+
+def halves(node: ast.AST) -> bool:
+    """True for a loop that moves an end of an interval and takes its middle, and for a root of SciPy's."""
+    if isinstance(node, ast.Attribute):
+        return node.attr in ROOTS and ast.unparse(node.value).endswith("optimize")
+    if not isinstance(node, ast.For | ast.While):
+        return False
+    moved: set[str] = set()
+    for part in ast.walk(node):
+        if isinstance(part, ast.Assign):
+            for target in part.targets:
+                moved |= {ast.unparse(end) for end in getattr(target, "elts", [target])}
+    return any(len(moved & ends_of_middle(part)) == 2 for part in ast.walk(node))
+
+
+def ends_of_middle(node: ast.AST) -> set[str]:
+    """The ends of `(low + high) / 2`, `0.5 * (low + high)`, `low + (high - low) / 2` and the like."""
+    match node:
+        case ast.BinOp(ast.BinOp(low, ast.Add(), high), ast.Div(), ast.Constant()):
+            return {ast.unparse(low), ast.unparse(high)}
+        case ast.BinOp(ast.Constant(), ast.Mult(), ast.BinOp(low, ast.Add(), high)):
+            return {ast.unparse(low), ast.unparse(high)}
+        case ast.BinOp(
+            low,
+            ast.Add(),
+            ast.BinOp(ast.BinOp(high, ast.Sub(), begin), ast.Div() | ast.Mult(), ast.Constant()),
+        ) if ast.unparse(begin) == ast.unparse(low):
+            return {ast.unparse(low), ast.unparse(high)}
+    return set()
+
+
+def test_a_change_is_bracketed_in_one_place() -> None:
+    assert {name for name in FILES for node in nodes(name) if halves(node)} == HALVING.keys()
+
+
+@pytest.mark.parametrize(
+    "middle", ["(a + b) / 2", "0.5 * (a + b)", "a + (b - a) / 2", "a + (b - a) * 0.4871"]
+)
+def test_a_bisection_is_seen_however_it_is_written(middle: str) -> None:
+    loop = f"while b - a > 1e-9:\n    c = {middle}\n    if f(c):\n        a = c\n    else:\n        b = c"
+    assert halves(ast.parse(loop).body[0])
+    assert not halves(ast.parse(f"for a, b in pairs:\n    c = {middle}").body[0])

@@ -18,7 +18,7 @@ from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.simulation.stepping import sticking, timetable
 from lagcli.simulation.stepping.stepper import Stepper
-from lagcli.smoothness import named_functions
+from lagcli.smoothness import named_functions, sides
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -133,15 +133,14 @@ class EdgeEvent(Event):
 
     def _first_crossing(self, begin: Floats) -> float | None:
         """The part of the step that was found at which a switch leaves the side of its value at the begin (U,)."""
+
+        def is_before(part: Floats) -> bool:
+            return not (self._inside(float(part)) * begin < 0.0).any()
+
         low = 0.0
         for high in FEW[1:].tolist():
-            if (self._inside(high) * begin < 0.0).any():
-                while high - low > BEFORE * high:
-                    middle = (low + high) / 2
-                    low, high = (
-                        (low, middle) if (self._inside(middle) * begin < 0.0).any() else (middle, high)
-                    )
-                return float(high)
+            if not is_before(high):
+                return float(sides.bracket(is_before, low, high, narrow=BEFORE)[1])
             low = high
         return None
 
