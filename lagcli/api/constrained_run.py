@@ -78,19 +78,9 @@ def constrained(
                 "take the inequality out, if it plays no part",
             )
     first = prepare_run.start(model, chosen)
-    index = _row_index(first, plan.constraint)
-    chosen, stops = _until_stopped(model, chosen, first)
-    notes = [*assemble_start.of_run(first), *stops]
-    return _constrained(model, chosen, index, plan), first.built.rows.rows[index].name, notes
-
-
-def _without_limit(message: str, where: diagnostics.Location, hint: str) -> diagnostics.ModelError:
-    return diagnostics.ModelError([diagnostics.Diagnostic("no-stiff-limit", message, where, hint)])
-
-
-def _row_index(run: SimulationRun, name: str) -> int:
-    """The number of the row of this name. Raises `ModelError` where it has no limit, `ValueError` where it is none."""
-    built = run.built
+    # The number of the row of this name
+    name = plan.constraint
+    built = first.built
     rows = built.rows.rows
     s = built.holonomic_count
     named = [i for i, row in enumerate(rows) if row.name == name] or [
@@ -114,7 +104,7 @@ def _row_index(run: SimulationRun, name: str) -> int:
         hint = f"its rows are `{rows[named[0]].name}` to `{rows[named[-1]].name}`"
         raise ValueError(f"constraint: `{name}` is {len(named)} rows, and one becomes a spring; {hint}")
     (index,) = named
-    if index in run.selection.indeterminate:
+    if index in first.selection.indeterminate:
         raise _without_limit(
             f"the row `{rows[index].name}` is redundant: others hold it when it becomes a spring, which then has no"
             " force, and its multiplier is not unique",
@@ -127,7 +117,13 @@ def _row_index(run: SimulationRun, name: str) -> int:
             rows[index].location,
             "write the row without `atan2`, or name the angle as a coordinate",
         )
-    return index
+    chosen, stops = _until_stopped(model, chosen, first)
+    notes = [*assemble_start.of_run(first), *stops]
+    return _constrained(model, chosen, index, plan), first.built.rows.rows[index].name, notes
+
+
+def _without_limit(message: str, where: diagnostics.Location, hint: str) -> diagnostics.ModelError:
+    return diagnostics.ModelError([diagnostics.Diagnostic("no-stiff-limit", message, where, hint)])
 
 
 def _until_stopped(model: Model, chosen: Simulation, run: SimulationRun) -> tuple[Simulation, list[str]]:

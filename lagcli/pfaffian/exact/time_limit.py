@@ -137,7 +137,12 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
     around: list[_Work] = getattr(_local, "inner", [])
     around.append(own)
     try:
-        _start(thread)
+        # Deep expressions recurse deeply; the default stack of a thread is half a megabyte on some systems.
+        before = threading.stack_size(_STACK_BYTES)
+        try:
+            thread.start()
+        finally:
+            threading.stack_size(before)
         while thread.is_alive():
             progress.require_time()
             rest = min(progress.left(until), spent + seconds - time.process_time())
@@ -165,15 +170,6 @@ class _Work:
         """All threads of it that still run, the innermost first."""
         found = [thread for work in list(self.inner) for thread in work.alive()]
         return [*found, self.thread] if self.thread.is_alive() else found
-
-
-def _start(thread: threading.Thread) -> None:
-    # Deep expressions recurse deeply; the default stack of a thread is half a megabyte on some systems.
-    before = threading.stack_size(_STACK_BYTES)
-    try:
-        thread.start()
-    finally:
-        threading.stack_size(before)
 
 
 def _end(work: _Work) -> None:
