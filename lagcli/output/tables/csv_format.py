@@ -23,7 +23,6 @@ from lagcli.output.tables.table_format import (
     Floats,
     Make,
     Provenance,
-    ReadTable,
     as_text,
     bad,
     column_indices,
@@ -35,11 +34,6 @@ MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
 def writer(path: Path, provenance: Provenance) -> Make:
     """See `TableFormat`."""
     return CsvWriter
-
-
-def reader(path: Path, check_size: CheckSize) -> ReadTable:
-    """See `TableFormat`."""
-    return CsvTable(path, check_size)
 
 
 class CsvText:
@@ -188,3 +182,6 @@ class CsvTable:
                     return
                 lines.length = 0
                 yield row
+
+
+reader = CsvTable  # see `TableFormat`

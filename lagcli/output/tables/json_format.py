@@ -19,7 +19,6 @@ from lagcli.output.tables.table_format import (
     Floats,
     Make,
     Provenance,
-    ReadTable,
     UnreadableTable,
     as_text,
     bad,
@@ -32,11 +31,6 @@ MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty li
 def writer(path: Path, provenance: Provenance) -> Make:
     """See `TableFormat`."""
     return functools.partial(JsonWriter, provenance=provenance)
-
-
-def reader(path: Path, check_size: CheckSize) -> ReadTable:
-    """See `TableFormat`."""
-    return JsonTable(path, check_size)
 
 
 class JsonWriter:
@@ -140,3 +134,6 @@ class JsonTable:
                 self._path, f"row {row}: {name[:SHOWN]!r} holds {str(cell)[:SHOWN]!r}, which is no number"
             )
         return float(cell)
+
+
+reader = JsonTable  # see `TableFormat`

@@ -27,7 +27,6 @@ from lagcli.output.tables.table_format import (
     Floats,
     Make,
     Provenance,
-    ReadTable,
     UnreadableTable,
     bad,
     parsed_provenance,
@@ -42,11 +41,6 @@ NUMBERS, TEXTS = "[<>|=]?[fiu][1248]", r"[<>=]U\d{1,4}"
 def writer(path: Path, provenance: Provenance) -> Make:
     """See `TableFormat`."""
     return functools.partial(NpzWriter, provenance=provenance)
-
-
-def reader(path: Path, check_size: CheckSize) -> ReadTable:
-    """See `TableFormat`."""
-    return NpzTable(path, check_size)
 
 
 class NpzWriter:
@@ -220,3 +214,6 @@ class NpzTable:
         if len(data) != count:
             raise bad(self._path, f"`{name}` ends too early")
         return data
+
+
+reader = NpzTable  # see `TableFormat`

@@ -20,7 +20,6 @@ from lagcli.output.tables.table_format import (
     Make,
     MissingExtra,
     Provenance,
-    ReadTable,
     as_text,
     bad,
     parsed_provenance,
@@ -37,11 +36,6 @@ def writer(path: Path, provenance: Provenance) -> Make:
     with needing_pyarrow(path):
         import pyarrow.parquet  # noqa: F401 (it is there)
     return functools.partial(ParquetTableWriter, provenance=provenance)
-
-
-def reader(path: Path, check_size: CheckSize) -> ReadTable:
-    """See `TableFormat`."""
-    return ParquetTable(path, check_size)
 
 
 @contextlib.contextmanager
@@ -175,3 +169,6 @@ class ParquetTable:
             raise bad(
                 self._path, str(error).splitlines()[0] if str(error) else type(error).__name__
             ) from None
+
+
+reader = ParquetTable  # see `TableFormat`

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Protocol, Self, TextIO, cast
+from typing import BinaryIO, Self, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,39 +18,72 @@ from lagcli.output.tables import cell_text, csv_format, table_format
 from lagcli.output.tables.table_format import Make
 
 
-class Sink(Protocol):
+class Sink(abc.ABC):
     """Takes the rows of one table block by block; exactly one of commit, keep_partial and discard ends it.
 
     As a context manager it is discarded on an exception and committed otherwise, unless it has been ended
     before. All methods let OSError pass; a commit or keep_partial that fails has discarded.
     """
 
+    def __init__(self, columns: Sequence[str], texts: Sequence[str]) -> None:
+        self._width, self._texts = len(columns) - len(texts), len(texts)
+        self._ended = False
+        self._rows = 0
+
+    @abc.abstractmethod
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the cells of each column of text; raises ValueError for
         another shape or an ended sink."""
 
     @property
+    @abc.abstractmethod
     def is_file(self) -> bool:
         """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
 
     def finish(self, planned: int | None = None) -> None:
         """The table is complete, and a file of it still aside; ``planned``: the number of its rows, where it is known:
         OSError where others were written."""
+        self._must_be_open()
+        if planned is not None and planned != self._rows:
+            raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
 
+    @abc.abstractmethod
     def commit(self, durably: bool = False, planned: int | None = None) -> None:
         """Finish the table, and move it into place; ``durably``: return when it is on the disk."""
 
+    @abc.abstractmethod
     def keep_partial(self) -> Path | None:
         """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
 
+    @abc.abstractmethod
     def discard(self) -> None:
         """Leave nothing behind; no effect on an ended sink."""
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    ) -> None:
+        if self._ended:
+            return
+        if kind is None:
+            self.commit()
+        else:
+            self.discard()
+
+    def _must_be_open(self) -> None:
+        if self._ended:
+            raise ValueError("the sink has ended")
+
+    def _checked(self, rows: NDArray[np.float64], texts: cell_text.Texts) -> NDArray[np.float64]:
+        self._must_be_open()
+        if rows.ndim != 2 or rows.shape[1] != self._width:
+            raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
+        if len(texts) != self._texts or any(len(cells) != len(rows) for cells in texts):
+            raise ValueError(f"texts that do not fit {len(rows)} rows of {self._texts} columns of text")
+        self._rows += len(rows)
+        return rows.astype(np.float64, copy=False)
 
 
 def open_sink(
@@ -84,53 +117,7 @@ def open_sink(
     return _FileSink(path, columns, texts, table_format.of(fmt).writer(path, provenance))
 
 
-class _Base(abc.ABC):
-    """The common part of all sinks."""
-
-    def __init__(self, columns: Sequence[str], texts: Sequence[str]) -> None:
-        self._width, self._texts = len(columns) - len(texts), len(texts)
-        self._ended = False
-        self._rows = 0
-
-    def finish(self, planned: int | None = None) -> None:
-        self._must_be_open()
-        if planned is not None and planned != self._rows:
-            raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
-
-    @abc.abstractmethod
-    def commit(self, durably: bool = False, planned: int | None = None) -> None: ...
-
-    @abc.abstractmethod
-    def discard(self) -> None: ...
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._ended:
-            return
-        if kind is None:
-            self.commit()
-        else:
-            self.discard()
-
-    def _must_be_open(self) -> None:
-        if self._ended:
-            raise ValueError("the sink has ended")
-
-    def _checked(self, rows: NDArray[np.float64], texts: cell_text.Texts) -> NDArray[np.float64]:
-        self._must_be_open()
-        if rows.ndim != 2 or rows.shape[1] != self._width:
-            raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
-        if len(texts) != self._texts or any(len(cells) != len(rows) for cells in texts):
-            raise ValueError(f"texts that do not fit {len(rows)} rows of {self._texts} columns of text")
-        self._rows += len(rows)
-        return rows.astype(np.float64, copy=False)
-
-
-class _FileSink(_Base):
+class _FileSink(Sink):
     def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str], make: Make) -> None:
         super().__init__(columns, texts)
         self._temporary = atomic_file.PendingFile(path)
@@ -181,7 +168,7 @@ class _FileSink(_Base):
         self._ended = True
 
 
-class _StreamSink(_Base):
+class _StreamSink(Sink):
     def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str], texts: Sequence[str]) -> None:
         super().__init__(columns, texts)
         self._table = csv_format.CsvText(columns, texts)

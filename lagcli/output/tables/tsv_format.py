@@ -6,7 +6,7 @@ import functools
 from pathlib import Path
 
 from lagcli.output.tables import csv_format
-from lagcli.output.tables.table_format import CheckSize, Make, Provenance, ReadTable
+from lagcli.output.tables.table_format import Make, Provenance
 
 
 def writer(path: Path, provenance: Provenance) -> Make:
@@ -14,12 +14,10 @@ def writer(path: Path, provenance: Provenance) -> Make:
     return functools.partial(csv_format.CsvWriter, delimiter="\t")
 
 
-def reader(path: Path, check_size: CheckSize) -> ReadTable:
-    """See `TableFormat`."""
-    return TsvTable(path, check_size)
-
-
 class TsvTable(csv_format.CsvTable):
     """An open file of lines with tabs."""
 
     separator, called, others = "\t", "tabs", "[;,]"
+
+
+reader = TsvTable  # see `TableFormat`
