@@ -320,6 +320,31 @@ def test_a_start_on_a_switch_of_the_state_goes_to_the_side_to_which_it_is_led(
     assert found["lambda.f"] == pytest.approx(push + 0 * t, abs=1e-9)
 
 
+@pytest.mark.parametrize("along", ["t**2", "-t**2", "-t**5", "-abs(t)*t", "exp(t) - 1 - t"])
+@pytest.mark.parametrize(("switch", "speed"), [("a.x", 0.0), ("a.x - a.y", 0.3), ("a.vx - 0.3", 0.3)])
+def test_a_start_on_a_switch_at_zero_takes_no_time_to_leave_it(switch: str, speed: float, along: str) -> None:
+    model = lagcli.loads(
+        f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [0, 0, 0], velocity: [{speed}, {speed}, 0]}}}}\n"
+        f'forces: {{load: {{to: a, force: "[{along}, 0, sign({switch})]"}}}}\n'
+        "inequality: {f: a.z >= 0}\n"
+    )
+    found = lagcli.simulate(model, duration=1.0, samples=9)
+    t, is_lifted = found.t, along[0] != "-"
+    ways = {"t**2": t**4 / 12, "-t**2": -(t**4) / 12, "-t**5": -(t**7) / 42, "-abs(t)*t": -(t**4) / 12}
+    way = ways.get(along, np.exp(t) - 1 - t - t**2 / 2 - t**3 / 6)
+    assert found["a.x"] == pytest.approx(speed * t + way, abs=1e-10)
+    assert found["a.z"] == pytest.approx(t**2 / 2 if is_lifted else 0 * t, abs=1e-10)
+    assert found["lambda.f"] == pytest.approx(0.0 if is_lifted else 1.0, abs=1e-10)
+    assert not len(found.events["t"])
+
+
+@pytest.mark.parametrize("place", [0.0, 1e-30, 1e-200])
+def test_a_contact_presses_at_a_place_that_is_no_size_yet(place: float) -> None:
+    found = moving("[0, 0, -1]", "a.z >= 0", position=[place, 0, 0], velocity=[1, 0, 0])
+    assert found["lambda.f"] == pytest.approx(1.0, abs=1e-12)
+    assert not len(found.events["t"])
+
+
 @pytest.mark.parametrize("load", ["sign(a.x - 0.1)", "-2 + sign(a.x - 0.1)"])
 def test_a_start_at_rest_on_a_switch_onto_which_both_sides_push_stops(load: str) -> None:
     with pytest.raises(lagcli.SimulationStopped) as stopped:

@@ -10,7 +10,7 @@ from lagcli.compiled import nearest, pattern
 from lagcli.compiled.contact_values import MotionNumbers
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, ContactParameters
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.error_estimate import Parting
 from lagcli.start import assembly, conflict, gaps, initial, sample_points
@@ -277,7 +277,7 @@ def instant(speed=1.0, **more):
         "slow": np.ones(1),
     }
     given |= {"speeds": np.zeros(1), "pull": np.zeros(1), "_few": {}}
-    given |= {"_blurred": np.zeros(1)}
+    given |= {"_blurred": np.zeros(1), "_chosen": ContactParameters(rtol=1e-9)}
     found.__dict__.update({**given, **more})
     return found
 

@@ -57,7 +57,7 @@ PARAMETERS = InstantParameters()
 class ContactParameters:
     """Numbers of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
     far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact; since: the time from the start on; across: by
-    which the state lies behind a switch."""
+    which the state lies behind a switch; ahead: the length of the step that is tried next."""
 
     rtol: float
     span: float = 0.0
@@ -65,6 +65,7 @@ class ContactParameters:
     speed: float = 0.0
     since: float = 0.0
     across: float = 0.0
+    ahead: float = 0.0
 
 
 class ContactRowValues:
@@ -340,7 +341,9 @@ class ContactInstant:
         few = self.few(contacts)
         squares = self.squares(contacts) if few is None else few.free
         rate = float(np.abs(x / self.units).max(initial=0.0))
-        creep = (PARAMETERS.creeping * self._motion.speed) ** 2 / (self.size or 1.0)
+        # At a start the way of a step may be larger than all that has a size yet.
+        way = max(self.size, self._motion.speed * self._chosen.ahead) or 1.0
+        creep = (PARAMETERS.creeping * self._motion.speed) ** 2 / way
         in_units = self.gap_changes(1.0)[contacts]
         pull = np.maximum(PARAMETERS.weightless * (self.pull[contacts] + in_units * rate), in_units * creep)
         least = np.asarray(pull / squares)

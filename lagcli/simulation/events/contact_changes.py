@@ -92,8 +92,8 @@ class ContactChanges:
     def _instant(self, t: float, y: Floats, across: float = 0.0) -> ContactInstant:
         run = self._run
         given = float(run.tolerance[0]), run.found.taken, run.contacts.size
-        across = max(across, run.timetable.least)
-        chosen = ContactParameters(*given, since=t - run.grid.start, across=across)
+        times = {"across": max(across, run.timetable.least), "ahead": run.control.step}
+        chosen = ContactParameters(*given, since=t - run.grid.start, **times)
         return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
 
     def noise(self, watch: StepWatch) -> Floats:

@@ -3,6 +3,7 @@ and switches of forces in the motion while contacts are closed or touch."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import force_switches
+from lagcli.compiled.contact_values import ROUNDINGS
 from lagcli.contact.least_distance import EPS
 from lagcli.simulation.events import step_watch, switch_event
 from lagcli.simulation.events.event import Event
@@ -25,6 +27,8 @@ Flags = npt.NDArray[np.bool_]
 
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10
+# Roundings by which a number is moved to the side of a switch to which a motion at rest on it is led.
+FEW_ROUNDINGS = tuple(2.0**power for power in range(12))
 
 
 class EdgeEvent(Event):
@@ -75,8 +79,8 @@ class EdgeEvent(Event):
         if not is_on.any():
             return False
         moving = is_on & (rates != 0.0)
-        if moving.any():
-            return self._crosses(2 * math.ulp(run.t), moving)
+        if moving.any() and self._crosses(2 * math.ulp(run.t), moving):
+            return True
         # The first time at which positions are told apart from those on the switch, by accelerations soon after it.
         dt = math.ulp(run.t + run.grid.step)
         while dt < run.grid.step / 2:
@@ -85,17 +89,59 @@ class EdgeEvent(Event):
             led = is_on & (np.abs(beside) > 16 * EPS * sizes)
             if led.any():
                 self._require_no_return(dt, y, led)
-                # Positions are moved by a few roundings, and no time is lost in which forces are not those of the side.
-                return self._steps_to(2 * math.ulp(run.t), led, y)
+                # No time is lost in which forces are not those of the side.
+                return self._steps_to(2 * math.ulp(run.t), led, self._beside(y, np.where(led, beside, 0.0)))
             dt *= 2
         return False
 
     def _led(self, dt: float) -> Floats:
-        """The state with positions to which accelerations a time later lead, (2n + 1,)."""
+        """The state to which accelerations a time later lead, (2n + 1,)."""
         run, y, n = self._run, self._run.bound.y.copy(), self._run.bound.y.size // 2
         k = self._rate(run.t + dt, y + dt * run.bound.k)
+        k[n : 2 * n][np.abs(k[n : 2 * n]) <= self._rounding(dt)] = 0.0
         y[:n] += dt * y[n : 2 * n] + dt * dt / 2 * k[n : 2 * n]
+        y[n : 2 * n] += dt * k[n : 2 * n]
         return y
+
+    def _rounding(self, dt: float) -> Floats:
+        """Accelerations (n,) that are rounding of forces, a time later."""
+        run, numeric = self._run, self._run.bound.numeric
+        s = run.state_at(run.t + dt, run.bound.y + dt * run.bound.k)
+        h, _ = numeric.force_roundings(s.t, s.q, s.v, s.p)
+        inertia = np.diag(np.array(numeric.inertia(s.t, s.q, s.v, s.p)))
+        return np.asarray(ROUNDINGS * EPS * np.array(h).ravel() / inertia)
+
+    def _beside(self, ahead: Floats, sides: Floats) -> Floats:
+        """The state with some of its numbers moved by a few roundings to the sides (U,) of switches, 0 of those that do
+        not matter; the state ahead (2n + 1,) where these move none of them there."""
+        run, y, decided = self._run, self._run.bound.y.copy(), np.zeros(sides.size, dtype=bool)
+        n, t, moved = y.size // 2, run.t + 2 * math.ulp(run.t), np.abs(ahead - run.bound.y)
+        extents, numbers = np.maximum(np.abs(y), moved), self._numbers_in_switches
+        for switch in np.flatnonzero(sides).tolist():
+            decided[switch] = True
+            # What is led itself first: another one may be held.
+            own = sorted(numbers[switch], key=lambda i: -moved[n + i % n])
+            for way, i, sign in itertools.product(FEW_ROUNDINGS, own, (1.0, -1.0)):
+                z = y.copy()
+                z[i] += sign * way * EPS * extents[i]
+                u, _, sizes = self._at(t, z, run.bound.k)
+                if (u * np.sign(sides) > 16 * EPS * sizes)[decided].all():
+                    y = z
+                    break
+            else:
+                return ahead
+        return y
+
+    @cached_property
+    def _numbers_in_switches(self) -> list[list[int]]:
+        """The numbers among (q, v) that stand in each of the switches (U,)."""
+        contacts, function = self._switches
+        found: list[list[int]] = [[] for _ in contacts]
+        for kind in (0, 1):
+            pattern = function.jac_sparsity(0, 1 + kind)
+            for switch, number in zip(*pattern.get_triplet(), strict=True):
+                found[switch].append(kind * pattern.shape[1] + number)
+        return found
 
     def _rate(self, t: float, y: Floats) -> Floats:
         self._run.statistics.evaluations += 1
@@ -135,7 +181,7 @@ class EdgeEvent(Event):
         """The part of the step that was found at which a switch leaves the side of its value at the begin (U,)."""
 
         def is_before(part: Floats) -> bool:
-            return not (self._inside(float(part)) * begin < 0.0).any()
+            return not self._has_left(begin, float(part))
 
         low = 0.0
         for high in FEW[1:].tolist():
@@ -144,12 +190,20 @@ class EdgeEvent(Event):
             low = high
         return None
 
-    def _inside(self, x: float) -> Floats:
-        """The switches (U,) on the cubic through the ends of the step that was found."""
-        bound, h = self._run.bound, self._run.found.taken
+    def _has_left(self, begin: Floats, x: float) -> bool:
+        """True where a switch has left the side of its value at the begin (U,) at a part of the step that was found: on
+        the cubic through its ends, and on its dense output, which knows motions of higher powers of the time."""
+        run = self._run
+        bound, h = run.bound, run.found.taken
         ahead = bound.new - bound.y
         bends = h * ((1 - x) * bound.k - x * bound.k_new) + (2 * x - 1) * ahead
-        return self._at(self._run.t + x * h, bound.y + x * ahead + x * (1 - x) * bends, bound.k)[0]
+        left = self._at(run.t + x * h, bound.y + x * ahead + x * (1 - x) * bends, bound.k)[0] * begin < 0.0
+        if not left.any():
+            return False
+        run.make_dense()
+        coefficients: Floats = run.rows.dense.results[0]
+        y = run.method.interpolated(bound.y, coefficients, np.array(x))
+        return bool((left & (self._at(run.t + x * h, y, bound.k)[0] * begin < 0.0)).any())
 
     def _watched(self) -> Flags:
         """The contacts that are closed, and the forces where some are or touch, as far as they switch (K + 1,)."""
@@ -177,7 +231,7 @@ class EdgeEvent(Event):
         u, rates, sizes = self._at(self._run.t, self._run.bound.y, self._run.bound.k)
         of_forces, are_watched = self._of_forces, watched[self._switches[0]]
         is_on = of_forces & (u == 0) & (rates != 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             times = np.where(are_watched & ((u * rates < 0) | is_on), np.abs(u / rates), np.inf)
             blurred = np.where(of_forces & are_watched, np.abs(EPS * sizes / rates), 0.0)
         return times, np.where(np.isfinite(times), blurred, 0.0)
