@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any, Final, Literal
 
@@ -221,9 +220,9 @@ def named(wanted: Callable[[Function], bool]) -> frozenset[str]:
     return frozenset(row.name for row in TABLE.values() if wanted(row))
 
 
-def calls(names: Iterable[str]) -> re.Pattern[str]:
-    """A pattern of the text of a call of one of some functions."""
-    return re.compile(rf"\b({'|'.join(sorted(names))})\s*\(")
+def calls(wanted: Callable[[Function], bool]) -> frozenset[str]:
+    """The calls of some functions as words of an expression (`tree.words`)."""
+    return frozenset(f"{name}(" for name in named(wanted))
 
 
 def meaning(library: ModuleType, given: Meaning, name: str) -> Computed:

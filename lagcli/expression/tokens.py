@@ -81,6 +81,12 @@ def tokenize(text: str) -> Tokens:
     return Tokens([*kinds, "end"], [*words, ""], starts)
 
 
+def called(text: str) -> frozenset[str]:
+    """The names that a text calls, whether it is an expression or none."""
+    words = [word for word in _WORD.findall(text) if not word.isspace()]
+    return frozenset(name for name, sign in itertools.pairwise(words) if sign == "(" and is_name(name))
+
+
 def _kind(word: str) -> str:
     """The kind of a word; empty where it has no meaning."""
     if word in _SIGNS:

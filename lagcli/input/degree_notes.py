@@ -12,7 +12,7 @@ from lagcli.model.model import Expression
 
 FULL_TURN = 2 * math.pi  # radians: a start beyond it is possible, but seldom meant
 _FUNCTIONS = functions.named(lambda row: row.angle == "argument")
-_CALL = functions.calls(_FUNCTIONS)
+_CALLS = functions.calls(lambda row: row.angle == "argument")
 
 
 def notes(root: yaml_tree.Mapping, expressions: Iterable[Expression]) -> Iterator[diagnostics.Diagnostic]:
@@ -20,7 +20,7 @@ def notes(root: yaml_tree.Mapping, expressions: Iterable[Expression]) -> Iterato
     large = dict(_large(root))
     noted: set[str] = set()
     for expression in expressions:
-        if not _CALL.search(expression.origin.value):
+        if not expression.words & _CALLS:
             continue
         for call, part in _arguments(expression.tree):
             shown = expression.origin.value[call.start : call.end]

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.expression import functions
-from lagcli.expression.functions import Function
 from lagcli.model import model as nouns
 
 # Words, as `tree.words` has them.
 Words = frozenset[str]
 
 
-def _calls(wanted: Callable[[Function], bool]) -> Words:
-    return Words(f"{name}(" for name in functions.named(wanted))
-
-
-ANGLES = _calls(lambda row: row.period > 0.0)
-_SWITCHES = _calls(lambda row: row.is_piecewise)
+ANGLES = functions.calls(lambda row: row.period > 0.0)
+_SWITCHES = functions.calls(lambda row: row.is_piecewise)
 # A power whose exponent is not whole may be a root, and so a modulus.
-_JUMPS = _calls(lambda row: row.may_jump) | {"**"}
+_JUMPS = functions.calls(lambda row: row.may_jump) | {"**"}
 # A length jumps like a modulus where it is divided by, or divides, what changes its sign: not by a number alone.
 _LENGTHS = frozenset(("norm(", "distance("))
 # What else an expression may hold is smooth wherever it has a value, whole powers too.
-NOT_SMOOTH = _calls(lambda row: row.may_be_steep) | _LENGTHS | {"**"}
+NOT_SMOOTH = functions.calls(lambda row: row.may_be_steep) | _LENGTHS | {"**"}
 # A velocity, as far as its name tells.
 _VELOCITIES = frozenset(("v", ".v", ".vx", ".vy", ".vz", "rate("))
 

@@ -117,3 +117,24 @@ def test_a_bisection_is_seen_however_it_is_written(middle: str) -> None:
     loop = f"while b - a > 1e-9:\n    c = {middle}\n    if f(c):\n        a = c\n    else:\n        b = c"
     assert halves(ast.parse(loop).body[0])
     assert not halves(ast.parse(f"for a, b in pairs:\n    c = {middle}").body[0])
+
+
+def test_which_functions_occur_is_read_from_trees() -> None:
+    """A pattern of a text is blind to where a name ends, to columns of this name, and to what a call stands in."""
+    readers = {"compile", "match", "search", "findall", "finditer", "fullmatch"}
+    found = {
+        name
+        for name in FILES
+        for node in nodes(name)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in readers
+        for part in node.args[:1]
+        if ast.unparse(node.func.value) == "re" and {r"\(", "functions"} & pieces_of(part)
+    }
+    assert not found
+
+
+def pieces_of(pattern: ast.expr) -> set[str]:
+    """What a pattern ends with, two letters of it, and the names that it is made of."""
+    made = {part.id for part in ast.walk(pattern) if isinstance(part, ast.Name)}
+    texts = [part.value for part in ast.walk(pattern) if isinstance(part, ast.Constant)]
+    return made | {text[-2:] for text in texts if isinstance(text, str)}

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lagcli import memory, yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, functions, parser, tree
+from lagcli.expression import evaluate, functions, parser, tokens, tree
 from lagcli.expression.evaluate import Value
 from lagcli.expression.operators import Operators
 from lagcli.expression.tree import ExpressionError
@@ -26,7 +26,6 @@ Array = npt.NDArray[np.float64]
 Reference = tree.Name | tree.Member | tree.Index
 
 LABEL = "--reduce"
-_CALLED = re.compile(r"([A-Za-z_]\w*)\s*\(")
 _PART_OF_NAME = re.compile(r"[\w.\[]")
 _HINT = (
     "one number is kept of a run: max, min, mean, rms, first, last, argmax, argmin or integral of a column"
@@ -93,7 +92,7 @@ def columns_of(reduction: Reduction, known: Sequence[str]) -> tuple[str, ...]:
 def are_of_ends(reductions: Sequence[Reduction]) -> bool:
     """True where the first and the last row of a run are all they need."""
     others = set(_OF_ROWS) - {"first", "last"}
-    return not any(others.intersection(_CALLED.findall(one.text)) for one in reductions if not one.is_last)
+    return not any(others & tokens.called(one.text) for one in reductions if not one.is_last)
 
 
 def value(
