@@ -8,7 +8,7 @@ k times this constant, after k turns, is the same law beyond the cut. Elsewhere 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -196,41 +196,35 @@ def _turns(here: T, last: T, periods: T, ceil: Callable[[T], T]) -> T:
 
 
 def _opened(f: ca.SX, s: Symbols, p: ca.SX) -> tuple[ca.SX, ca.SX, list[float], ca.SX]:
-    """f with a symbol for each angle; the angles (J,) as the functions give them, their periods, and the symbols."""
+    """f with a symbol for each angle that t or q moves; the angles (J,) as the functions give them, one within the
+    arguments of another too, their periods, and the symbols."""
     inputs = [s.t, s.q, s.v, p]
-    calls = iter(_calls(f, inputs))
     values: list[ca.SX] = []
     symbols: list[ca.SX] = []
     periods: list[float] = []
 
-    def visit(op: int, parts: list[ca.SX], value: ca.SX) -> ca.SX:
-        if op not in PERIODS:
-            return value
-        # One within the arguments of another stands there as it is.
-        angle = next(calls)
-        if angle is None:
-            return value
-        values.append(angle)
+    def look(op: int, parts: list[_Opened], expression: operation_graph.Expression) -> _Opened:
+        is_moving = any(part.is_moving for part in parts)
+        if op not in PERIODS or not is_moving:
+            return _Opened(operation_graph.applied(op, [part.value for part in parts]), is_moving)
+        values.append(expression())
         periods.append(PERIODS[op])
         symbols.append(ca.SX.sym(f"angle {len(symbols)}"))
-        return symbols[-1]
+        return _Opened(symbols[-1], True)
 
-    opened = operation_graph.replayed(f, inputs, visit)
-    return opened, ca.vertcat(ca.SX(0, 1), *values), periods, ca.vertcat(ca.SX(0, 1), *symbols)
+    def leaf(number: int | None, entry: float) -> _Opened:
+        return _Opened(ca.SX(entry) if number is None else inputs[number][int(entry)], number in (0, 1))
+
+    opened = [each.value for each in operation_graph.folded(f, inputs, leaf, look)]
+    none = ca.SX(0, 1)
+    return ca.vertcat(none, *opened), ca.vertcat(none, *values), periods, ca.vertcat(none, *symbols)
 
 
-def _calls(f: ca.SX, inputs: list[ca.SX]) -> list[ca.SX | None]:
-    """The angles in a column of t, q and more, in the order of its operations; None for one without t and q."""
-    found: list[ca.SX | None] = []
+class _Opened(NamedTuple):
+    """A value with symbols for angles in it; is_moving: t or q is in it."""
 
-    def look(op: int, parts: list[bool], expression: operation_graph.Expression) -> bool:
-        is_moving = any(parts)
-        if op in PERIODS:
-            found.append(expression() if is_moving else None)
-        return is_moving
-
-    operation_graph.folded(f, inputs, lambda given, number: given in (0, 1), look)
-    return found
+    value: ca.SX
+    is_moving: bool
 
 
 def _change(

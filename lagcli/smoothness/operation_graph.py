@@ -67,9 +67,14 @@ def replayed(value: ca.SX, inputs: Sequence[ca.SX], visit: Visit) -> ca.SX:
         return ca.SX(entry) if number is None else flat[number][int(entry)]
 
     def look(op: int, parts: list[ca.SX], _: Expression) -> ca.SX:
-        return visit(op, parts, ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts))
+        return visit(op, parts, applied(op, parts))
 
     return ca.vertcat(ca.SX(0, 1), *folded(value, inputs, leaf, look))
+
+
+def applied(op: int, parts: Sequence[ca.SX]) -> ca.SX:
+    """The expression of an operation on its operands."""
+    return ca.SX.binary(op, *parts) if len(parts) == 2 else ca.SX.unary(op, *parts)
 
 
 def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> list[T]:
