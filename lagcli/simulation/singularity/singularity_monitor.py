@@ -110,7 +110,7 @@ class Prediction(NamedTuple):
             reach *= PARAMETERS.earlier
         if h > PARAMETERS.growing * self.step:
             reach *= PARAMETERS.earlier**2
-        return self.instant - t < reach
+        return bool(self.instant - t < reach)
 
 
 NEVER = Prediction(math.inf, 0)
