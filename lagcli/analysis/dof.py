@@ -24,6 +24,7 @@ from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.smoothness import sides
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
@@ -289,31 +290,22 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
     gradients = metric_rows.LocalRows(numeric.holonomic(state.t, state.q, state.p)[1])
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(holonomic_rows)
-    sides = [
+    far = sides.PARAMETERS.farther * TIP
+    beside = [
         dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
-        for side in (-TIP, TIP)
+        for side in (-far, -TIP, TIP, far)
     ]
-    for there in sides:
+    for there in beside[1:3]:
         if (
             sample_points.is_finite(numeric, there)
             and _normalized_rows(numeric, there).take(holonomic_rows).turned_from(here) > TURN
         ):
+            rows = [metric_rows.LocalRows(numeric.holonomic(at.t, at.q, at.p)[1]) for at in beside]
             what = "jumps at the start"
-            if _turns_smoothly(numeric, state, sides):
+            if not sides.Sides(tuple(each.values for each in rows)).jumps().any():
                 what = f"turns within {TIP:g} of the size of the start, as beside where it vanishes"
             return f"the gradient of a constraint {what}, so the rank there does not prove the dimension"
     return ""
-
-
-def _turns_smoothly(numeric: NumericSystem, state: State, sides: list[State]) -> bool:
-    """True if gradients change as much from one side to the middle as from there to the other, as at y = 1 those of
-    (y - 1)^2 do and those of |y - 1| do not."""
-    one, here, other = (
-        metric_rows.LocalRows(numeric.holonomic(at.t, at.q, at.p)[1]).values
-        for at in (sides[0], state, sides[1])
-    )
-    bend, turn = np.abs(one + other - 2 * here), np.abs(other - one)
-    return bool(bend.max(initial=0.0) <= TURN * turn.max(initial=0.0))
 
 
 def _is_lost(found: Classification, on: _Ranks) -> bool:
