@@ -316,10 +316,14 @@ def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
     Of more rows than are looked at densely none is named.
     """
     flags = np.zeros(rows.count, dtype=bool)
-    if rows.are_independent or rows.is_large or rank.estimate(rows).low == rows.count:
+    if rows.are_independent or rows.is_large or (count := rank.estimate(rows).low) == rows.count:
         return flags
     flags[:] = True
-    flags[leading(rows.dense, rank.PARAMETERS.large)] = False
+    first = leading(rows.dense, rank.PARAMETERS.large)
+    if len(first) < count:  # some are nearly dependent, and known not to be
+        sigma = [*decompositions.singular_values(rows.dense).tolist(), 0.0]
+        first = leading(rows.dense, float(np.sqrt(sigma[count - 1] * max(sigma[count], np.finfo(float).eps))))
+    flags[first] = False
     return flags
 
 

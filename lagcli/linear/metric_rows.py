@@ -354,10 +354,11 @@ class MetricRows:
         # Summed in the order of CasADi's product, without its conversions, which cost several times the sum.
         return -self._metric.unwhitened(rows.combined(weights))
 
-    def whole_correction(self, residual: Floats) -> Floats:
-        """The step of `correction` with the weakest rows too, however near to dependent ones they are."""
+    def whole_correction(self, residual: Floats, least: float = 0.0) -> Floats:
+        """The step of `correction` with the weakest rows too, however near to dependent ones they are; where they are
+        nearer than `least` they count as dependent."""
         sizes, in_metric = self._length_factors
-        step = np.linalg.lstsq(self.dense, residual / sizes / in_metric, rcond=0.0)[0]
+        step = np.linalg.lstsq(self.dense, residual / sizes / in_metric, rcond=least)[0]
         return -self._metric.unwhitened(np.asarray(step, dtype=float))
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:

@@ -231,12 +231,15 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
             if parting and _are_dependent(numeric, state, parting):
                 return parting
         return []
-    B, bias = numeric.rows(later.t, reached.q, state.v, state.p)
+    # What rows demand of velocities may grow with the distance from the surface, as that of 1e6*(x - y)*dt does.
+    here = search.surface().at(reached.q)
+    q = reached.q if here is None else reached.q + here.step()
+    B, bias = numeric.rows(later.t, q, state.v, state.p)
     b = np.array(bias).ravel()
     if not (np.isfinite(np.array(B.nonzeros(), dtype=float)).all() and np.isfinite(b).all()):
         return []
     v = projection.velocity(state.v, B, b, search.full_metric)
-    there = dataclasses.replace(later, q=reached.q, v=v)
+    there = dataclasses.replace(later, q=q, v=v)
     if initial.residuals(system, numeric, there).consistent:
         return []  # what is left is rounding
     parting = least(LocalRows(B), b)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.position_rows import PositionRows
 from lagcli.frozen import frozen
-from lagcli.linear import surface
+from lagcli.linear import decompositions, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.linear.surface import Linearized
@@ -99,12 +99,18 @@ class Surface:
         return surface.nearest(toward, self._metric.length, q, q0, steps)
 
 
-def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric) -> Floats:
+def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric, is_whole: bool = False) -> Floats:
     """The nearest v with B v + b = 0 in the metric. Shapes (n,), (C, n), (C,).
 
-    Where the rows contradict each other the result leaves a residual.
+    Where the rows contradict each other the result leaves a residual. So it may where they are nearly dependent, unless
+    `is_whole`: then what sets them apart counts too, down to rounding.
     """
     rows = MetricRows(B, metric)
     for _ in range(2):  # the second pass removes the rounding of the first
-        v = v + rows.correction(LocalRows(B).times(v) + b)
+        residual = LocalRows(B).times(v) + b
+        v = v + (
+            rows.whole_correction(residual, decompositions.PARAMETERS.rounding)
+            if is_whole
+            else rows.correction(residual)
+        )
     return v

@@ -228,3 +228,56 @@ def test_singular_values_that_are_neither_counted_nor_rounding_are_told() -> Non
     found = counted({}, ["d(w)"], ["x + y = 3.3", "x + (1 + 1e-6)*y + 1e-9*x*y = 3.3000003009 + 1e-14"])
     assert found.configuration_dof is None
     assert "1 of them lie between 1e-07 and 3e-06" in found.reason
+
+
+@pytest.mark.parametrize("gain", ["1e5", "1e6", "1e7"])
+@pytest.mark.parametrize(
+    ("w", "factor", "truth"),
+    [
+        ("pi/3", "1", 3),
+        ("1.0472", "1", 4),
+        ("pi/3", "(1 + max(y, -5))", 3),
+        ("1.0472", "(1 + max(y, -5))", 4),
+    ],
+)
+def test_a_place_is_kept_to_by_a_row_near_to_another(gain: str, w: str, factor: str, truth: int) -> None:
+    """A row with a multiple of another row added: without what sets them apart motions would leave the place."""
+    rows = [f"{factor}*d(x)", f"{gain}*{factor}*d(x) + d(w) + (10 - 20*cos(w))*(u + 1)*d(z)"]
+    assert counted({"w": w}, rows).configuration_dof == truth
+
+
+def test_of_rows_near_to_one_another_those_that_follow_from_others_are_told() -> None:
+    rows = ["d(x)", "1e6*d(x) + d(w) + (10 - 20*cos(w))*(u + 1)*d(z)", "2*d(x)"]
+    found = counted({"w": "pi/3"}, rows)
+    assert (found.configuration_dof, found.redundant_rows) == (3, ("n2",))
+
+
+def test_rows_near_to_one_another_have_velocities() -> None:
+    rows = [
+        "d(x) - x*dt",
+        "1000001*d(x) + d(y) - 3*z*d(w) - 1000000*x*dt",
+        "d(x)/1000000 + d(z) + (3*x + 3*y)*d(w) - x/1000000*dt",
+    ]
+    values = {"x": "1.5", "y": "0.88 - 1.5", "z": "0.12", "w": "3 + 4/11", "u": "1"}
+    assert counted(values, rows).configuration_dof == 2
+
+
+def test_a_gain_on_hidden_conditions_makes_no_rows_part_later() -> None:
+    """Later points stand beside the surface by rounding, which a gain makes larger than that of the velocities."""
+    rows = [
+        "d(u)",
+        "2*d(u) + d(x)",
+        "-2*d(u) - d(x) - 1000000*(y - z**2 - z)*dt",
+        "-4*d(u) - 2*d(x) - (2*z + 1)*d(z) + d(y) + (2999*z/1000000 - w/1000)*dt",
+        "-3000000*cos(u)*d(u) - 2000000*cos(u)*d(x) - (14000000*z/3 + 1000000*(2*z + 1)*cos(u) + 7000000/3)*d(z)"
+        " + (1000000*cos(u) + 7000000/3)*d(y)"
+        " + (20993*z/3 - 7000*w/3 + 1000000*(2999*z/1000000 - w/1000)*cos(u))*dt",
+    ]
+    values = {
+        "u": "13/10",
+        "x": "-1/7 - (2*(13/10))",
+        "z": "1/3",
+        "y": "(1/3)**2 + (1/3)",
+        "w": "3*(1/3) - ((1/3)/1000)",
+    }
+    assert counted(values, rows).configuration_dof == 1

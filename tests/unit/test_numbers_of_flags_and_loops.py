@@ -23,6 +23,7 @@ from lagcli.analysis.holonomy.loop_trial import LoopTrial
 from lagcli.analysis.holonomy.loop_words import Goal
 from lagcli.analysis.numeric_flag import evaluation_point, flag_points
 from lagcli.expression import term_sizes
+from lagcli.linear import rank
 from lagcli.start.initial import State
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -76,7 +77,9 @@ class Place(SimpleNamespace):
     """A place of one variable, with nothing to keep."""
 
     def __init__(self, x=1.0):
+        nothing = rank.Rank(0, 0, np.zeros((0, 0)))
         super().__init__(x=np.array([x]), p=np.zeros(0), independent=[], error=0.0, is_finite=True)
+        self.all, self.surface, self.least = nothing, nothing, 1.0
 
 
 def block(**more):

@@ -443,7 +443,7 @@ def test_small_values_of_one_row_beside_large_ones_of_another_count(size, power)
 @pytest.mark.parametrize(
     ("surface", "forms"),
     [
-        ([], ["d(z) - y*d(x) = 0", "d(z) - (1 + 1e-8)*y*d(x) = 0"]),
+        ([], ["d(z) - y*d(x) = 0", "d(z) - (1 + 1e-11)*y*d(x) = 0"]),
         ([], ["d(x) = 5*dt", "d(x) = (5 + 1e-9)*dt"]),
         (["x = 3*y", "x = (3 + 1e-9)*y - 1e-10"], ["d(z) - u*d(x) = 0"]),
     ],
@@ -452,6 +452,12 @@ def test_rows_that_only_nearly_depend_on_each_other_leave_doubt(surface, forms):
     found = flag(model(FOUR, surface, forms))
     assert not found.is_certain
     assert "nearly" in found.reason
+
+
+@pytest.mark.parametrize("part", ["1e-5", "1e-7", "1e-8", "1e-9"])
+def test_rows_that_are_apart_by_more_than_rounding_are_independent(part):
+    found = flag(model(FOUR, [], ["d(z) - y*d(x) = 0", f"d(z) - (1 + {part})*y*d(x) = 0"]))
+    assert (found.extra, found.inside, found.is_certain) == ((2, 2), (True, True), True)
 
 
 def test_a_dependent_row_beside_nearly_parallel_ones():

@@ -6,7 +6,7 @@ Where these brackets, in doubles, are certainly as many as there are rows, no lo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -66,7 +66,7 @@ class EvaluationPoint:
             A = _without_rounding(block, A, x, p)
             self.sizes = row_block.variable_sizes(A, block.kinds)
             self.plain, self.A = A, row_block.scaled(A, self.sizes)
-            self.rows = MetricRows(self.A, Metric.unit(block.size))
+            self.rows = MetricRows(self.A, Metric.unit(block.size), _RowsAsKnown(self))
 
     @cached_property
     def all(self) -> rank.Rank:
@@ -82,7 +82,9 @@ class EvaluationPoint:
     def still(self) -> rank.Rank:
         """The rank of all rows without time."""
         n = len(self.block.columns)
-        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n))) if self.block.has_time else self.all
+        if not self.block.has_time:
+            return self.all
+        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n), _RowsAsKnown(self)))
 
     @cached_property
     def independent(self) -> list[int]:
@@ -112,9 +114,31 @@ class EvaluationPoint:
 
     def in_kernel(self, u: Floats) -> Floats:
         """The field of D at this point nearest to u (N,), both in scaled coordinates."""
+        if self.rows.is_large or self.rows.are_independent:
+            for _ in range(2):
+                u = u + self.rows.correction(np.array(self.A @ u).ravel())
+            return u
+        spanned = rank.space(self.rows.dense, is_whole=False).right[: self.all.low]
         for _ in range(2):
-            u = u + self.rows.correction(np.array(self.A @ u).ravel())
+            u = u - spanned.T @ (spanned @ u)
         return u
+
+    @cached_property
+    def least(self) -> float:
+        """The smallest singular value that counts, of rows of length one; 1 of many rows."""
+        if self.rows.is_large or not self.all.low:
+            return 1.0
+        return float(decompositions.singular_values(self.rows.dense)[self.all.low - 1])
+
+    @cached_property
+    def roundoff(self) -> float:
+        """The part of a row of length one, at most, that is rounding of the terms it is made of, or what the point is
+        off the orbit."""
+        terms = term_sizes.of(program.written_out(self.block.rows), [self.x, self.p])[: self.plain.nnz()]
+        rows = metric_rows.LocalRows(row_block.scaled(self.plain, self.sizes))
+        scaled = terms * self.sizes[rows.column] / rows.divisors[rows.row]
+        largest = float(scaled.max(initial=0.0))
+        return max(decompositions.PARAMETERS.rounding, ROW_ROUNDOFF * largest, PARAMETERS.off * self.error)
 
     @property
     def first(self) -> int:
@@ -149,6 +173,28 @@ class EvaluationPoint:
     def _of(self, function: Callable[..., object], pairs: list[tuple[Floats, Floats]]) -> Floats:
         """A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)."""
         return np.array([np.array(function(self.x, self.p, *pair)).ravel() for pair in pairs]).T
+
+
+class _RowsAsKnown:
+    """The rows at a point, for a rank that the usual limits leave open: those are for points that may lie on a surface
+    that is singular. Beside it rows are known to rounding, and what is a hundred times as large counts."""
+
+    def __init__(self, point: EvaluationPoint) -> None:
+        self._point = point
+
+    def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
+        """The rank of rows with these numbers, None where it is not known better."""
+        holonomic = [k for k, i in enumerate(numbers) if i < len(self._point.block.holonomic)]
+        if len(holonomic) == rows.count or not rows.take(holonomic).are_independent:
+            return None
+        sigma = decompositions.singular_values(rows.dense)
+        if not ((sigma > decompositions.PARAMETERS.rounding) & (sigma <= rank.PARAMETERS.large)).any():
+            return None
+        nothing = self._point.roundoff
+        sure = PARAMETERS.off * nothing
+        if ((sigma > nothing) & (sigma <= sure)).any() or not np.isfinite(nothing):
+            return None
+        return int((sigma > sure).sum())
 
 
 def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Sparse:

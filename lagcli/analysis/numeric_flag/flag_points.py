@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.analysis.numeric_flag import undecided
+from lagcli.analysis.numeric_flag import evaluation_point, undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
@@ -160,10 +160,13 @@ class ReachablePoints:
         self._random = np.random.default_rng(SEED)
 
     def from_point(self, point: EvaluationPoint) -> EvaluationPoint | None:
-        """The point at the end of a flow along a random field of the kernel of the rows, or None.
+        """The point at the end of a flow along a random field of the kernel of the rows, or None, as where their rank
+        is not known.
 
         Where the rank is lower at the point than beside it the field is one of the rows that are independent there.
         """
+        if point.all.value is None or point.surface.value is None:
+            return None  # without a row that counts the flow would leave the orbit
         independent = point.independent
         ranges = self._ranges(point)
         u = self._random.standard_normal(self._block.size)
@@ -183,6 +186,7 @@ class ReachablePoints:
         # Time goes on.
         sign = -1.0 if self._block.has_time and first[-1] < 0 else 1.0
         best = EvaluationPoint(self._block, point.x, point.p, math.inf)
+        rounding = max(PARAMETERS.converged, evaluation_point.ROW_ROUNDOFF / point.least)
         for k in range(PARAMETERS.shorter):
             undecided.require_time(self._deadline)
             scale = sign * ranges / largest / PARAMETERS.factor**k
@@ -190,7 +194,7 @@ class ReachablePoints:
                 continue
             x, error = _flow(along, point.x, scale)
             # What rounding alone has moved stands still: else a place that the rows keep to is left.
-            x = np.where(np.abs(x - point.x) <= PARAMETERS.converged * ranges, point.x, x)
+            x = np.where(np.abs(x - point.x) <= rounding * ranges, point.x, x)
             there = (
                 met(self._block, x, point.p, size)
                 if error <= PARAMETERS.roughly and error < best.error
