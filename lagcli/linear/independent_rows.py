@@ -205,6 +205,12 @@ def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
     return Dependence(independent, tuple(rest), tuple(known[row] for row in rest))
 
 
+def follow_from_few(rows: MetricRows, independent: Sequence[int]) -> bool:
+    """True if all other rows of many are combinations of a few independent ones near them."""
+    rest = sorted(set(range(rows.count)) - set(independent))
+    return len(_near_weights(rows, independent, rest)) == len(rest)
+
+
 def _near_weights(
     rows: MetricRows, independent: Sequence[int], rest: Sequence[int]
 ) -> dict[int, Mapping[int, float]]:

@@ -207,8 +207,8 @@ class MetricRows:
 
     @cached_property
     def rank_in_digits(self) -> int | None:
-        """The rank where it is known in more digits than those of doubles, else None."""
-        if self._precise is None or self.is_large:
+        """The rank where it is known better than by the limits of its singular values, else None."""
+        if self._precise is None:
             return None
         return self._precise.rank(self, self._numbers)
 

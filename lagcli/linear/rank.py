@@ -142,6 +142,8 @@ def estimate(rows: MetricRows) -> Rank:
     exact = rows.rank_in_digits
     if exact is None or exact < found.low:
         return found
+    if rows.is_large:
+        return Rank(exact, exact, found.dependences[: int(exact < rows.count)])
     return Rank(exact, exact, found.dependences[exact - found.low :])
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
@@ -21,8 +22,10 @@ from lagcli.linear import decompositions, independent_rows, rank, surface
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import InDigits, Point
 from lagcli.smoothness.sized_function import SizedFunction
+from lagcli.start import initial
 from lagcli.start.initial import State
 
+Floats = npt.NDArray[np.float64]
 Numbers = list[Decimal]
 ZERO = Decimal(0)
 
@@ -63,7 +66,13 @@ class PreciseRows:
 
     def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
         """The rank of rows with these numbers in the system; `rows` are the same in doubles. None where these leave no
-        doubt, and where it is not known in so many digits."""
+        doubt, and where it is not known in so many digits. Of many rows doubles tell it (`rank_of_many`)."""
+        if rows.is_large:
+            f = np.array(self._numeric.holonomic(self._state.t, self._state.q, self._state.p)[0]).ravel()
+            holonomic = [k for k, i in enumerate(numbers) if i < f.size]
+            return rank_of_many(
+                rows, holonomic, f[[numbers[k] for k in holonomic]], initial.size(self._state.q)
+            )
         sigma = decompositions.singular_values(rows.dense)
         clear = sigma[sigma > PARAMETERS.rounding]
         if not clear.size or clear.min() > rank.PARAMETERS.large:
@@ -110,6 +119,29 @@ class PreciseRows:
         except multiprecision.Unknown:
             return None
         return found
+
+
+def rank_of_many(rows: MetricRows, holonomic: list[int], f: Floats, size: float) -> int | None:
+    """The rank of many rows, of which some are near to dependent ones and none is as near as a surface that is singular
+    leaves them: those of a very long structure in bending. None where that is not so.
+
+    All others have to follow from a few rows near them to far more digits than these are apart, and the point to stand
+    on the surface, f (s,) of the `holonomic` ones, within a part of that distance.
+    """
+    least = rank.PARAMETERS.small
+    count = rows.above(least)
+    if count == rows.above(rank.PARAMETERS.large):
+        return None
+    chosen = independent_rows.independent(rows, count)
+    if not independent_rows.follow_from_few(rows, chosen):
+        return None
+    place = {k: j for j, k in enumerate(holonomic)}
+    on = [k for k in chosen if k in place]
+    if on:
+        moved = rows.take(on).correction(f[[place[k] for k in on]])
+        if not float(np.abs(moved).max(initial=0.0)) <= PARAMETERS.clear * least * size:
+            return None
+    return count
 
 
 class _RowsAtPoint:

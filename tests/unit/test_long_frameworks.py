@@ -9,6 +9,7 @@ import lagcli
 from lagcli.linear import independent_rows, metric_rows
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.start import precise_rows
 
 pytestmark = pytest.mark.numeric
 
@@ -57,6 +58,11 @@ def jiggled(points, rods):
     return [tuple(np.array(p) + 0.1 * random.standard_normal(len(p))) for p in points], rods
 
 
+def flat(points, rods, height):
+    """As near to dependent rows as a longer one: it hardly resists to bending."""
+    return [(x, height * y) for x, y in points], rods
+
+
 def tower(floors):
     """Three legs, every face with both diagonals."""
     points = [
@@ -84,6 +90,7 @@ def tower(floors):
         jiggled(*ladder(70, ends=10.0, without=(3, 30, 50))),
         tower(20),
         tower(40),
+        flat(*ladder(200), 0.008),
     ],
 )
 def test_the_length_of_a_framework_leaves_its_count_as_it_is(framework):
@@ -167,3 +174,23 @@ def test_weights_over_all_rows_are_found_for_forty_at_once(monkeypatch):
     rows = of_entries([*chained(200), *ends], 201)
     assert len(independent_rows.over(rows, tuple(range(200))).weights) == 90
     assert asked == [40, 40, 10]
+
+
+@pytest.mark.parametrize(("more", "truth"), [(0.0, 6), (1e-9, None), (1e-4, 7)])
+def test_rows_as_near_to_dependent_ones_as_long_structures_are_count_where_others_follow(
+    more, truth, monkeypatch
+):
+    """Two rows 1e-6 apart, beside rows that repeat others, to all digits or to some."""
+    rows = [{k: 1.0} for k in range(4)]
+    rows += [{4: 1.0, 5: 1.0}, {4: 1.0, 5: 1.0 + 2e-6}, {0: 1.0, 1: 1.0}, {0: 1.0, 1: 2.0, 6: more}]
+    monkeypatch.setattr(metric_rows, "are_many", lambda *_: True)
+    assert precise_rows.rank_of_many(of_entries(rows, 7), [], np.zeros(0), 1.0) == truth
+
+
+@pytest.mark.parametrize(("off", "truth"), [(0.0, 2), (1e-18, 2), (1e-13, None)])
+def test_a_point_beside_its_surface_tells_no_rank_of_rows_that_are_near_to_dependent_ones(
+    off, truth, monkeypatch
+):
+    monkeypatch.setattr(metric_rows, "are_many", lambda *_: True)
+    rows = of_entries([{0: 1.0, 1: 1.0}, {0: 1.0, 1: 1.0 + 2e-6}], 2)
+    assert precise_rows.rank_of_many(rows, [0, 1], np.array([0.0, off]), 1.0) == truth

@@ -18,6 +18,7 @@ from lagcli.linear import metric_rows, rank, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import Linearized
+from lagcli.start import initial, precise_rows
 
 Floats = npt.NDArray[np.float64]
 
@@ -82,6 +83,10 @@ class Walked(abc.ABC):
     def look(self, z: Floats, t: float) -> Look:
         """The equations at a point."""
 
+    def left(self, look: Look) -> float:
+        """What Newton's method leaves of the equations that cut out the manifold, where others are sums of many."""
+        return 0.0
+
     def reached(self, z: Floats, t: float) -> Floats | None:
         """The point of the manifold that Newton's method reaches from z, or None."""
 
@@ -101,7 +106,8 @@ class Walked(abc.ABC):
 
     def holds_all(self, z: Floats, t: float, off: float) -> bool:
         """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
-        F = self.look(z, t).F
+        look = self.look(z, t)
+        F, off = look.F, max(off, self.left(look))
         limit = (
             min(PARAMETERS.vanishes + PARAMETERS.written * off, PARAMETERS.off)
             + PARAMETERS.roundings * self.rounding
@@ -151,6 +157,10 @@ class LargeManifold(Walked):
     def __init__(self, part: ScaledPart, chosen: list[int]) -> None:
         self._part, self._chosen, self.rounding = part, chosen, part.rounding
 
+    def left(self, look: Look) -> float:
+        """The largest of them."""
+        return float(np.abs(look.chosen.f).max(initial=0.0))
+
     def look(self, z: Floats, t: float) -> Look:
         """The rows at a point."""
         F, J = self._part.entries_at(z, t)
@@ -169,11 +179,14 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
 
 def _of_many(part: ScaledPart, chosen: list[int]) -> LargeManifold | None:
     """The manifold of those rows of a large part, or None where no gap shows its rank to be their number."""
-    _, J = part.entries_at(part.begin, part.state.t)
+    F, J = part.entries_at(part.begin, part.state.t)
     if not np.isfinite(J.values).all():
         return None
     rows = MetricRows(J.B, Metric.unit(int(J.B.shape[1])))
-    return LargeManifold(part, chosen) if rank.estimate(rows).value == len(chosen) else None
+    found = rank.estimate(rows).value
+    if found is None:
+        found = precise_rows.rank_of_many(rows, list(range(rows.count)), F, initial.size(part.begin))
+    return LargeManifold(part, chosen) if found == len(chosen) else None
 
 
 def satisfies_all(found: Walked, z: Floats, t: float, times: Sequence[float]) -> bool:
