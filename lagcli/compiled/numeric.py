@@ -34,6 +34,7 @@ from lagcli.smoothness.sized_function import SizedFunction
 if TYPE_CHECKING:
     from lagcli.compiled.factored import Factored
     from lagcli.compiled.force_switches import ForceSwitches
+    from lagcli.compiled.narrow_arguments import NarrowArguments
     from lagcli.equations.level_functions import LevelExpression
 
 Floats = npt.NDArray[np.float64]
@@ -92,9 +93,23 @@ class NumericSystem:
     @cached_property
     def has_narrow_functions(self) -> bool:
         """True if a function of place that moves the system may be narrow, see `narrow_functions`."""
+        return narrow_functions.are_any(self._system.model, self._has_contacts)
+
+    @property
+    def _has_contacts(self) -> bool:
+        """True if a one-sided row is closed."""
         count = len(self._system.rows.rows)
-        has_contacts = any(row >= count for row in self.selection.present)
-        return narrow_functions.are_any(self._system.model, has_contacts)
+        return any(row >= count for row in self.selection.present)
+
+    @cached_property
+    def narrow_arguments(self) -> NarrowArguments | None:
+        """See `narrow_arguments.find`."""
+        if not self.has_narrow_functions:
+            return None
+        # Most models have no such function.
+        from lagcli.compiled import narrow_arguments
+
+        return narrow_arguments.find(self._system, self._has_contacts)
 
     @cached_property
     def has_linear_momenta(self) -> bool:

@@ -188,7 +188,7 @@ class _OrderAlgebra:
         if base.order is None and exponent.order is None:
             return _CONSTANT
         # A wave to a high power is a row of peaks.
-        if exponent.number is None or (base.order == 0.0 and exponent.number > -PARAMETERS.fall):
+        if exponent.number is None or (base.order == 0.0 and abs(exponent.number) > -PARAMETERS.fall):
             raise _Narrow
         return MotionOrder((base.order or 0.0) * exponent.number)
 

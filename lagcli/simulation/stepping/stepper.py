@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +23,7 @@ from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
 from lagcli.simulation.scheme.controller import StepController
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.stepping.grid import Grid, Witnesses
+from lagcli.simulation.stepping.grid import OFFSET, Grid, Witnesses
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.smoothness import named_functions
 from lagcli.smoothness.time_functions import TimeFunctions
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     # Most runs meet no singular configuration, and in most W needs no integral of its own.
     from lagcli.simulation.scheme.work_integral import Work
     from lagcli.simulation.singularity.singularity_step import SingularStep
+    from lagcli.simulation.stepping.narrow_places import NarrowPlaces
 
 Floats = npt.NDArray[np.float64]
 
@@ -120,6 +122,7 @@ class Stepper:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
+        self._places = self._narrow_places()
         self.bound.begin(self.t, k, self.grid.step, blurred)
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
@@ -245,7 +248,7 @@ class Stepper:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
         rows, defect = self.rows, self.rows.defect
         assert defect is not None, "a run with witnesses compares"
-        for at in self._witnesses.inside(self.t, reached, is_growing):
+        for at in self._times_to_look_at(reached, taken, is_growing):
             self.make_dense()
             rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
             defect.trigger()
@@ -253,6 +256,30 @@ class Stepper:
             if defect.results[0][0] > FORGIVEN:
                 return at
         return math.inf
+
+    def _narrow_places(self) -> NarrowPlaces | None:
+        arguments = self.bound.enforced.plain.functions.numeric.narrow_arguments
+        if arguments is None:
+            return None
+        from lagcli.simulation.stepping.narrow_places import NarrowPlaces  # most models have none
+
+        return NarrowPlaces(arguments, self.bound)
+
+    def _times_to_look_at(self, reached: float, taken: float, is_growing: bool) -> Iterator[float]:
+        """The times within a step at which it is compared with the equations."""
+        yield from self._witnesses.inside(self.t, reached, is_growing)
+        if self._places is None or not self._places.are_passed(self.origin + self.t):
+            return
+        self.make_dense()
+        begin, coefficients = self.bound.y[:, None], self.rows.dense.results[0][:, :, None]
+
+        def dense(x: float) -> Floats:
+            return np.asarray(self.method.interpolated(begin, coefficients, np.array([x]))).ravel()
+
+        for x in self._places.within(dense, min(1.0, (self.grid.end - self.t) / taken)):
+            at = self.t + x * taken
+            if self.t + OFFSET * math.ulp(self.t) < at < reached:
+                yield at
 
     def find_work(self, taken: float) -> None:
         """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
