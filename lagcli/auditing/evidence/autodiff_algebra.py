@@ -62,12 +62,13 @@ class NumberAlgebra:
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
         row = functions.TABLE[name]
-        if row.slope is None:
+        if row.arguments == functions.MANY:
             return functools.reduce(lambda a, b: self._extreme(name, a, b), arguments)
         values = [value(x) for x in arguments]
         is_analytic = not (row.is_piecewise or row.jumps == "zero")
         given = values if is_analytic else [x.real for x in values]
         result = row.array(*given)
+        assert row.slope is not None, name
         slope = row.slope(np, *(given if row.is_piecewise else values), result)
         slopes = slope if isinstance(slope, tuple) else (slope,)
         if not is_analytic and any(map(np.iscomplexobj, values)):
