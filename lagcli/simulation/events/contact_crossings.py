@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.linear import rank
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singular_point
@@ -18,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 NEAR = 1e-2
 # So close the law of impact may take them for dependent, and they then change the velocities that it gives by more
 # than this part.
-DEPENDENT, SATISFIED = 3e-5, 1e-5
+DEPENDENT, SATISFIED = 10 * rank.PARAMETERS.large, 1e-5
 # By this part of a step ahead it is seen whether rows come closer to dependent ones.
 BESIDE = 1e-4
 
