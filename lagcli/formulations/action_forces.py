@@ -8,13 +8,14 @@ import numpy.typing as npt
 
 from lagcli.equations import system
 from lagcli.errors import diagnostics
+from lagcli.linear import decompositions
 from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
-# The curl of a force is looked for at this many points around the start, and is zero below this part of its slopes.
-SAMPLES, CURL_ROUNDOFF = 12, 1e-10
+# The curl of a force is looked for at this many points around the start.
+SAMPLES = 12
 WIDTH = 0.3  # of the size of the start: how far these points are from it
 
 
@@ -84,12 +85,11 @@ def _has_curl(built: system.System, t: float, q: Floats, p: Floats) -> bool:
     slope = ca.jacobian(built.dynamics.driving, symbols.q)
     if not slope.nnz():
         return False
-    both = [ca.mmax(ca.fabs(ca.densify(part))) for part in (slope - slope.T, slope)]
-    values = SizedFunction("curl", [symbols.t, symbols.q, built.p], both)
+    slopes = SizedFunction("slopes", [symbols.t, symbols.q, built.p], [ca.densify(slope)])
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
     for number, draw in enumerate(draws):
-        curl, total = (float(part) for part in values(t + 0.1 * number, q + WIDTH * size * draw, p))
-        if np.isfinite(total) and curl > CURL_ROUNDOFF * total:
+        found = np.array(slopes(t + 0.1 * number, q + WIDTH * size * draw, p))
+        if np.isfinite(found).all() and not decompositions.is_symmetric(found):
             return True
     return False

@@ -13,13 +13,16 @@ Floats = npt.NDArray[np.float64]
 
 
 class DecompositionParameters:
-    """The test is of `tests/unit/test_numbers_of_rows.py`."""
+    """The tests are of `tests/unit/test_numbers_of_rows.py`."""
 
     __slots__ = ()
 
     rounding: float = 1e-12
     """Singular values below this part of the largest are rounding of the entries.
     `test_singular_values_below_twelve_digits_are_not_solved_for` fails at 1e-13 and 1e-11."""
+    asymmetric: float = 1e-10
+    """By so much of its largest entry a matrix of slopes, sums of terms that cancel, differs from its transpose.
+    `test_slopes_that_differ_by_ten_digits_less_are_symmetric` fails at 1e-11 and 1e-9."""
 
 
 PARAMETERS = DecompositionParameters()
@@ -51,6 +54,11 @@ def residual(A: Floats, b: Floats) -> Floats:
 def pseudo_inverse(A: Floats) -> Floats:
     """The inverse (..., n, m) of Moore and Penrose of matrices (..., m, n)."""
     return np.asarray(np.linalg.pinv(A, rcond=PARAMETERS.rounding), dtype=float)
+
+
+def is_symmetric(A: Floats) -> bool:
+    """True if slopes (n, n) are those of a gradient, but for rounding."""
+    return bool(np.abs(A - A.T).max(initial=0.0) <= PARAMETERS.asymmetric * np.abs(A).max(initial=0.0))
 
 
 def singular_values(A: Floats) -> Floats:

@@ -14,15 +14,15 @@ import numpy.typing as npt
 
 from lagcli.contact import load_sharing
 from lagcli.equations.system import System
-from lagcli.linear import rank
+from lagcli.linear import decompositions
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 Origin = Literal["declared", "integrated", "none"]
 
-# Parts of the forces, and of their gradients, that are rounding; and points that are looked at.
-FORCE_ROUNDOFF, CURL_ROUNDOFF = 1e-11, 1e-10
+# The part of the forces that is rounding; and points that are looked at.
+FORCE_ROUNDOFF = 1e-11
 SAMPLES = (0.0, 0.1, 0.5, 1.0, 2.0)
 
 
@@ -84,7 +84,7 @@ def potential_origin(problem: StaticProblem) -> Origin:
         if np.abs(driving).max(initial=0.0) <= FORCE_ROUNDOFF * max(largest, 1e-300):
             continue  # a Lagrangian written at length leaves rounding, whose gradient is of any shape
         found = "integrated"
-        if np.abs(gradient - gradient.T).max(initial=0.0) > CURL_ROUNDOFF * np.abs(gradient).max(initial=0.0):
+        if not decompositions.is_symmetric(gradient):
             return "none"
     return found
 
@@ -106,15 +106,6 @@ def potential(problem: StaticProblem, source: Origin, q: Floats) -> float | None
     # With its full output it warns of nothing: the error that it gives is judged here.
     work, error = integrate.quad(along, 0.0, 1.0, epsabs=0.0, epsrel=1e-12, limit=200, full_output=1)[:2]
     return declared - work if np.isfinite(work) and error <= 1e-9 * max(1.0, abs(work)) else None
-
-
-def least_multipliers(rows: Floats, force: Floats, lengths: Floats) -> Floats:
-    """lambda (C,) with rows^T lambda = force and the least sum of (lambda_i length_i)^2; 0 of rows of no length.
-
-    rows (C, n), force (n,), lengths (C,) in the mass metric, as in a run.
-    """
-    divisors = np.where(lengths > 0, lengths, np.inf)
-    return rank.space(rows / divisors[:, None], is_whole=False).weights(force) / divisors
 
 
 def pushing_multipliers(rows: Floats, lam: Floats, M: Floats, equalities: int) -> tuple[Floats, bool]:

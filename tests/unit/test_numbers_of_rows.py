@@ -54,6 +54,11 @@ def test_singular_values_below_twelve_digits_are_not_solved_for(part, is_solved)
     assert len(rank.space(A).exact_dependences) == 1 - is_solved
 
 
+@pytest.mark.parametrize(("part", "is_symmetric"), [(5e-11, True), (5e-10, False)])
+def test_slopes_that_differ_by_ten_digits_less_are_symmetric(part, is_symmetric):
+    assert decompositions.is_symmetric(np.array([[0.0, 1.0 + part], [1.0, 0.5]])) is is_symmetric
+
+
 @pytest.mark.parametrize(("weight", "rows"), [(3e-7, [0]), (3e-6, [0, 1])])
 def test_a_row_takes_part_in_a_dependence_with_six_digits(weight, rows):
     assert rank.participants(np.array([1.0, -weight])) == rows
