@@ -11,6 +11,7 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.rest_point import StaticStart
+from lagcli.linear import rank
 from lagcli.statics import (
     all_zeros,
     kink_points,
@@ -129,7 +130,7 @@ def _multipliers(
         shared, unique = point_values.pushing_multipliers(rows, given, M, len(B))
     else:
         unique = found.type.unique
-        shared = point_values.least_multipliers(rows, -values.F, point_values.row_lengths(rows, M))
+        shared = rank.multipliers(rows, -values.F, point_values.row_lengths(rows, M))
     lam[list(asked.rows)] = shared[: len(B)]
     lam[[count + k for k in closed]] = shared[len(B) :]
     return lam, unique

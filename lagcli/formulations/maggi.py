@@ -153,9 +153,8 @@ def multipliers(functions: DenseFunctions, t: float, motion: ReducedMotion) -> F
     forces = functions.forces(t, motion.q, motion.v)
     lower = np.linalg.cholesky(forces.M)
     white = np.linalg.solve(lower, B.T).T
-    lengths = decompositions.lengths(white)
     right = np.linalg.solve(lower, forces.M @ motion.a - forces.h)
-    return np.asarray(rank.space(white / lengths[:, None], is_whole=False).weights(right) / lengths)
+    return rank.multipliers(white, right, decompositions.lengths(white))
 
 
 def reaction(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:

@@ -123,6 +123,15 @@ def space(rows: Floats, is_whole: bool = True) -> RowSpace:
     return RowSpace(*np.linalg.svd(rows, full_matrices=is_whole))
 
 
+def multipliers(rows: Floats, force: Floats, lengths: Floats) -> Floats:
+    """lambda (C,) with rows^T lambda = force and the least sum of (lambda_i length_i)^2; 0 of rows of no length.
+
+    rows (C, n), force (n,), lengths (C,) in the metric in which the sum is least.
+    """
+    divisors = np.where(lengths > 0, lengths, np.inf)
+    return np.asarray(space(rows / divisors[:, None], is_whole=False).weights(force) / divisors)
+
+
 def pseudo_inverse(rows: Floats) -> Floats:
     """The inverse (..., n, m) of Moore and Penrose of rows (..., m, n), each measured by its largest singular value."""
     return np.asarray(np.linalg.pinv(rows, rcond=PARAMETERS.large), dtype=float)
