@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions
-from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
@@ -71,12 +70,9 @@ def _velocity(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> 
 def frequency(numeric: NumericSystem, start: State, index: int) -> float:
     """omega/sqrt(k) of the swing of the row: B_i P B_i^T, with P the inverse of M on what the other rows leave free."""
     B = numeric.rows(start.t, start.q, start.v, start.p)[0]
-    dense = np.array(MetricRows(B, _metric(numeric, start)).dense)
-    lengths = LocalRows(_metric(numeric, start).whitened(B)).norms
+    metric = initial.metric_at(numeric, start)
+    dense = np.array(MetricRows(B, metric).dense)
+    lengths = LocalRows(metric.whitened(B)).norms
     others = np.delete(dense, index, axis=0)
     own = dense[index] * lengths[index]
     return float(np.linalg.norm(decompositions.residual(others.T, own)))
-
-
-def _metric(numeric: NumericSystem, start: State) -> Metric:
-    return initial.metric_at(numeric, start)

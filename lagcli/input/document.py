@@ -215,12 +215,8 @@ class _Document:
             self._scope.names.define(name.value, functools.partial(_same, found))
             if found is not None:
                 read.append(model.Parameter(name.value, entries.parameter_value(found), formula))
-                self._look(name.value)
+                self._scope.names.settle(name.value)
         return tuple(read)
-
-    def _look(self, key: str) -> facts.Either | None:
-        """Have the facts of an entry found now; whatever is wrong has been reported."""
-        return self._scope.names.settle(key)
 
     def _coordinate(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Coordinate | None:
         self._scope.names.define(name.value, lambda: namespace.POSITION)
@@ -246,7 +242,7 @@ class _Document:
             self._scope.names.define(name.value, self._definition_finder(name.value, expression, order), uses)
         read = []
         for word, reader in readers.items():
-            self._look(word)
+            self._scope.names.settle(word)
             read.append(reader.read(self._position_in_file(word)))
         return tuple(particle for particle in read if particle is not None)
 
@@ -277,7 +273,7 @@ class _Document:
     def _definitions(self) -> tuple[model.Definition, ...]:
         read = []
         for name, expression in self._defined.items():
-            if self._look(name) is not None:
+            if self._scope.names.settle(name) is not None:
                 read.append(model.Definition(name, expression))
         return tuple(read)
 
@@ -358,7 +354,7 @@ class _Document:
             if written is not None:
                 expression, value = entries.either(formulas, written, facts.OUTPUT, "an output")
             self._scope.names.define(name.value, functools.partial(_same, value))
-            self._look(name.value)
+            self._scope.names.settle(name.value)
             if expression is not None and value is not None:
                 read.append(model.Output(formulas.members, expression, isinstance(value, tuple)))
         return tuple(read)

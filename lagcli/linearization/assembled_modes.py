@@ -172,7 +172,7 @@ def _shapes(found: Spectrum) -> Complex:
     """Shapes (j, n): where there are frequencies in their order, else of all eigenvalues in theirs."""
     n, values = found.shapes.shape[0], found.values
     if values.real.any():
-        still = _tidy_basis(_independent(found.still).T.astype(complex))
+        still = _tidy_basis(decompositions.range_basis(found.still).T.astype(complex))
         # A displacement and a drift along it are two zero eigenvalues with one shape.
         zeros = still[[k % len(still) for k in range(found.zeros)]] if len(still) else np.zeros((0, n))
         rows = found.shapes[:, _order(values)].T
@@ -180,16 +180,11 @@ def _shapes(found: Spectrum) -> Complex:
     forward = np.flatnonzero(values.imag > 0)
     forward = forward[np.argsort(values.imag[forward], kind="stable")]
     count = max(0, found.freedoms - forward.size)
-    parts = [_tidy_basis(_independent(found.still)[:, :count].T.astype(complex))]
+    parts = [_tidy_basis(decompositions.range_basis(found.still)[:, :count].T.astype(complex))]
     w = values.imag[forward]
     breaks = np.flatnonzero(np.diff(w) > TOGETHER * w[1:]) + 1
     parts += [_tidy_basis(found.shapes[:, group].T) for group in np.split(forward, breaks) if group.size]
     return np.vstack([np.zeros((0, n)), *parts])
-
-
-def _independent(columns: Floats) -> Floats:
-    """An orthonormal basis (n, r) of the space of columns (n, k)."""
-    return decompositions.range_basis(columns)
 
 
 def _tidy_basis(rows: Complex) -> Complex:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import shlex
 import sys
@@ -49,21 +48,6 @@ def new(
 
     On a terminal what is not given is asked for.
     """
-    carry_out(name, template, NewOptions(not no_schema, force, as_json, quiet))
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class NewOptions:
-    """Options of `new` besides the name and the template."""
-
-    with_schema: bool = True
-    force: bool = False
-    as_json: bool = False
-    quiet: bool = False
-
-
-def carry_out(name: str | None, template: str | None, options: NewOptions) -> None:
-    """Write NAME.yaml, and the schema beside it. Raises `exits.UsageError`, `write_guard.WriteError`."""
     if template is not None:
         _require(template)
     asks = sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
@@ -78,21 +62,22 @@ def carry_out(name: str | None, template: str | None, options: NewOptions) -> No
     if name == new_files.STDOUT:
         print(model_templates.text(template, "A new model", for_editors=False), end="")
         return
-    _write(name, template, options)
+    _write(name, template, not no_schema, force, as_json, quiet)
 
 
-def _write(name: str, template: str, options: NewOptions) -> None:
+def _write(name: str, template: str, with_schema: bool, force: bool, as_json: bool, quiet: bool) -> None:
+    """Write NAME.yaml, and the schema beside it. Raises `exits.UsageError`, `write_guard.WriteError`."""
     stem, ending = os.path.splitext(name)
     path = name if ending.lower() in ENDINGS else f"{name}.yaml"
     title = os.path.basename(stem if ending.lower() in ENDINGS else name)
     if title != title.encode("utf-8", "replace").decode("utf-8"):
         raise exits.UsageError("the name of a model is text in UTF-8")
-    text = model_templates.text(template, title, for_editors=options.with_schema)
-    is_new = new_files.write(path, text, force=options.force)
-    schema_message = new_files.schema_beside(path) if options.with_schema else ""
-    if options.as_json:
+    text = model_templates.text(template, title, for_editors=with_schema)
+    is_new = new_files.write(path, text, force=force)
+    schema_message = new_files.schema_beside(path) if with_schema else ""
+    if as_json:
         print(json_text.text({"path": path, "template": template, "written": is_new}))
-    if options.quiet:
+    if quiet:
         return
     exits.print_err(
         f"wrote {path}, from the template `{template}`"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from lagcli.cli.commands import model_reading
 from lagcli.cli.terminal import console, exits
 from lagcli.output.files import file_requests, json_text, write_guard
 
@@ -21,15 +23,25 @@ class PointOptions:
     """Options of `stationary` and `equilibrium`."""
 
     output: str | None
-    starts: int
-    seed: int
-    limit: float
     as_json: bool
     quiet: bool
 
-    def require(self, model: str) -> None:
-        """Refuse what cannot be done with this MODEL."""
-        file_requests.require_outputs(model, self.output, None, self.as_json)
+
+def answer(
+    path: str,
+    changes: list[str] | None,
+    verbose: bool,
+    options: PointOptions,
+    find: Callable[[Model], StaticReport],
+) -> None:
+    """Read the MODEL, find its points and print them. Raises `exits.UsageError`, `exits.Exit`."""
+    file_requests.require_outputs(path, options.output, None, options.as_json)
+    model = model_reading.read(path, changes, options.as_json, verbose)
+    try:
+        found = model_reading.reported(lambda: find(model), options.as_json)
+    except ValueError as error:
+        raise exits.UsageError(f"--{error}") from None
+    print_report(model, found, options)
 
 
 def print_report(model: Model, found: StaticReport, options: PointOptions) -> None:

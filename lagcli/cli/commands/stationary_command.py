@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.commands import model_reading, options, static_points_text
-from lagcli.cli.commands.static_points_text import PointOptions
+from lagcli.cli.commands import options, static_points_text
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
+    from lagcli.statics.static_report import StaticReport
 
 
 @exits.command
@@ -33,18 +33,11 @@ def stationary(
 
     Masses and forces play no part. Exit 4 where none is found.
     """
-    asked = static_points_text.PointOptions(output, starts, seed, limit, as_json, quiet)
-    asked.require(model)
-    read = model_reading.read(model, changes, as_json, verbose)
-    model_reading.reported(lambda: carry_out(read, of, asked), as_json)
 
+    def find(read: Model) -> StaticReport:
+        from lagcli.api import stationary as finding
 
-def carry_out(model: Model, of: str, options: PointOptions) -> None:
-    """Find the stationary points and print them. Raises `exits.UsageError`, `exits.Exit`."""
-    from lagcli.api import stationary as finding
+        return finding.stationary(read, of, starts=starts, seed=seed, limit=limit)
 
-    try:
-        found = finding.stationary(model, of, starts=options.starts, seed=options.seed, limit=options.limit)
-    except ValueError as error:
-        raise exits.UsageError(f"--{error}") from None
-    static_points_text.print_report(model, found, options)
+    asked = static_points_text.PointOptions(output, as_json, quiet)
+    static_points_text.answer(model, changes, verbose, asked, find)

@@ -98,7 +98,7 @@ class Sections:
         for row in system.rows:
             for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
                 name = self._table.particles.names[self._free[first]]
-                left = signs.of_row("B", row.name, _short(name))
+                left = signs.of_row("B", row.name, paper_names.subscript(name))
                 yield self._of_row("D.7", (left, signs.vector(part(row.B, first))), row)
             for i, slope in row.B.items():
                 if i - i % 3 not in self._free:
@@ -114,7 +114,7 @@ class Sections:
         for row in system.rows:
             if row.f is not None:
                 rate = tidy(self._table.calculus.rate(row.f))
-                left = f.Sign("f", (_short(row.name),), dots=1)
+                left = f.Sign("f", (paper_names.subscript(row.name),), dots=1)
                 yield Line("D.6", (left, signs.node(rate), NIL), kind="rate", family=row.family)
 
     @staticmethod
@@ -290,10 +290,6 @@ def points_of_rest(system: Symbolic, parts: Sections) -> Iterator[Line]:
     for row in system.rows:
         if row.b != 0:
             yield Line("D.6", (signs.node(tidy(row.b)), NIL), kind="rest row", family=row.family)
-
-
-def _short(name: str) -> str:
-    return paper_names.subscript(name)
 
 
 def triple(values: tuple[sympy.Expr, ...], first: int) -> Triple:

@@ -103,8 +103,7 @@ class Layout:
         above.sort(key=self._factor_key)
         below.sort(key=self._factor_key)
         p, q = int(coefficient.p), int(coefficient.q)
-        top = [self._factor(x) for x in above]
-        bottom = [self._factor(x) for x in below]
+        top, bottom = list(map(self.node, above)), list(map(self.node, below))
         if not bottom and (p, q) in _SIMPLE and value.free_symbols:
             return f.FormulaProduct((f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q))), *top))
         if q != 1 and ((decimal := _decimal(p, q)) is not None) and (p, q) not in _SIMPLE:
@@ -118,9 +117,6 @@ class Layout:
         if not bottom:
             return upper
         return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.FormulaProduct(tuple(bottom)))
-
-    def _factor(self, value: sympy.Expr) -> f.FormulaNode:
-        return self.node(value)
 
     def _factor_key(self, factor: sympy.Expr) -> tuple[object, ...]:
         base, _ = factor.as_base_exp()

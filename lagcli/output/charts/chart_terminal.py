@@ -71,7 +71,9 @@ def _panel(
 def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
     if panel.is_family:
         first, last = panel.curves[0].label, panel.curves[-1].label
-        yield _cut(f"{len(panel.curves)} curves, {_short(first)} to {_short(last)}", look.columns)
+        yield _cut(
+            f"{len(panel.curves)} curves, {_cut(first, MOST_LABEL)} to {_cut(last, MOST_LABEL)}", look.columns
+        )
         return
     if len(panel.curves) < 2 and not panel.keys:
         return
@@ -80,7 +82,7 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
         # The name of a curve; of columns of several runs both of the legend's entries
         column = next((key.label for key in panel.keys if key.colour == curve.colour and key.dash == 0), "")
         is_both = any(key.colour is None for key in panel.keys)
-        name = _short(f"{column}, {curve.label}" if is_both else curve.label)
+        name = _cut(f"{column}, {curve.label}" if is_both else curve.label, MOST_LABEL)
         sample = "──" if look.has_colours else LETTERS[index % len(LETTERS)]
         width = diagnostics.columns(sample) + 1 + diagnostics.columns(name) + 3
         if line and used + width > look.columns:
@@ -89,10 +91,6 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
         line += f"{_coloured(sample, _colour(panel, index), look)} {name}   "
         used += width
     yield line.rstrip()
-
-
-def _short(name: str) -> str:
-    return _cut(name, MOST_LABEL)
 
 
 def _colour(panel: ChartPanel, index: int) -> int:

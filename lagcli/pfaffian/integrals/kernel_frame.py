@@ -139,16 +139,12 @@ def has_rank(
     """True if the matrix with `size` rows or columns is proved to have that rank at generic points of the surface."""
     chosen = sympy.Matrix([list(row) for row in matrix])
     if chosen.rows == chosen.cols == size:
-        return _is_not_zero(_determinant(chosen), deadline, surface)
+        return _is_not_zero(guarded.call(chosen.det, method="berkowitz"), deadline, surface)
     gram = chosen * chosen.T if chosen.rows == size else chosen.T * chosen
     if gram.rows != size:
         return False
     # The sum of the squares of all minors (Cauchy, Binet).
-    return _is_not_zero(_determinant(gram), deadline, surface)
-
-
-def _determinant(matrix: sympy.Matrix) -> sympy.Expr:
-    return guarded.call(matrix.det, method="berkowitz")
+    return _is_not_zero(guarded.call(gram.det, method="berkowitz"), deadline, surface)
 
 
 def _is_not_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...]) -> bool:
