@@ -70,30 +70,19 @@ def _is_renamable(known: Form, form: Form) -> bool:
 def _renamed(verdict: FormVerdict, known: Form, form: Form) -> FormVerdict:
     """The verdict of `known` in the names of `form`."""
     renamed = dict(zip(known.variables, form.variables, strict=True))
-
-    def turn(expression: sympy.Expr | None) -> sympy.Expr | None:
-        return None if expression is None else expression.xreplace(renamed)
-
+    moved = verdict.in_symbols(renamed)
     names = {x.name: y.name for x, y in renamed.items() if x != y}
+    if not names:
+        return moved
     longest_first = sorted(map(re.escape, names), key=len, reverse=True)
-    written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)") if names else None
-    method = verdict.method if written is None else written.sub(lambda m: names[m[0]], verdict.method)
-    witness = verdict.witness
-    if witness is not None:
-        i, j, k = (renamed[x] for x in witness.variables)
-        component, value = witness.component.xreplace(renamed), witness.value
-        if value is not None:
-            point = tuple((names.get(name, name), number) for name, number in value.point)
-            value = dataclasses.replace(value, point=point)
-        witness = frobenius.FrobeniusWitness((i, j, k), component, value)
-    return dataclasses.replace(
-        verdict,
-        integral=turn(verdict.integral),
-        integrating_factor=turn(verdict.integrating_factor),
-        method=method,
-        witness=witness,
-        special=tuple(e.xreplace(renamed) for e in verdict.special),
-    )
+    written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)")
+    moved = dataclasses.replace(moved, method=written.sub(lambda m: names[m[0]], verdict.method))
+    witness = moved.witness
+    if witness is None or witness.value is None:
+        return moved
+    point = tuple((names.get(name, name), number) for name, number in witness.value.point)
+    value = dataclasses.replace(witness.value, point=point)
+    return dataclasses.replace(moved, witness=dataclasses.replace(witness, value=value))
 
 
 class JointMemo:

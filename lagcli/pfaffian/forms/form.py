@@ -6,7 +6,7 @@ The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations
@@ -141,3 +141,23 @@ def _modulus(u: sympy.Expr) -> sympy.Expr:
 
 def _is_nested(e: sympy.Basic) -> bool:
     return bool(e.is_Pow and e.exp == sympy.Rational(1, 2) and e.base.is_number and e.base.has(sympy.Pow))
+
+
+def moduli(rows: Sequence[Sequence[sympy.Expr]]) -> list[sympy.Abs]:
+    """All |u| in the rows, in an order of their own."""
+    return sorted({m for row in rows for e in row for m in e.atoms(sympy.Abs)}, key=str)
+
+
+def kink_sides(
+    rows: Sequence[Sequence[sympy.Expr]], kinks: Sequence[sympy.Abs]
+) -> list[list[list[sympy.Expr]]]:
+    """The rows with u and with -u for each |u| of some: y + |y| is constant where y < 0."""
+    sides = [[list(row) for row in rows]]
+    for modulus in kinks:
+        u = modulus.args[0]
+        sides = [
+            [[e.xreplace({modulus: sign * u}) for e in row] for row in side]
+            for side in sides
+            for sign in (1, -1)
+        ]
+    return sides

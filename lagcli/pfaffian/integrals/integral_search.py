@@ -146,16 +146,7 @@ class IntegralSearch:
         ]
         if len(matrix) > len(self.frame.pivots):
             return False
-        # The matrix on both sides of every kink: y + |y| must not pass, it is constant where y < 0
-        sides = [matrix]
-        moduli = {m for row in matrix for e in row for m in e.atoms(sympy.Abs)}
-        for modulus in sorted(moduli, key=str)[:MAX_KINKS]:
-            u = modulus.args[0]
-            sides = [
-                [[e.xreplace({modulus: sign * u}) for e in row] for row in side]
-                for side in sides
-                for sign in (1, -1)
-            ]
+        sides = forms.kink_sides(matrix, forms.moduli(matrix)[:MAX_KINKS])
         return all(frames.has_rank(side, len(matrix), self.deadline, self.block.surface) for side in sides)
 
 

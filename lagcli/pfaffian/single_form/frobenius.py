@@ -7,9 +7,11 @@ the form is defined and not zero; parameter values at which a verdict may change
 `Verdict.exceptional`.
 """
 
+from __future__ import annotations
+
 import contextlib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import Literal
@@ -67,6 +69,22 @@ class FormVerdict:
     exceptional: tuple[sympy.Expr, ...] = ()
     special: tuple[sympy.Expr, ...] = ()
 
+    def in_symbols(self, symbols: Mapping[sympy.Symbol, sympy.Symbol]) -> FormVerdict:
+        """The verdict with other symbols in place of its own."""
+        witness = self.witness
+        if witness is not None:
+            i, j, k = (symbols[x] for x in witness.variables)
+            witness = replace(witness, variables=(i, j, k), component=witness.component.xreplace(symbols))
+        mu = self.integrating_factor
+        return replace(
+            self,
+            integral=None if self.integral is None else self.integral.xreplace(symbols),
+            integrating_factor=None if mu is None else mu.xreplace(symbols),
+            witness=witness,
+            exceptional=tuple(e.xreplace(symbols) for e in self.exceptional),
+            special=tuple(e.xreplace(symbols) for e in self.special),
+        )
+
 
 def classify(form: forms.Form, deadline: float) -> FormVerdict:
     """The verdict for `form`, at the latest at `deadline` (see `progress.after`).
@@ -81,7 +99,7 @@ def classify(form: forms.Form, deadline: float) -> FormVerdict:
         tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
         tuple(real[p] for p in form.parameters),
     )
-    return _in_symbols_of_caller(_judge(prepared, deadline), back)
+    return _judge(prepared, deadline).in_symbols(back)
 
 
 def _judge(form: forms.Form, deadline: float) -> FormVerdict:
@@ -299,25 +317,3 @@ def _poles(phi: sympy.Expr, form: forms.Form) -> tuple[sympy.Expr, ...]:
 
 def _undecided(reason: str) -> FormVerdict:
     return FormVerdict("undecided", None, None, f"Undecided: {reason}.", "none")
-
-
-def _in_symbols_of_caller(verdict: FormVerdict, back: dict[sympy.Symbol, sympy.Symbol]) -> FormVerdict:
-    """The verdict in the symbols of the caller."""
-
-    def turn(e: sympy.Expr | None) -> sympy.Expr | None:
-        return None if e is None else e.xreplace(back)
-
-    witness = verdict.witness
-    if witness is not None:
-        i, j, k = (back[x] for x in witness.variables)
-        witness = FrobeniusWitness((i, j, k), witness.component.xreplace(back), witness.value)
-    return FormVerdict(
-        verdict.kind,
-        turn(verdict.integral),
-        turn(verdict.integrating_factor),
-        verdict.method,
-        verdict.proof,
-        witness,
-        tuple(e.xreplace(back) for e in verdict.exceptional),
-        tuple(e.xreplace(back) for e in verdict.special),
-    )

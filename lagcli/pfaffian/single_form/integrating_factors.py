@@ -140,13 +140,8 @@ def verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr |
             is not zero_test.Truth.YES
         ):
             return None
-    # The expression on both sides of every kink: y + |y| must not pass, it is constant where y < 0
-    expression = gradient[k]
-    sides = [expression]
-    for modulus in sorted(expression.atoms(sympy.Abs), key=str)[:MAX_KINKS]:
-        u = modulus.args[0]
-        sides = [side.xreplace({modulus: sign * u}) for side in sides for sign in (1, -1)]
-    for side in sides:
+    own = [[gradient[k]]]
+    for ((side,),) in forms.kink_sides(own, forms.moduli(own)[:MAX_KINKS]):
         if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
             return None
     choices = [i for i, a in enumerate(form.coefficients) if a != 0]
