@@ -38,7 +38,8 @@ class ImpactResult:
     that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
     those, with the time `lasting` that what is left out would have taken, (K,) each; shared: numbers of the rows among
     all C + K whose impulses are not unique; accumulated: contacts of which this is the limit of infinitely many
-    impacts, (K,); apart: contacts that go on with a gap above zero, even where it is not told from it, (K,).
+    impacts, (K,); apart: contacts that go on with a gap above zero, even where it is not told from it, (K,); way: the
+    displacement (n,) since the first of impacts that follow each other at once.
     """
 
     v: Floats
@@ -51,6 +52,7 @@ class ImpactResult:
     shared: tuple[int, ...]
     accumulated: Flags
     apart: Flags
+    way: Floats | None = None
 
 
 def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactResult | None:

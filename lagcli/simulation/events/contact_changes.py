@@ -254,6 +254,8 @@ class ContactChanges:
             self._go_on(self._decided(lambda: selection(self._open, after, bouncing, self._rows)), impact.v)
             line, bounced = self.log.line(), self.events.now()
             jumped, when = self.events.jumped(when, bounced), bounced
+        if impact is not None and impact.way is not None:
+            run.bound.y[: impact.way.size] += impact.way
         self._go_on(mode.selection, here.state.v if impact is None else impact.onward)
         now = self.log.line()
         line = now if line is None else line
