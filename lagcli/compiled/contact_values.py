@@ -91,7 +91,9 @@ def function(parts: Parts) -> ca.Function:
     G = ca.SX(G.sparsity(), entries)
     K, values = g.numel(), ca.vertcat(g, g_t, gamma, ca.densify(parts.h))
     off = operation_rules.roundings(values, [t, q, v, parts.p])
-    g_off, g_t_off, gamma_off = (ca.if_else(has, off[i * K : (i + 1) * K], 0) for i in range(3))
+    # Where there are no contacts, as with events alone, these are columns too: a slice would be a row.
+    *contact_offs, load_off = ca.vertsplit(off, [0, K, 2 * K, 3 * K, off.numel()])
+    g_off, g_t_off, gamma_off = (ca.if_else(has, x, 0) for x in contact_offs)
     g_t, gamma = (ca.if_else(has, x, 0) for x in (g_t, gamma))
     own = shared.sizes(parts, v, parts.h, parts.M)
     speed = ca.fmax(own.v, least_speed)
@@ -104,7 +106,7 @@ def function(parts: Parts) -> ca.Function:
     extent, terms = in_units * size, largest(v) + ca.fabs(g_t)
     speeds = ca.densify(G @ v) + g_t
     local = largest(q) + ca.fabs(g) + span * terms
-    forces_off = shared.sizes(parts, v, off[3 * K :], parts.M).a
+    forces_off = shared.sizes(parts, v, load_off, parts.M).a
     # All that forces have made so far, where they are the rounding of terms that cancel.
     made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
     # A gap is a sum of its coordinates, or of terms that cancel, whose roundings are counted.

@@ -262,3 +262,13 @@ def test_events_cross_or_touch_zero_at_their_own_switches(when, times, is_moving
     text = THROW.split("events:")[0] + 'events: {e: {when: "WHEN"}}\n' if is_moving else TRUSS
     found = lagcli.simulate(lagcli.loads(text.replace("WHEN", when)), duration=1.0, samples=3)
     assert list(found.events["t"]) == pytest.approx(times, abs=1e-12)
+
+
+def test_an_event_of_a_coordinate_alone_needs_no_contact():
+    run = lagcli.simulate(
+        lagcli.loads(
+            "lagcli: 1\ncoordinates: {x: {value: 1.1, rate: 1}}\nlagrangian: rate(x)**2/2 - x**2/2\n"
+            "events: {o: {when: x - 1}}\nsimulation: {duration: 3}\n"
+        )
+    )
+    assert run.events["t"] == pytest.approx([math.pi / 2], abs=1e-9)
