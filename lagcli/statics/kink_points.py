@@ -388,6 +388,6 @@ def _jumps(laws: StaticLaws) -> str:
     words = [
         f"`{each.kind.word}`"
         for each in switches.among(laws.driving, [laws.q, laws.t, laws.p])
-        if each.op in (ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX) and ca.depends_on(each.value, laws.q)
+        if each.kind.is_comparing and each.kind.word and ca.depends_on(each.value, laws.q)
     ]
     return ", ".join(dict.fromkeys(words))

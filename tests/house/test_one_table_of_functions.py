@@ -22,7 +22,6 @@ METHODS = {
     "lagcli.pfaffian.exact.normal_form": "the generators of an algebra",
     "lagcli.pfaffian.single_form.potential": "antiderivatives",
     "lagcli.pfaffian.single_form.tidy_integral": "exponentials written as hyperbolic functions",
-    "lagcli.statics.kink_points": "kinks of potentials",
     "lagcli.statics.polynomial_equations": "sine and cosine as two unknowns",
     "lagcli.statics.static_problem": "periodic operations",
 }

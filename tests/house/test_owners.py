@@ -138,3 +138,26 @@ def pieces_of(pattern: ast.expr) -> set[str]:
     made = {part.id for part in ast.walk(pattern) if isinstance(part, ast.Name)}
     texts = [part.value for part in ast.walk(pattern) if isinstance(part, ast.Constant)]
     return made | {text[-2:] for text in texts if isinstance(text, str)}
+
+
+# Decision 0030 says what they look for besides switches.
+PASSES = {
+    *("lagcli.smoothness.operation_graph", "lagcli.smoothness.switches", "lagcli.smoothness.jump_search"),
+    *("lagcli.smoothness.pieces", "lagcli.equations.branch_cuts", "lagcli.equations.operation_rules"),
+    *("lagcli.equations.power_series", "lagcli.compiled.contact_values", "lagcli.compiled.program"),
+    *("lagcli.compiled.narrow_arguments", "lagcli.compiled.row_block", "lagcli.statics.kink_points"),
+}
+
+
+def test_no_further_file_walks_the_operations_of_expressions() -> None:
+    walking = {"replayed", "folded", "instructions", "instruction_id", "instructions_sx"}
+    found = {
+        name
+        for name in FILES
+        for node in nodes(name)
+        if isinstance(node, ast.Call)
+        and (
+            getattr(node.func, "attr", "") in walking or getattr(node.func, "id", "") in walking - {"folded"}
+        )
+    }
+    assert {name for name in found if not name.startswith(("lagcli.derivation", "lagcli.pfaffian"))} == PASSES
