@@ -239,7 +239,12 @@ class NewtonEnd:
     creeps: bool
 
 
-def approach(at: Callable[[Point], E | None], x: Point, may_rise: bool = True) -> NewtonEnd | None:
+def approach(
+    at: Callable[[Point], E | None],
+    x: Point,
+    may_rise: bool = True,
+    steps: int = PARAMETERS.newton_steps,
+) -> NewtonEnd | None:
     """The point nearest to a surface that Newton's steps from x come to; None where the equations have no value at x.
 
     They go on down to rounding, where they may rise again; far off too, where it takes some to come near, but not where
@@ -250,8 +255,8 @@ def approach(at: Callable[[Point], E | None], x: Point, may_rise: bool = True) -
         return None
     best, nearest_yet, before = x, here, math.inf
     last, moved = math.inf, math.inf
-    rounding = np.finfo(float).eps if x.dtype == np.float64 else 0.0
-    for _ in range(PARAMETERS.newton_steps):
+    rounding, small = (np.finfo(float).eps, PARAMETERS.small) if x.dtype == np.float64 else (0.0, 0.0)
+    for _ in range(steps):
         step = None if here.is_there else here.step()
         if step is None:
             break
@@ -265,7 +270,7 @@ def approach(at: Callable[[Point], E | None], x: Point, may_rise: bool = True) -
         x, last, here, before = x + step, here.distance, there, last
         if here.distance < nearest_yet.distance:
             best, nearest_yet, moved = x, here, length
-        if length <= rounding or (length <= PARAMETERS.small and here.distance > last / 2):
+        if length <= rounding or (length <= small and here.distance > last / 2):
             break  # rounding, which now and then falls a little
     is_met = here.is_there and here.distance <= PARAMETERS.squared * before
     is_near = nearest_yet.is_there or nearest_yet.distance <= PARAMETERS.creeping

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
-from lagcli.statics import newton, point_type, refine
+from lagcli.statics import newton, point_type, precise_zeros, refine
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -77,7 +77,7 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
     least, moved = basis.shape[1], []
     for direction in basis.T:
         both = (stepped(equations, x, sign * length * direction, 1.0) for sign in (1, -1))
-        ends = [end for end in both if end is not None]
+        ends = [end for end in both if end is not None and _is_zero(equations, end, length)]
         if not ends or not PARAMETERS.off * length < np.linalg.norm(ends[0][:n] - x[:n]):
             continue
         # Across a continuum curvatures may vanish too, and a step on a slant comes back onto it.
@@ -87,6 +87,15 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
         return np.zeros((n, 0))
     sizes, left = decompositions.column_axes(basis.T @ np.array(moved).T / length)
     return np.asarray(basis @ left[:, : min(least, int((sizes > PARAMETERS.off).sum()))])
+
+
+def _is_zero(equations: RestEquations, x: Floats, length: float) -> bool:
+    """True if there is a zero within a part of a length of x in many digits too, where these are known: beside a sixth
+    power doubles see no force."""
+    found = precise_zeros.nearest(equations, x)
+    return found is None or bool(
+        np.linalg.norm((found - x)[: equations.problem.n]) <= PARAMETERS.off * length
+    )
 
 
 def stepped(

@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Iterator
+from math import comb
 
 import numpy as np
 import numpy.typing as npt
@@ -57,9 +58,12 @@ class FlatParameters:
     kept: float = 0.1
     """The part of a curvature that a third derivative may change on the way to the zero: beside a double zero it is
     a half. `test_a_curvature_beside_a_double_zero_is_none` fails at 0.01 and 1."""
-    most: int = 3
+    most: int = 4
     """Flat directions whose forms are looked at.
-    `test_three_flat_directions_decide_and_four_do_not` fails at 0 and 30."""
+    `test_four_flat_directions_decide_and_five_do_not` fails at 0 and 40."""
+    degree: int = 8
+    """The powers of three flat directions or more of which all monomials are told apart, by as many rays.
+    `test_an_eighth_power_of_four_is_told_and_a_tenth_is_not` fails at 4 and 12."""
 
 
 PARAMETERS = FlatParameters()
@@ -228,23 +232,33 @@ class FlatEquations:
 
 
 def judged(
-    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats, along: Floats
+    problem: StaticProblem,
+    point: EquilibriumPoint,
+    scales: Scales,
+    directions: tuple[Floats, Floats],
+    is_exact: bool = False,
 ) -> FlatVerdict:
-    """The verdict of directions (n, k) that may be flat, beside those of a continuum (n, d).
+    """The verdict of directions (n, k) that may be flat, beside those of a continuum (n, d); is_exact: the point is
+    known to rounding, and not moved.
 
     As long as they do not vanish together to the same power the steepest is set aside: it has a curvature.
     """
     try:
-        return _judged(problem, point, scales, basis, along)
+        return _judged(problem, point, scales, directions, is_exact)
     except UnderflowError:
-        return FlatVerdict(point, 0, 0, basis.shape[1])
+        return FlatVerdict(point, 0, 0, directions[0].shape[1])
 
 
 def _judged(
-    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats, along: Floats
+    problem: StaticProblem,
+    point: EquilibriumPoint,
+    scales: Scales,
+    directions: tuple[Floats, Floats],
+    is_exact: bool,
 ) -> FlatVerdict:
     """The verdict. Raises `UnderflowError`."""
     up = down = 0
+    basis, along = directions
     while 0 < basis.shape[1] <= PARAMETERS.most:
         equations = FlatEquations(problem, point.closed, scales, basis, along)
         q, lam = equations.settled(point.q, point.lam)
@@ -254,7 +268,8 @@ def _judged(
         least, most = _changes(equations, (q, lam), axes[:, steepest]) if is_clear else (np.inf, np.inf)
         if most > PARAMETERS.kept:  # it may be none: higher powers are looked at before it is believed
             plain = FlatVerdict(point, up, down, basis.shape[1])
-            verdict = _of_powers(equations, (q, lam), _rays(basis.shape[1]), plain)
+            of_powers = _of_powers_here if is_exact else _of_powers
+            verdict = of_powers(equations, (q, lam), _rays(basis.shape[1]), plain)
             if verdict is not None or least > PARAMETERS.kept:
                 return verdict or plain
         is_up = bool(curvatures[steepest] > 0)
@@ -318,6 +333,27 @@ def _changes(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Float
     with np.errstate(divide="ignore"):
         share = 3 * (abs(change) + nothing[2]) / (2 * curvature**2)
     return max(0.0, abs(force) - nothing[0]) * share, (abs(force) + nothing[0]) * share
+
+
+def _of_powers_here(
+    equations: FlatEquations, begin: tuple[Floats, Floats], rays: Floats, verdict: FlatVerdict
+) -> FlatVerdict | None:
+    """The verdict of the powers beyond the second at a point that is exact; None where that does not vanish, or none
+    is seen."""
+    known = None
+    few = (PARAMETERS.orders // 2, PARAMETERS.orders)
+    for orders in few if rays.shape[1] < 3 else (PARAMETERS.degree,):
+        found = equations.expanded(*begin, rays, orders)
+        if found is None:
+            break
+        forms, rounding = found.forms
+        clear = np.flatnonzero((np.abs(forms) > rounding).any(axis=0))
+        if clear.size:
+            power = int(clear[0]) + 1
+            known = _of_signs(_at(verdict, *begin), found, power) if power > 2 else None
+            if known is None or known.order:
+                break
+    return known
 
 
 def _of_powers(
@@ -448,7 +484,8 @@ def _rays(k: int) -> Floats:
     if k == 2:
         angles = np.pi * (np.arange(2 * PARAMETERS.orders) + 0.2871) / (2 * PARAMETERS.orders)
         return np.column_stack([np.cos(angles), np.sin(angles)])
-    drawn = np.random.default_rng(3).standard_normal((4 * PARAMETERS.orders, k))
+    count = max(4 * PARAMETERS.orders, comb(PARAMETERS.degree + k - 1, k - 1))
+    drawn = np.random.default_rng(3).standard_normal((count, k))
     return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
 
 

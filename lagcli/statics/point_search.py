@@ -19,6 +19,7 @@ from lagcli.statics import (
     further_zeros,
     newton,
     point_type,
+    precise_zeros,
     refine,
     rest_equations,
     surface_descent,
@@ -269,8 +270,11 @@ class PointSearch:
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
-        typed = typed_point(self.problem, found, self.scales, self.options.has_potential)
-        if typed is None or (typed.point is not found and self._is_known(typed.point, PARAMETERS.same)):
+        nearest, is_exact = _nearest_zero(self.problem, found, self.scales)
+        if nearest is None or (nearest is not found and self._is_known(nearest, PARAMETERS.same)):
+            return False
+        typed = _typed_zero(self.problem, nearest, self.scales, self.options.has_potential, is_exact)
+        if typed is None or (typed.point is not nearest and self._is_known(typed.point, PARAMETERS.same)):
             return False
         if typed.point is not found:
             found, x = typed.point, _unknowns(equations, typed.point)
@@ -437,10 +441,31 @@ def typed_point(
 ) -> FoundPoint | None:
     """A point with its type, where curvatures vanish to more digits; None where it is none: all is flat because it is
     far away, or forces are below what doubles tell."""
+    nearest, is_exact = _nearest_zero(problem, found, scales)
+    return None if nearest is None else _typed_zero(problem, nearest, scales, has_potential, is_exact)
+
+
+def _nearest_zero(
+    problem: StaticProblem, found: EquilibriumPoint, scales: Scales
+) -> tuple[EquilibriumPoint | None, bool]:
+    """The point that is meant by one that may be degenerate, None where it is none; and whether it is known in many
+    digits."""
+    equations = RestEquations(problem, found.closed, scales)
+    x = _unknowns(equations, found)
+    zero = precise_zeros.nearest(equations, x) if precise_zeros.is_doubtful(equations, x) else None
+    if zero is None:
+        return found, False
+    again = refine.settled(equations, newton.NewtonEnd(zero, 0.0, 0.0))
+    return (None if isinstance(again, NoEquilibrium) else again), True
+
+
+def _typed_zero(
+    problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool, is_exact: bool
+) -> FoundPoint | None:
     equations = RestEquations(problem, found.closed, scales)
     x = _unknowns(equations, found)
     along = continuum.tangent(equations, x)
-    kind, moved = point_type.classify(problem, found, scales, has_potential, along)
+    kind, moved = point_type.classify(problem, found, scales, has_potential, along, is_exact)
     if moved.q is not found.q:
         x = _unknowns(equations, moved)
         again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))

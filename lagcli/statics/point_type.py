@@ -115,7 +115,8 @@ def classify(
     bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
     signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.no_force * floor)
-    verdict = _of_doubtful(problem, bare, scales, ways[:, is_doubtful], along, signs[is_doubtful])
+    doubtful = ways[:, is_doubtful], along
+    verdict = _of_doubtful(problem, bare, scales, doubtful, signs[is_doubtful], is_exact)
     if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
         verdict = _of_signs(bare, signs[is_doubtful])
     if idle and verdict.is_odd:  # along one of two opposite directions a contact is in the way
@@ -138,17 +139,18 @@ def _of_doubtful(
     problem: StaticProblem,
     point: EquilibriumPoint,
     scales: Scales,
-    directions: Floats,
-    along: Floats,
+    directions: tuple[Floats, Floats],
     signs: Floats,
+    is_exact: bool,
 ) -> FlatVerdict:
-    """The verdict on directions (n, k) whose curvatures may vanish: by higher derivatives, where rows are of positions
-    alone, nothing depends on t, and the model is not large; else by the signs (k,) of the curvatures."""
+    """The verdict on directions (n, k) whose curvatures may vanish, beside those of a continuum (n, d): by higher
+    derivatives, where rows are of positions alone, nothing depends on t, and the model is not large; else by the signs
+    (k,) of the curvatures."""
+    doubtful, along = directions
     is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
-    if directions.shape[1] and is_small and _is_holonomic(problem, point):
-        return flat_directions.judged(
-            problem, point, scales, decompositions.orthonormal(directions)[0], along
-        )
+    if doubtful.shape[1] and is_small and _is_holonomic(problem, point):
+        basis = decompositions.orthonormal(doubtful)[0]
+        return flat_directions.judged(problem, point, scales, (basis, along), is_exact)
     return _of_signs(point, signs)
 
 

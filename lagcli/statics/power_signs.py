@@ -4,8 +4,11 @@ Of one variable the first power decides. Of two Newton's polygon does, so that w
 ones decide: on a branch b = s a^w, a > 0, the terms of least weight i + w j of sum C_ij a^i b^j decide; the slopes w
 are those of the polygon's edges, and the terms on an edge are a polynomial of s. Where this touches zero, the branch
 b = s a^w + b' goes on with the slopes beyond w (Newton, Puiseux). A function that is positive on all edges has a strict
-minimum. Of three variables the first form is looked at in all directions: between them it changes by no more than a
-part of its degree (Bernstein).
+minimum.
+
+Of more variables one after another gets a weight, as large as a term allows that holds those without one, and the terms
+of weight one decide: a function of these is positive if it is so on the sides of a box, which are halved until bounds
+of it say so.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact.least_distance import EPS
-from lagcli.linear import decompositions
+from lagcli.linear import decompositions, rank
 
 Floats = npt.NDArray[np.float64]
 # (i, j) -> the coefficient of a^i b^j and its rounding.
@@ -42,9 +45,9 @@ class SignParameters:
     """Points at which a polynomial touches zero that are one: of a multiple zero the highest derivative tells it.
     `test_a_fourfold_zero_is_one_branch` fails at 1e-4 and 1e-2."""
 
-    directions: int = 40_000
-    """Directions of three variables at which a form is looked at.
-    `test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest` fails at 4000 and 400000."""
+    boxes: int = 40_000
+    """Boxes in which the bounds of a function of three or more variables are looked at.
+    `test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest` fails at 4000."""
 
 
 PARAMETERS = SignParameters()
@@ -73,7 +76,7 @@ def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tup
         seen = PowerSigns(True, True, True)
     if seen.is_decided or len(rays) <= power:
         return seen, seen
-    return _of_two(rays, forms, roundings, power) if k == 2 else (_of_three(rays, form, rounding, power),) * 2
+    return (_of_two if k == 2 else _of_many)(rays, forms, roundings, power)
 
 
 def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
@@ -118,40 +121,123 @@ def _axes_of_two(rays: Floats, form: Floats, rounding: Floats, power: int) -> Fl
     return np.asarray(axes @ turn)
 
 
-def _of_three(rays: Floats, forms: Floats, rounding: Floats, power: int) -> PowerSigns:
-    """The signs of a form of one sign on rays: decided where it has the other one elsewhere, or is zero nowhere."""
-    rises = bool((forms > rounding).any())
+def _of_many(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
+    """The signs by the terms of weight one: where these leave them open, nothing is decided.
+
+    Weights of variables that the first form does not hold are as large as the terms allow in which they stand: along
+    b = s t^w all other terms are smaller.
+    """
+    k, most = rays.shape[1], power
+    while most < forms.shape[1] and comb(most + k, k - 1) <= len(rays):
+        most += 1
+    rises = bool((forms[:, power - 1] > roundings[:, power - 1]).any())
     seen = PowerSigns(rises, not rises, False)
-    exponents, values, floors = _coefficients(rays, forms, rounding, power)
-    if len(exponents) > len(rays):
-        return seen
+    if comb(power + k - 1, k - 1) > len(rays):
+        return seen, seen
+    weights: list[Fraction] = []
+    turned = rays
+    while len(weights) < k:
+        terms = _clear_terms(turned, forms, roundings, range(power, most + 1))
+        known = len(weights)
+        slopes = {
+            at: Fraction(1 - sum(w * i for w, i in zip(weights, at[:known], strict=True))) / sum(at[known:])
+            for at in terms
+            if any(at[known:])
+        }
+        slope = max(slopes.values(), default=Fraction(0))
+        if slope * most < 1:  # powers that are not known may be as large
+            return seen, seen
+        edge = {at: terms[at][0] for at, each in slopes.items() if each == slope}
+        sizes, axes = decompositions.axes(_gradients(edge, turned)[:, known:])
+        count = int((sizes > rank.PARAMETERS.large * sizes[0]).sum())
+        weights += [slope] * count
+        turned = np.hstack([turned[:, :known], turned[:, known:] @ axes.T])
+    terms = _clear_terms(turned, forms, roundings, range(power, most + 1))
+    face = {
+        at: pair for at, pair in terms.items() if sum(w * i for w, i in zip(weights, at, strict=True)) == 1
+    }
+    pure = [face.get(tuple(int(1 / w) * (i == j) for j in range(k))) for i, w in enumerate(weights)]
+    is_odd = any(sum(at) % 2 for at in face)
+    found = seen
+    if all(pair is not None and (pair[0] > 0) == rises for pair in pure):
+        # Each variable is measured by its own power.
+        units = [abs(pair[0]) ** -float(w) for pair, w in zip(pure, weights, strict=True) if pair is not None]
+        found = _on_box(face, units, seen, is_odd)
+    elif any(pair is not None and ((pair[0] > 0) != rises) for pair in pure) or is_odd:
+        found = PowerSigns(True, True, True)
+    return found, dataclasses.replace(found, falls=not found.falls) if is_odd and found.falls else found
+
+
+def _clear_terms(
+    rays: Floats, forms: Floats, roundings: Floats, orders: range
+) -> dict[tuple[int, ...], tuple[float, float]]:
+    """The exponents of all monomials whose coefficients are more than rounding, with these and their rounding."""
+    found: dict[tuple[int, ...], tuple[float, float]] = {}
+    for order in orders:
+        exponents, values, floors = _coefficients(rays, forms[:, order - 1], roundings[:, order - 1], order)
+        # The axes have a rounding of their own.
+        floors = floors + PARAMETERS.roundings * EPS * float(np.abs(values).max(initial=0.0))
+        found |= {
+            at: (value, floor)
+            for at, value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True)
+            if abs(value) > floor
+        }
+    return found
+
+
+def _gradients(terms: Mapping[tuple[int, ...], float], points: Floats) -> Floats:
+    """The gradients (points, k) of a sum of monomials at points (points, k)."""
+    exponents, c = np.array(list(terms)), np.array(list(terms.values()))
+    found = []
+    for own in np.eye(points.shape[1], dtype=int):
+        lower = np.maximum(exponents - own, 0)
+        found.append(np.prod(points[:, None, :] ** lower, axis=2) @ (c * (exponents @ own)))
+    return np.column_stack(found)
+
+
+def _on_box(
+    face: Mapping[tuple[int, ...], tuple[float, float]], units: list[float], seen: PowerSigns, is_odd: bool
+) -> PowerSigns:
+    """The signs of a sum of monomials of weight one on the sides of a box, where each way from zero meets them once."""
+    exponents, k = np.array(list(face)), len(units)
     sign = 1.0 if seen.rises else -1.0
-    on_axes = [exponents.index(each) for each in _axes(rays.shape[1], power)]
-    axes = sign * values[on_axes]
-    if not (axes > floors[on_axes]).all():
-        return seen
-    # Each variable is measured by its own power.
-    units = np.prod(axes ** (-np.array(exponents) / power), axis=1)
-    powers = _sphere()[:, None, :] ** np.array(exponents)
-    all_values = np.prod(powers, axis=2) @ (sign * values * units)
-    if all_values.min() < -float(floors @ units):
-        return PowerSigns(True, True, True)
-    change = (power**2) * (4 * np.pi / PARAMETERS.directions) / 2
-    is_definite = bool(all_values.min() * (1 - change) > change * all_values.max())
-    return dataclasses.replace(seen, is_decided=is_definite)
-
-
-def _axes(k: int, power: int) -> list[tuple[int, ...]]:
-    return [tuple(power * (i == j) for j in range(k)) for i in range(k)]
-
-
-def _sphere() -> Floats:
-    """Directions in space that lie evenly (Fibonacci), no farther from any other than the root of their part of the
-    sphere."""
-    count = np.arange(PARAMETERS.directions) + 0.5
-    z, angles = 1 - 2 * count / PARAMETERS.directions, np.pi * (1 + np.sqrt(5.0)) * count
-    around = np.sqrt(1 - z**2)
-    return np.column_stack([around * np.cos(angles), around * np.sin(angles), z])
+    scale = np.prod(np.array(units) ** exponents, axis=1)
+    c = sign * np.array([value for value, _ in face.values()]) * scale
+    floor = float(np.array([rounding for _, rounding in face.values()]) @ scale)
+    terms = dict(zip(face, c.tolist(), strict=True))
+    seconds = [
+        (
+            i,
+            j,
+            np.maximum(exponents - own - other, 0),
+            np.abs(c) * (exponents @ own) * ((exponents - own) @ other),
+        )
+        for i, own in enumerate(np.eye(k, dtype=int))
+        for j, other in enumerate(np.eye(k, dtype=int))
+    ]
+    sides = [(i, side) for i in range(k) for side in ((1.0, -1.0) if is_odd else (1.0,))]
+    left = PARAMETERS.boxes
+    for axis, side in sides:
+        centers, half = side * np.eye(k)[axis][None], 1.0
+        wide = np.array([0.0 if i == axis else 1.0 for i in range(k)])
+        steps = np.array(list(itertools.product(*([(0.0,) if not w else (-0.5, 0.5) for w in wide]))))
+        while len(centers):
+            left -= len(centers)
+            if left < 0:
+                return seen
+            values = np.prod(centers[:, None, :] ** exponents, axis=2) @ c
+            if (values < -floor).any():
+                return PowerSigns(True, True, True)
+            change = half * np.abs(_gradients(terms, centers)) @ wide
+            reach = np.abs(centers) + half * wide
+            for i, j, lower, factors in seconds:
+                if wide[i] and wide[j]:
+                    bound = np.prod(reach[:, None, :] ** lower, axis=2) @ np.maximum(factors, 0.0)
+                    change += half**2 / 2 * bound
+            open_ones = centers[~(values - change > floor)]
+            centers = (open_ones[:, None, :] + half * steps[None]).reshape(-1, k)
+            half /= 2
+    return dataclasses.replace(seen, is_decided=True)
 
 
 def _coefficients(

@@ -60,6 +60,7 @@ class StaticProblem:
         self.n, self.C, self.K = laws.q.numel(), laws.B.shape[0], laws.g.numel()
         self.t, self.begin = start
         self._series: dict[tuple[int, ...], SeriesFunction] = {}
+        self._precise: dict[tuple[int, ...], Program] = {}
         self._later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
         self.times: tuple[float, ...] = (self.t,)
         if not self._is_steady():
@@ -164,6 +165,17 @@ class StaticProblem:
         laws = self.laws
         signs = [*(laws.g[k] for k in range(self.K) if k not in closed), *ca.vertsplit(laws.sides)]
         return program.written_out(self._balance(closed, signs)), len(signs)
+
+    def precise_program(self, closed: tuple[int, ...]) -> Program:
+        """All equations with these contacts closed (m,), then their gradient column by column (m, k), as a function of
+        k unknowns (q, lambda) and of (t, p)."""
+        if closed not in self._precise:
+            f = self._balance(closed)
+            x, numbers = (ca.SX.sym("x", f.size1_in(i)) for i in range(2))
+            residual = f(x, numbers)
+            both = _stacked([residual, ca.jacobian(residual, x)])
+            self._precise[closed] = program.written_out(SizedFunction("precise", [x, numbers], [both]))
+        return self._precise[closed]
 
     def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
         """All equations with these contacts closed as power series of (q, lambda) and of (t, p)."""

@@ -146,7 +146,29 @@ def test_a_point_that_is_found_thrice_beside_itself_is_listed_once():
     """Newton's steps find it to a fifth of the digits, and each of the three is moved to zero."""
     given = "x: {value: 0.5}, y: {value: 0.3}, z: {value: 0.2}"
     found = stationary(f"coordinates: {{{given}}}\n", "(x + y)**4 + (y + 2*z)**4 - (x - z)**6")
-    assert [(p.type, p.dimension) for p in found] == [("degenerate", 0)]
+    assert [(p.type, p.dimension) for p in found] == [("saddle", 0)]
+
+
+SUMS_OF_POWERS = [
+    ("(y+z)**4 + (2*x+z)**2 + (2*x+z+y*z)**6", (0, 0, 0), "minimum"),
+    ("-(y+z)**4 - (2*x+z)**2 - (2*x+z+y*z)**6", (0, 0, 0), "maximum"),
+    ("3*(x+y)**4 + (x-y+z)**4 + (3*y-z)**4", (0, 0, 0), "minimum"),
+    ("-2*(3*x-y+z-0.8)**6 - 2*(3*x+3*z-1.8)**6 + 2*(x+3*y+3*z-2.4)**4", (0.3, 0.4, 0.3), "saddle"),
+    ("(2*x-y+z)**6 + (2*y+z)**4 + (2*x+2*y+3*z)**6", (0, 0, 0), "minimum"),
+    ("(x+2*y)**4 + (y-z-u)**4 + (z+2*u)**4 + (u-x)**4", (0, 0, 0, 0), "minimum"),
+    ("-(x+2*y)**6 - (y-z-u)**4 - (z+2*u)**4 - (u-x)**2", (0, 0, 0, 0), "maximum"),
+    ("(x+2*y)**6 + (y-z-u)**4 - (z+2*u)**3 + (u-x)**4", (0, 0, 0, 0), "saddle"),
+]
+
+
+@pytest.mark.parametrize(("of", "at", "kind"), SUMS_OF_POWERS)
+def test_powers_of_independent_lines_have_one_point_to_rounding(of, at, kind):
+    given = ", ".join(
+        f"{name}: {{value: {a + b}}}" for name, a, b in zip("xyzu", at, (0.3, -0.4, 0.2, 0.1), strict=False)
+    )
+    (point,) = stationary(f"coordinates: {{{given}}}\n", of, starts=2)
+    assert [point.at[name] for name in "xyzu"[: len(at)]] == pytest.approx(at, rel=1e-15, abs=1e-15)
+    assert (point.type, point.dimension) == (kind, 0)
 
 
 @pytest.mark.parametrize(

@@ -169,10 +169,12 @@ def problem_of(build: Build, count: int, forces: Build | None = None) -> StaticP
 UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1))
 
 
-def flat_verdict(build: Build, *at: float, forces: Build | None = None) -> FlatVerdict:
+def flat_verdict(
+    build: Build, *at: float, forces: Build | None = None, is_exact: bool = False
+) -> FlatVerdict:
     problem, n = problem_of(build, len(at), forces), len(at)
     point = EquilibriumPoint(np.array(at), np.zeros(0), (), 0.0)
-    return flat_directions.judged(problem, point, UNITS, np.eye(n), np.zeros((n, 0)))
+    return flat_directions.judged(problem, point, UNITS, (np.eye(n), np.zeros((n, 0))), is_exact)
 
 
 def test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not() -> None:
@@ -194,12 +196,18 @@ def test_a_point_is_not_moved_by_more_than_a_hundredth(off: float, order: int) -
     assert flat_verdict(lambda q: q**3, off).order == order
 
 
-@pytest.mark.parametrize(("count", "order"), [(3, 3), (4, 0)])
-def test_three_flat_directions_decide_and_four_do_not(count: int, order: int) -> None:
+@pytest.mark.parametrize(("power", "order"), [(8, 8), (10, 0)])
+def test_an_eighth_power_of_four_is_told_and_a_tenth_is_not(power: int, order: int) -> None:
+    found = flat_verdict(lambda q: ca.sum1(q**power), *np.zeros(4), is_exact=True)
+    assert (found.order, found.is_strict) == (order, order > 0)
+
+
+@pytest.mark.parametrize(("count", "order"), [(4, 3), (5, 0)])
+def test_four_flat_directions_decide_and_five_do_not(count: int, order: int) -> None:
     assert flat_verdict(lambda q: ca.sum1(q**3), *np.zeros(count)).order == order
 
 
-@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.98, True), (-1.996, False)])
+@pytest.mark.parametrize(("mixed", "is_strict"), [(-1.99999, True), (-2.0, False)])
 def test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest(
     mixed: float, is_strict: bool
 ) -> None:
@@ -291,10 +299,14 @@ def doubted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     counts: list[int] = []
 
     def judged(
-        problem: object, point: EquilibriumPoint, scales: Scales, basis: np.ndarray, _: object
+        problem: object,
+        point: EquilibriumPoint,
+        scales: Scales,
+        directions: tuple[np.ndarray, np.ndarray],
+        is_exact: bool,
     ) -> FlatVerdict:
-        counts.append(basis.shape[1])
-        return FlatVerdict(point, basis.shape[1], 0)
+        counts.append(directions[0].shape[1])
+        return FlatVerdict(point, directions[0].shape[1], 0)
 
     monkeypatch.setattr(flat_directions, "judged", judged)
     return counts

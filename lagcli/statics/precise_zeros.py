@@ -1,0 +1,147 @@
+"""A zero of the equations of rest in many digits: where curvatures vanish doubles tell it to a part of theirs.
+
+Newton's steps come nearer by a part of the way each there, four fifths at a sixth power, and forces vanish with its
+powers: three hundred digits hold what is left of them where the point has twenty. Numbers are taken as they are
+written.
+"""
+
+from __future__ import annotations
+
+import decimal
+from decimal import Decimal
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli import memory
+from lagcli.compiled import multiprecision
+from lagcli.linear import decompositions, surface
+from lagcli.linear.surface import Point
+from lagcli.statics import polynomial_equations
+from lagcli.statics.rest_equations import RestEquations
+
+Floats = npt.NDArray[np.float64]
+Numbers = list[Decimal]
+ZERO = Decimal(0)
+
+
+class PreciseZeroParameters:
+    """Numbers of zeros in many digits. The tests are of `tests/unit/test_precise_zeros.py`."""
+
+    __slots__ = ()
+
+    digits: int = 300
+    """Digits of the arithmetic. `test_a_sixth_power_vanishes_in_three_hundred_digits` fails at 20."""
+    steps: int = 1000
+    """Newton's steps: at a power of twelve each leaves ten elevenths of the way.
+    `test_a_thousand_steps_lead_to_where_a_twelfth_power_vanishes` fails at 100."""
+    arrived: Decimal = Decimal("1e-20")
+    """The last step, as a part of the size of things: a double has sixteen digits.
+    `test_a_sixth_power_vanishes_in_three_hundred_digits` fails at 1e-2."""
+    far: float = 0.3
+    """A zero that is farther than this part of the size of things is another one.
+    `test_a_zero_far_away_is_another_one` fails at 0.03 and 3."""
+    most: int = 12
+    """Unknowns: time grows with the cube of their number. `test_equations_of_twelve_unknowns_have_many_digits` fails at
+    1 and 120."""
+    doubtful: float = 1e-3
+    """Gradients that are dependent but for this part may be so at the zero, and then it is known to a part of its
+    digits. `test_a_zero_is_doubtful_where_a_curvature_is_a_thousandth` fails at 1e-4 and 1e-2."""
+
+
+PARAMETERS = PreciseZeroParameters()
+
+
+def is_doubtful(equations: RestEquations, x: Floats) -> bool:
+    """True if gradients may be dependent, or vanish, at a zero near x."""
+    found = equations(x)
+    if found is None:
+        return False
+    widths, n = np.linalg.norm(found[1], axis=0), equations.problem.n
+    widths[:n] = np.maximum(widths[:n], 1 / equations.scales.length)  # forces are measured by their unit
+    sizes = decompositions.singular_values(found[1] / np.where(widths > 0, widths, 1.0))
+    return bool(sizes.size and sizes[-1] <= PARAMETERS.doubtful * max(1.0, sizes[0]))
+
+
+def nearest(equations: RestEquations, x: Floats) -> Floats | None:
+    """The zero (k,) of the equations that Newton's steps from x come to, as doubles; None where they come to none near
+    by, and where the equations are large, hold t or a function that is not known in many digits."""
+    problem = equations.problem
+    if len(problem.times) > 1 or x.size > PARAMETERS.most or equations.closed is None:
+        return None
+    program = problem.precise_program(equations.closed)
+    try:
+        multiprecision.require_known(program)
+    except multiprecision.Unknown:
+        return None
+    with decimal.localcontext(prec=PARAMETERS.digits):
+        numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
+        length = Decimal(equations.scales.length)
+        count = program.results // (x.size + 1)
+
+        def at(x: Point) -> _InDigits | None:
+            try:
+                values = multiprecision.run(program, [list(x), numbers], number)
+            except multiprecision.NotFinite:
+                return None
+            rows = [values[count + i :: count] for i in range(count)]
+            return _InDigits(values[:count], rows, length)
+
+        begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
+        end = surface.approach(at, begun, steps=PARAMETERS.steps)
+        arrived = None if end is None else at(end.x)
+        if end is None or arrived is None or not arrived.is_there:
+            return None
+        found = np.array([float(value) for value in end.x])
+    way = np.abs(found - x)[: problem.n].max(initial=0.0)
+    return found if way <= PARAMETERS.far * equations.scales.length else None
+
+
+@memory.remembered(4096)
+def number(value: float) -> Decimal:
+    """A number as it was written, or the quotient that was, in the digits of the context."""
+    try:
+        written = polynomial_equations.exact(value)
+    except polynomial_equations.NotPolynomial:
+        return multiprecision.decimal_of(value)
+    return Decimal(written.numerator) / Decimal(written.denominator)
+
+
+class _InDigits:
+    """Equations f (m,) with gradients (m, k) at a point, in many digits."""
+
+    def __init__(self, f: Numbers, gradients: list[Numbers], length: Decimal) -> None:
+        self._step = _solved(gradients, f)
+        longest = max(map(abs, self._step), default=ZERO) / length
+        # Of a degenerate zero the steps fall and not the forces: those of a steep direction cancel the others before.
+        self.distance, self.is_there = float(longest), longest <= PARAMETERS.arrived
+
+    def step(self) -> Point:
+        """The step (k,) to where the linear equations vanish."""
+        return np.array(self._step)
+
+
+def _solved(rows: list[Numbers], f: Numbers) -> Numbers:
+    """x (k,) with f + rows x = 0 by elimination with the largest pivots; 0 of unknowns that are left free."""
+    left = [[*row, -value] for row, value in zip(rows, f, strict=True)]
+    k = len(rows[0])
+    largest = max((abs(entry) for row in rows for entry in row), default=ZERO)
+    nothing = largest * Decimal(10) ** (20 - decimal.getcontext().prec)
+    done: list[tuple[int, Numbers]] = []
+    free = list(range(k))
+    while free and left:
+        i, j = max(((i, j) for i in range(len(left)) for j in free), key=lambda at: abs(left[at[0]][at[1]]))
+        pivot = left.pop(i)
+        if abs(pivot[j]) <= nothing:
+            break
+        free.remove(j)
+        done.append((j, pivot))
+        for row in left:
+            if row[j]:
+                factor = row[j] / pivot[j]
+                for column in (*free, k):
+                    row[column] -= factor * pivot[column]
+    x = [ZERO] * k
+    for j, row in reversed(done):
+        x[j] = (row[k] - sum((row[i] * x[i] for i in range(k) if x[i] and i != j), ZERO)) / row[j]
+    return x
