@@ -130,8 +130,9 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     # Of a row that vanishes identically numbers see its rounding.
     effective = [i for i, name in enumerate(names) if name not in found.vanishing]
     holonomic_rows = list(range(system.holonomic_count))
+    lost = {i for i, name in enumerate(names) if name in found.lost}
     points, vanishing = [begin], ""
-    on = _ranks(numeric, points, holonomic_rows, effective)
+    on = _ranks(numeric, points, holonomic_rows, effective, lost)
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
     if on.highest[1] < len(effective):  # rows that are independent at the start are so nearby
@@ -143,10 +144,10 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
             later = initial.later(system) if found.depends_on_time else 0.0
             points = _generic(system, numeric, begin, holonomic_rows, 0.0)
             if surface.kind != "singular":
-                vanishing = _undecided_drop(_ranks(numeric, points, holonomic_rows, effective))
+                vanishing = _undecided_drop(_ranks(numeric, points, holonomic_rows, effective, lost))
             if later:
                 points = _generic(system, numeric, begin, holonomic_rows, later)
-        on = _ranks(numeric, points, holonomic_rows, effective)
+        on = _ranks(numeric, points, holonomic_rows, effective, lost)
         conflict.require_lasting(system, numeric, begin)
     open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
     open_reason = open_reason or vanishing or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
@@ -343,14 +344,20 @@ def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str
 
 
 def _ranks(
-    numeric: NumericSystem, points: list[State], holonomic_rows: list[int], effective: list[int]
+    numeric: NumericSystem,
+    points: list[State],
+    holonomic_rows: list[int],
+    effective: list[int],
+    lost: set[int],
 ) -> _Ranks:
-    """Ranks of the holonomic rows and of all effective ones, at the points; the first is known to be finite."""
+    """Ranks of the holonomic rows and of all effective ones, at the points; the first, the start, is known to be
+    finite, and rows that are lost vanish there, though doubles leave rounding of them."""
     found = _Ranks([], [])
-    for point in points:
+    for k, point in enumerate(points):
         if sample_points.is_finite(numeric, point):
             rows = _normalized_rows(numeric, point)
-            rows = rows if len(effective) == rows.count else rows.take(effective)
+            some = [i for i in effective if k or i not in lost]
+            rows = rows if len(some) == rows.count else rows.take(some)
             found.everything.append(rank.estimate(rows))
             complete = len(holonomic_rows) == rows.count
             found.of_holonomic.append(

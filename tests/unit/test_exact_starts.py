@@ -281,3 +281,46 @@ def test_a_gain_on_hidden_conditions_makes_no_rows_part_later() -> None:
         "w": "3*(1/3) - ((1/3)/1000)",
     }
     assert counted(values, rows).configuration_dof == 1
+
+
+@pytest.mark.parametrize("gain", ["1e-6", "1", "7/3", "1e6"])
+@pytest.mark.parametrize(
+    ("row", "values"),
+    [
+        ("(2*cos(x) - 1)*d(y)", {"x": "pi/3"}),
+        ("(2*sin(x) - sqrt(3))*d(y) + (3*x - pi)*d(z)", {"x": "60*deg"}),
+        ("(x - 0.3)*d(y) + (x**2 - 0.09)*d(z)", {"x": "0.1 + 0.2"}),
+        ("(x**2 - 2)*d(y)", {"x": "sqrt(2)"}),
+        ("(exp(x) - 3)*(u + 1)*d(y) + (x - log(3))*d(w)", {"x": "log(3)"}),
+        ("(tan(x) - 1)*d(y)", {"x": "pi/4"}),
+        ("(7*x - 3)*d(y) + (7*u - 2)*d(z)", {"x": "3/7", "u": "2/7"}),
+        ("x*d(y) - (u - 1.1*1.1)*d(x)", {"x": "0", "u": "1.21"}),
+    ],
+)
+def test_a_row_that_vanishes_at_the_start_leaves_the_count_open(
+    gain: str, row: str, values: dict[str, str]
+) -> None:
+    """Doubles leave rounding of it, which has a direction like any row."""
+    found = counted(values, [f"({gain})*({row})"])
+    assert found.configuration_dof is None
+    assert "the rows have rank 0 there and 1 nearby" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("row", "values", "truth"),
+    [
+        ("(2*cos(x) - 1)*d(y)", {"x": "1.0471975511965976"}, 4),
+        ("(x**2 - 2)*d(y)", {"x": "1.4142135623730951"}, 4),
+        ("(x - 0.3)*d(y)", {"x": "0.30000000000000004"}, 4),
+        ("(cos(t) - 1)*d(y)", {}, 4),
+        ("max(x, 0)*d(y)", {"x": "-1"}, 5),
+        ("max(x, 0)*d(y)", {"x": "1"}, 4),
+    ],
+)
+def test_a_row_beside_its_zero_counts(row: str, values: dict[str, str], truth: int) -> None:
+    assert counted(values, [row]).configuration_dof == truth
+
+
+def test_a_row_that_vanishes_at_the_start_beside_holonomic_ones_leaves_the_count_open() -> None:
+    assert counted({"x": "sqrt(2)"}, ["1e-6*(x**2 - 2)*d(y)"], ["z = 0"]).configuration_dof is None
+    assert counted({"x": "sqrt(2)"}, ["1e-6*(x**2 - 2)*d(y)"], ["x**2 = 2"]).configuration_dof == 4

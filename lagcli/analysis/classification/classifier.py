@@ -82,6 +82,9 @@ class Classifier:
                 together = self._locality.without_vanishing(together, block, numbers)
         if block is not declared:
             together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
+        if declared is not None:
+            lost = self._locality.lost(declared) - together.vanishing
+            together = dataclasses.replace(together, lost=lost) if lost else together
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
     def _is_local(self, block: PfaffianBlock, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:

@@ -107,6 +107,15 @@ class Locality:
         """True if an expression is zero at the start to all digits, or has no value there."""
         return special_points.vanishes(expression, [self._start.point])
 
+    def lost(self, block: PfaffianBlock) -> frozenset[str]:
+        """The rows that vanish at the start, to all digits; not by the time alone, which all motions leave."""
+        found = _vanishing(block, [self._start.point])
+        return frozenset(
+            name
+            for name, row in zip(block.names, block.rows, strict=True)
+            if name in found and any(a.free_symbols & set(block.variables) - {TIME} for a in row)
+        )
+
     def is_beside(self, expression: Expression) -> bool:
         """True if an expression that is not zero at the start is so near to zero that doubles cannot tell."""
         return special_points.beside(expression, self._start.point)

@@ -57,7 +57,8 @@ class JointVerdict:
     for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
     vanish identically where the holonomic rows hold. holonomic_rank: that of the holonomic rows they meet, where it is
     proved exactly. passing: integrals that hold on the set alone that the motions from the start keep to. may_demand:
-    the flag is not decided, and the rows demand holonomic conditions that are not known, or may do so.
+    the flag is not decided, and the rows demand holonomic conditions that are not known, or may do so. lost: rows that
+    vanish at the start, to all digits, and not everywhere.
     """
 
     rows: tuple[str, ...]
@@ -74,6 +75,7 @@ class JointVerdict:
     holonomic_rank: int = 0
     passing: tuple[FirstIntegral, ...] = ()
     may_demand: bool = False
+    lost: frozenset[str] = frozenset()
 
     @property
     def is_decided(self) -> bool:
@@ -118,6 +120,11 @@ class Classification:
     def vanishing(self) -> frozenset[str]:
         """Rows that vanish identically."""
         return frozenset(name for group in self.groups for name in group.vanishing)
+
+    @property
+    def lost(self) -> frozenset[str]:
+        """Rows that vanish at the start, to all digits, and not everywhere."""
+        return frozenset(name for group in self.groups for name in group.lost)
 
     @property
     def remarks(self) -> tuple[str, ...]:
