@@ -55,8 +55,15 @@ def test_forty_digits_tell_that_numbers_are_rounded(count: int, is_short: bool) 
 
 @pytest.mark.parametrize(("others", "is_short"), [(8, True), (14, False)])
 def test_of_rounded_numbers_most_end_at_the_last_place(others: int, is_short: bool) -> None:
-    numbers = np.concatenate([rounded(np.sqrt(10 * np.arange(10) + 2), 7), 0.5 + np.arange(others)])
+    shorter = rounded(np.sqrt(10 * np.arange(others) + 3), 5)
+    numbers = np.concatenate([rounded(np.sqrt(10 * np.arange(10) + 2), 7), shorter])
     assert of(numbers).is_short == is_short
+
+
+def test_numbers_that_are_short_by_themselves_hide_no_rounding() -> None:
+    """A coordinate that moves evenly has numbers as short as those of its times."""
+    heavy = rounded(generic(), 8)
+    assert of(np.concatenate([heavy, np.arange(1, 800) / 100])) == WrittenDigits(digits=8)
 
 
 def test_no_more_than_two_thousand_numbers_are_looked_at_where_all_digits_are_there(

@@ -32,6 +32,10 @@ class DigitsParameters:
     ending: float = 0.5
     """Part of the different numbers that end at the last place: of rounded ones nine in ten do.
     `test_of_rounded_numbers_most_end_at_the_last_place` fails at 0.05 and 5."""
+    own: int = 3
+    """Digits less than the others by which a number is short by itself, as one that was declared or moves evenly:
+    rounding leaves so few of one in a thousand.
+    `test_numbers_that_are_short_by_themselves_hide_no_rounding` fails at 30."""
     certain: int = 8
     """Digits that are rounded ones for certain: no simple numbers have so many. With fewer, most of the rows must be
     off by the rounding. `test_a_wrong_row_of_short_numbers_is_no_rounding` of `tests/physics/test_audit_tables.py`
@@ -121,15 +125,18 @@ def _of_numbers(numbers: Array) -> WrittenDigits:
     decimals, others = _ending(numbers, False) if is_short.any() else (0, ~is_short)
     others &= is_short
     if np.sum(ending) >= np.sum(others):
-        return WrittenDigits(digits=digits) if _is_rounding(ending, digits) else ALL
+        is_own = _is_whole(numbers, digits - PARAMETERS.own, significant=True)
+        return WrittenDigits(digits=digits) if _is_rounding(ending, digits, ~is_own) else ALL
     counts = decimals + np.maximum(1.0 + np.floor(np.log10(numbers)), 0)
-    return WrittenDigits(decimals=decimals) if _is_rounding(others[is_short], counts[is_short]) else ALL
+    looked = is_short & ~_is_whole(numbers, decimals - PARAMETERS.own, significant=False)
+    return WrittenDigits(decimals=decimals) if _is_rounding(others, counts, looked) else ALL
 
 
-def _is_rounding(ending: Array, counts: Array | int) -> bool:
-    """True for enough numbers that end at the last place, with so many digits each."""
+def _is_rounding(ending: Array, counts: Array | int, looked: Array) -> bool:
+    """True for enough numbers that end at the last place, with so many digits each; looked: those of which a part must,
+    as the others are short by themselves."""
     together = float(np.sum(ending * counts))
-    return together >= PARAMETERS.together and bool(np.mean(ending) >= PARAMETERS.ending)
+    return together >= PARAMETERS.together and bool(np.sum(ending) >= PARAMETERS.ending * np.sum(looked))
 
 
 def _ending(numbers: Array, significant: bool) -> tuple[int, Array]:
