@@ -149,7 +149,7 @@ def is_same(one: Linear, other: Linear, duration: float) -> bool:
             return False
         largest = np.zeros(int(row.max(initial=-1)) + 1)
         np.maximum.at(largest, row, np.abs(entries))
-        least = spectrum.floor(len(largest)) * largest.max(initial=0.0) + RESTING / duration**order
+        least = spectrum.floor(len(largest)) * largest.max(initial=0.0) + RESTING * (1 / duration) ** order
         with np.errstate(invalid="ignore"):  # infinite ones are no number apart
             if not (np.abs(entries - others) <= SAME * largest[row] + least).all():
                 return False

@@ -122,3 +122,15 @@ def test_the_null_vector_of_a_tiny_twin_is_one(tmp_path):
     out, _, code = run("check", path)
     assert code == 0
     assert "left out as redundant: 1 row: twin" in out
+
+
+@pytest.mark.parametrize("huge", ["1e300", "1.7e308"])
+def test_times_whose_squares_are_no_doubles_are_no_bug(huge, tmp_path):
+    model, table = tmp_path / "model.yaml", tmp_path / "run.csv"
+    model.write_text("lagcli: 1\ncoordinates: {x: {value: 1, rate: 1}}\nlagrangian: rate(x)**2/2\n")
+    assert in_process.run("simulate", model, "-o", table, "--duration", "1", "--samples", "5", "-q")[2] == 0
+    *lines, last = table.read_text().splitlines()
+    table.write_text("\n".join([*lines, ",".join([huge, *last.split(",")[1:]])]) + "\n")
+    assert in_process.run("audit", model, "--run", table)[2] in (0, 1)
+    model.write_text(f"{model.read_text()}simulation: {{duration: {huge}, samples: 5}}\n")
+    assert in_process.run("derive", model)[2] == 0

@@ -109,7 +109,7 @@ class Evidence:
     @functools.cached_property
     def off_q(self) -> Array:
         """By how much the coordinates may be off, (n,)."""
-        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * self._apart**2
+        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * self._apart * self._apart
 
     @functools.cached_property
     def off_v(self) -> Array:
