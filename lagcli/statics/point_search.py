@@ -455,6 +455,10 @@ def _nearest_zero(
     zero = precise_zeros.nearest(equations, x) if precise_zeros.is_doubtful(equations, x) else None
     if zero is None:
         return found, False
+    if (
+        equations(zero) is None
+    ):  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
+        return None, True
     again = refine.settled(equations, newton.NewtonEnd(zero, 0.0, 0.0))
     return (None if isinstance(again, NoEquilibrium) else again), True
 

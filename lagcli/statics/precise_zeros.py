@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lagcli import memory
 from lagcli.compiled import multiprecision
+from lagcli.contact.least_distance import EPS
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
 from lagcli.statics import polynomial_equations
@@ -93,6 +94,9 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
         if end is None or arrived is None or not arrived.is_there:
             return None
         found = np.array([float(value) for value in end.x])
+    # What is below the rounding of lengths is zero.
+    q = found[: problem.n]
+    found[: problem.n] = np.where(np.abs(q) <= EPS * equations.scales.length, 0.0, q)
     way = np.abs(found - x)[: problem.n].max(initial=0.0)
     return found if way <= PARAMETERS.far * equations.scales.length else None
 

@@ -275,3 +275,11 @@ def test_rounding_of_a_lagrangian_written_at_length_is_no_force_without_a_potent
     )
     found = lagcli.equilibrium(model)
     assert [point.type for point in found.points] == ["minimum", "minimum", "saddle"]
+
+
+@pytest.mark.parametrize("of", ["sin(x)/x", "sin(x)/x + y**2", "(1 - cos(x))/x**2"])
+def test_where_a_function_has_no_value_is_no_point(of):
+    given = "x: {value: 0.3}, y: {value: 0.1}" if "y" in of else "x: {value: 0.3}"
+    found = stationary(f"coordinates: {{{given}}}\n", of, starts=2)
+    assert not any(abs(p.at["x"]) < 1e-3 for p in found)
+    assert any("not defined" in note for note in found.notes)
