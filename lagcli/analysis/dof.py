@@ -149,6 +149,10 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
                 points = _generic(system, numeric, begin, holonomic_rows, later)
         on = _ranks(numeric, points, holonomic_rows, effective, lost)
         conflict.require_lasting(system, numeric, begin)
+    if lost and not vanishing and max(r.low for r in on.everything) <= on.everything[0].high:
+        vanishing = (
+            f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
+        )
     open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
     open_reason = open_reason or vanishing or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
     rank_beyond = on.highest[1] - on.highest[0]

@@ -173,13 +173,18 @@ def test_a_contact_closes_beside_a_singular_configuration(wall):
     assert bool(found.events.of("crossing")) == (wall < 0)
 
 
-def test_a_wall_that_jumps_ends_the_run_at_its_time():
-    lies = BALL.replace("[0, 0, 1]", "[0, 0, 0]").replace("a.z >= 0", "a.z >= -0.2 - 0.2*sign(t - 0.5)")
+def test_a_wall_that_jumps_onto_a_particle_ends_the_run_at_its_time():
     above = BALL.replace("a.z >= 0", "a.z >= 2*sign(t - 0.3)")
-    for text, t in ((lies, 0.5), (above, 0.3)):
-        with pytest.raises(lagcli.SimulationStopped, match=r"the wall of .*`floor` jumps there") as stop:
-            lagcli.simulate(lagcli.loads(text), duration=1.0, samples=3)
-        assert stop.value.t == pytest.approx(t, abs=1e-9)
+    with pytest.raises(lagcli.SimulationStopped, match=r"the wall of .*`floor` jumps there") as stop:
+        lagcli.simulate(lagcli.loads(above), duration=1.0, samples=3)
+    assert stop.value.t == pytest.approx(0.3, abs=1e-9)
+
+
+def test_a_wall_that_jumps_from_under_a_particle_lets_it_fall():
+    lies = BALL.replace("[0, 0, 1]", "[0, 0, 0]").replace("a.z >= 0", "a.z >= -0.2 - 0.2*sign(t - 0.5)")
+    found = lagcli.simulate(lagcli.loads(lies), duration=0.9, samples=3)
+    assert found.events.of("release").t == pytest.approx([0.5], abs=1e-12)
+    assert found.events.of("impact").t == pytest.approx([0.5 + 0.08**0.5], abs=1e-12)
 
 
 @pytest.mark.parametrize("x", [0.1, 0.13])

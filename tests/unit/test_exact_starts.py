@@ -324,3 +324,18 @@ def test_a_row_beside_its_zero_counts(row: str, values: dict[str, str], truth: i
 def test_a_row_that_vanishes_at_the_start_beside_holonomic_ones_leaves_the_count_open() -> None:
     assert counted({"x": "sqrt(2)"}, ["1e-6*(x**2 - 2)*d(y)"], ["z = 0"]).configuration_dof is None
     assert counted({"x": "sqrt(2)"}, ["1e-6*(x**2 - 2)*d(y)"], ["x**2 = 2"]).configuration_dof == 4
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "max(x, 0)*d(y)",
+        "min(x, 0)*d(y)",
+        "(x + abs(x))*d(y)",
+        "(x - abs(x))*d(y)",
+        "max(x, 0)*(d(y) - z*d(w))",
+    ],
+)
+def test_a_row_that_vanishes_on_one_side_of_a_kink_leaves_the_count_open_on_it(row: str) -> None:
+    """On the kink all of it vanishes, and what holds beyond it on one side does not on the other."""
+    assert counted({"x": "0"}, [row]).configuration_dof is None

@@ -155,7 +155,9 @@ def test_both_sides_of_switches_are_looked_at_on_four_lines(monkeypatch):
     monkeypatch.setattr(
         flag_points,
         "EvaluationPoint",
-        lambda *_: SimpleNamespace(is_finite=True, first=1, independent=[0]),
+        lambda *_: SimpleNamespace(
+            is_finite=True, first=1, independent=[0], all=SimpleNamespace(low=1, high=1)
+        ),
     )
     points = flag_points.Points.__new__(flag_points.Points)
     points._block, points.start = kinked, SimpleNamespace(x=np.ones(3), p=NONE)

@@ -19,7 +19,7 @@ from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.pfaffian import joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.flag import function_field
-from lagcli.pfaffian.forms import notation
+from lagcli.pfaffian.forms import form, notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
@@ -361,5 +361,5 @@ def _vanishing(block: PfaffianBlock, points: Sequence[special_points.SpecialPoin
     return frozenset(
         name
         for name, row in zip(block.names, block.rows, strict=True)
-        if all(special_points.is_nothing(a, points) for a in row if a != 0)
+        if all(special_points.is_nothing(form.plain(a), points) for a in row if a != 0)
     )

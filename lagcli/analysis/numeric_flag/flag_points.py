@@ -124,9 +124,13 @@ class Points:
         x, p = self.start.x, self.start.p
         way = kinks.PARAMETERS.farther * initial.size(x)
         lines = [way * generic_direction.direction(x.size, seed) for seed in range(PARAMETERS.lines)]
-        sides = (self._block.on_branch(x + side * line, p, 0.0) for line in lines for side in (1.0, -1.0))
-        points = (EvaluationPoint(block, x, p) for block in sides)
-        return all(one.is_finite and one.first == len(one.independent) for one in points)
+        for away in (side * line for line in lines for side in (1.0, -1.0)):
+            block = self._block.on_branch(x + away, p, 0.0)
+            here, beyond = EvaluationPoint(block, x, p), EvaluationPoint(block, x + away, p)
+            # A row that vanishes on the switch may do so beyond it, or not: the start has no rank of either.
+            if not here.is_finite or here.first != len(here.independent) or beyond.all.high > here.all.low:
+                return False
+        return True
 
     def flow(self) -> list[EvaluationPoint]:
         """The start, and points on its orbit as far as flows lead."""
