@@ -339,3 +339,25 @@ def test_a_row_that_vanishes_at_the_start_beside_holonomic_ones_leaves_the_count
 def test_a_row_that_vanishes_on_one_side_of_a_kink_leaves_the_count_open_on_it(row: str) -> None:
     """On the kink all of it vanishes, and what holds beyond it on one side does not on the other."""
     assert counted({"x": "0"}, [row]).configuration_dof is None
+
+
+@pytest.mark.parametrize("f", ["1", "(x**2 + 1)"])
+@pytest.mark.parametrize(("z", "start"), [("z - 1", "1"), ("2*cos(z) - 1", "pi/3")])
+def test_steep_rows_carry_no_count_off_a_place_that_they_keep_to(f: str, z: str, start: str) -> None:
+    """From the rounding of `x` numbers leave it: a step in `u` multiplies that by a hundred digits."""
+    rows = [
+        f"1e6*{f}*d(x) + d(z) - 1000*({z})*(w + 1)*d(u) - 1e6*(y + 2)*{f}*dt",
+        "1e6*d(x) - 1e6*(y + 2)*dt",
+    ]
+    found = counted({"x": "5 + 8/11", "z": start}, rows)
+    assert found.configuration_dof == 4
+    assert any(f"keep to {z} = 0" in note for note in found.notes)
+
+
+def test_a_row_that_is_nonholonomic_alone_is_not_jointly_integrable_with_its_multiple() -> None:
+    """Exact algebra does not come to its end on the surface of `min`, and numbers take 1e-17 for zero."""
+    rows = [
+        "sqrt(y**2 + 3)*d(u) - (x + 2)*1e-17*sqrt(y**2 + 3)*d(w)",
+        "(sin(t) + 2)*1e-6*d(u) - (x + 2)*1e-23*(sin(t) + 2)*d(w)",
+    ]
+    assert counted({"x": "0.64", "w": "-1.6"}, rows, ["min(y, z) = 0"]).bounds == (3, 4)

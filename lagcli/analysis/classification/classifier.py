@@ -68,8 +68,11 @@ class Classifier:
             and flagged is not None
             and (
                 numbers is None
-                or locality.agree(flagged, numbers)
-                or self._locality.is_left(flagged, numbers)
+                or self._locality.is_left(block, flagged, numbers)
+                or (
+                    locality.agree(flagged, numbers)
+                    and not self._locality.is_carried_off(block, flagged, numbers)
+                )
             )
         ):
             together = self._exact(block, flagged, single)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import sys
 from collections.abc import Sequence
 
 from lagcli.analysis.classification import exact_start
@@ -79,13 +80,28 @@ class Locality:
                 return False
         return True
 
-    def is_left(self, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
+    def is_left(self, block: PfaffianBlock, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
         """True if motions from the start come to where nothing that algebra divided by vanishes.
 
         What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
         """
         own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)[1:]
-        return own is not None and not any(special_points.vanishes(e, points) for e in own)
+        if own is None or any(special_points.vanishes(e, points) for e in own):
+            return False
+        return not self.is_carried_off(block, flagged, numbers)
+
+    def is_carried_off(self, block: PfaffianBlock, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
+        """True if numbers left a set that motions from the start keep to by exact algebra: steep rows amplify rounding.
+
+        The set is smooth at the start, the start is on it to all digits, and its differential lies in the system.
+        """
+        own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)
+        return any(
+            not special_points.vanishes(e, points)
+            and not all(self.is_at_start(e.diff(x)) for x in e.free_symbols)
+            and self._on(block, [e], numbers, is_proved=True) is not None
+            for e in own or ()
+        )
 
     def _own_factors(self, divisors: Sequence[Expression | None]) -> list[Expression] | None:
         """The factors of divisors that vanish at the start; None where they are not known.
@@ -160,7 +176,7 @@ class Locality:
         of_rows = [None if name in vanishing else one for name, one in zip(block.names, single, strict=True)]
         candidates = self._candidates(block, flagged, points)
         where, passing = self._set(block, candidates, numbers, of_rows)
-        doubt = "" if where else self._doubt(flagged, numbers, together, single)
+        doubt = "" if where else self._doubt(block, flagged, numbers, together, single)
         if doubt:
             kept = None if flagged is None else self._kept(block, flagged, numbers)
             if kept is None:
@@ -186,6 +202,7 @@ class Locality:
 
     def _doubt(
         self,
+        block: PfaffianBlock,
         flagged: joint.Flagged | None,
         numbers: NumericFlag,
         together: JointVerdict,
@@ -199,11 +216,17 @@ class Locality:
                 f"the start lies so near {notation.written(near[0])} = 0, and not on it, that numbers cannot tell what"
                 " the rows say there"
             )
-        alone = len(single) == 1 and single[0] is not None and single[0].kind == "nonholonomic"
+        if flagged is not None and self.is_carried_off(block, flagged, numbers):
+            return "numbers left a set that the motions from the start keep to: the rows amplify rounding"
+        alone = any(
+            name in together.inside and one is not None and one.kind == "nonholonomic"
+            for name, one in zip(block.names, single, strict=True)
+        )
+        is_rounded = numbers.digits > sys.float_info.dig + 1 or len(single) == 1
         if (
             together.inside
             and numbers.error > special_points.PARAMETERS.zero
-            and (alone or flagged is not None)
+            and (flagged is not None or (alone and is_rounded))
         ):
             return (
                 f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and no set was found that"
@@ -257,7 +280,7 @@ class Locality:
         equations: list[Expression] = []
         found = flagged
         for _ in range(MOST_LISTED):
-            if self.is_left(found, numbers):
+            if self.is_left(block, found, numbers):
                 return equations, found
             own = self._own_factors(found.flag.divisors) or []
             new = [e for e in own if self._on(block, [*equations, e], numbers, is_proved=True) is not None]
