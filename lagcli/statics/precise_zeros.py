@@ -79,8 +79,11 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
         numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
         length = Decimal(equations.scales.length)
         count = program.results // (x.size + 1)
+        begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
 
         def at(x: Point) -> _InDigits | None:
+            if max(map(abs, x[: problem.n] - begun[: problem.n])) > Decimal(PARAMETERS.far) * length:
+                return None  # along a tail steps go on for ever
             try:
                 values = multiprecision.run(program, [list(x), numbers], number)
             except multiprecision.NotFinite:
@@ -88,7 +91,6 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
             rows = [values[count + i :: count] for i in range(count)]
             return _InDigits(values[:count], rows, length)
 
-        begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
         end = surface.approach(at, begun, steps=PARAMETERS.steps)
         arrived = None if end is None else at(end.x)
         if end is None or arrived is None or not arrived.is_there:
@@ -97,8 +99,7 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     # What is below the rounding of lengths is zero.
     q = found[: problem.n]
     found[: problem.n] = np.where(np.abs(q) <= EPS * equations.scales.length, 0.0, q)
-    way = np.abs(found - x)[: problem.n].max(initial=0.0)
-    return found if way <= PARAMETERS.far * equations.scales.length else None
+    return found
 
 
 @memory.remembered(4096)
