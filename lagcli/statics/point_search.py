@@ -452,9 +452,13 @@ def _nearest_zero(
     digits."""
     equations = RestEquations(problem, found.closed, scales)
     x = _unknowns(equations, found)
-    zero = precise_zeros.nearest(equations, x) if precise_zeros.is_doubtful(equations, x) else None
-    if zero is None:
+    is_rounding = equations.rounding(x) > refine.PARAMETERS.balanced
+    if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
+    zero = precise_zeros.nearest(equations, x)
+    if zero is None:
+        # Where the balance is rounding, and many digits lead nowhere, multipliers grow without bound.
+        return (None if is_rounding and precise_zeros.is_known(equations, x) else found), False
     if (
         equations(zero) is None
     ):  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone

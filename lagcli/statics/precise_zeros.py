@@ -64,17 +64,24 @@ def is_doubtful(equations: RestEquations, x: Floats) -> bool:
     return bool(sizes.size and sizes[-1] <= PARAMETERS.doubtful * max(1.0, sizes[0]))
 
 
+def is_known(equations: RestEquations, x: Floats) -> bool:
+    """True if the equations have many digits: they are few, and hold no t and no function that is not known in them."""
+    if len(equations.problem.times) > 1 or x.size > PARAMETERS.most or equations.closed is None:
+        return False
+    try:
+        multiprecision.require_known(equations.problem.precise_program(equations.closed))
+    except multiprecision.Unknown:
+        return False
+    return True
+
+
 def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     """The zero (k,) of the equations that Newton's steps from x come to, as doubles; None where they come to none near
     by, and where the equations are large, hold t or a function that is not known in many digits."""
+    if not is_known(equations, x) or equations.closed is None:
+        return None
     problem = equations.problem
-    if len(problem.times) > 1 or x.size > PARAMETERS.most or equations.closed is None:
-        return None
     program = problem.precise_program(equations.closed)
-    try:
-        multiprecision.require_known(program)
-    except multiprecision.Unknown:
-        return None
     with decimal.localcontext(prec=PARAMETERS.digits):
         numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
         length = Decimal(equations.scales.length)

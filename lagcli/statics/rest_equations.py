@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.contact.least_distance import EPS
+from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
 from lagcli.statics.static_problem import StaticProblem, Values
@@ -143,6 +144,26 @@ class RestEquations:
                 closed = values.g[self.acting] / self.scales.contacts[self.acting]
                 worst = max(worst, np.abs(closed).max(initial=0.0) / size)
         return float(worst)
+
+    def rounding(self, x: Floats) -> float:
+        """What rounding leaves of the forces, by the sizes of all they are computed from, as a part of the largest; 0
+        where an operation has no series, or contacts are not told apart."""
+        if self.closed is None or len(self.problem.times) > 1:
+            return 0.0
+        n, problem = self.problem.n, self.problem
+        sizes = np.abs(x)
+        sizes[:n] = np.maximum(sizes[:n], self.scales.length)
+        unknowns = [PowerSeries(*pair) for pair in zip(x[:, None], sizes[:, None], strict=True)]
+        fixed = [constant(value, 1) for value in (problem.t, *problem.p.tolist())]
+        try:
+            forces = problem.balance_series(self.closed).at([unknowns, fixed], 1, EPS)[0][:n]
+        except UnderflowError:
+            return 0.0
+        if any(not each.known for each in forces):
+            return 0.0
+        F = problem.at(problem.t, x[:n], problem.nothing).F
+        largest = max(self.scales.force, float(np.abs(F).max(initial=0.0)))
+        return EPS * max(float(each.size[-1]) for each in forces) / largest
 
 
 def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:

@@ -277,9 +277,33 @@ def test_rounding_of_a_lagrangian_written_at_length_is_no_force_without_a_potent
     assert [point.type for point in found.points] == ["minimum", "minimum", "saddle"]
 
 
-@pytest.mark.parametrize("of", ["sin(x)/x", "sin(x)/x + y**2", "(1 - cos(x))/x**2"])
+@pytest.mark.parametrize("of", ["sin(x)/x", "sin(x)/x + y**2", "(1 - cos(x))/x**2 + y**2"])
 def test_where_a_function_has_no_value_is_no_point(of):
     given = "x: {value: 0.3}, y: {value: 0.1}" if "y" in of else "x: {value: 0.3}"
     found = stationary(f"coordinates: {{{given}}}\n", of, starts=2)
     assert not any(abs(p.at["x"]) < 1e-3 for p in found)
     assert any("not defined" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("of", "starts"), [("tan(x)/x + y**2", 4), ("x/sin(x) + y**2", 8)])
+def test_where_the_balance_is_rounding_beside_such_a_place_is_no_point(of, starts):
+    """From walls Newton's steps lead to 1e-8, where doubles are noise and the slope is steep enough."""
+    text = "coordinates: {x: {value: 0.3}, y: {value: 0.1}}\ninequality: {a: x >= -20, b: x <= 20}\n"
+    found = stationary(text, of, starts=starts)
+    assert found.points
+    assert not any(abs(p.at["x"]) < 1e-3 for p in found)
+    assert any("not defined" in note for note in found.notes)
+
+
+def test_a_stiff_spring_balances_although_rounding_of_its_force_is_large():
+    text = "coordinates: {x: {value: 0.3}, y: {value: -1.1}}\n"
+    found = stationary(text, "1e14*(sqrt(x**2 + y**2) - 1)**2/2 + y", starts=1)
+    assert sorted(round(p.at["y"]) for p in found) == [-1, 1]
+
+
+@pytest.mark.parametrize("row", ["(y - 1)**2 = 0", "(y - 1)**3 = 0", "(y - 1)**2*(x + 2) = 0"])
+def test_where_a_row_has_no_gradient_is_no_minimum_with_a_multiplier(row):
+    text = f'coordinates: {{x: 0.3, y: 1.001}}\nholonomic: {{r: "{row}"}}\nsimulation: {{assemble: true}}\n'
+    found = stationary(text, "x**2 + y", starts=2)
+    assert not found.points
+    assert any("without lambda" in note for note in found.notes)
