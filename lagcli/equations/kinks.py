@@ -18,6 +18,7 @@ from lagcli.smoothness import sides, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
 
 
 class KinkParameters:
@@ -42,15 +43,15 @@ PARAMETERS = KinkParameters()
 @frozen
 class Kinks:
     """The K rows that switch; slopes: (t, q, p) -> their B, b and f (K, n + 2), b at rest, f zero where a row is
-    differential."""
+    differential; entries: numbers of rows and of the coordinates that their slopes hold, (E,) each."""
 
     rows: tuple[Row, ...]
     slopes: ca.Function
+    entries: tuple[Indices, Indices]
 
     def at(self, t: float, q: Floats, p: Floats) -> Row | None:
         """A row that jumps at a configuration, itself or its gradient, or None."""
-        size = float(np.abs(q).max(initial=0.0)) or 1.0
-        way = np.random.default_rng(0).standard_normal(q.size) * size
+        way = np.random.default_rng(0).standard_normal(q.size) * self._sizes(q)
         here = self._slopes(t, q, p)
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
@@ -59,6 +60,18 @@ class Kinks:
         least = sides.PARAMETERS.slope * (np.abs(here).max(axis=1, initial=0.0) + far)
         jumps = np.isfinite(here).all(axis=1) & sides.differ(near, far, least)
         return self.rows[int(np.argmax(jumps))] if jumps.any() else None
+
+    def _sizes(self, q: Floats) -> Floats:
+        """How large the coordinates of a row are, (n,): of the one with the smallest, of those that hold a coordinate.
+
+        Beside a coordinate of another row that is large a switch would seem near.
+        """
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        numbers, columns = self.entries
+        of_rows, of_coordinates = np.zeros(len(self.rows)), np.full(q.size, size)
+        np.maximum.at(of_rows, numbers, np.abs(q)[columns])
+        np.minimum.at(of_coordinates, columns, np.where(of_rows > 0.0, of_rows, size)[numbers])
+        return of_coordinates
 
     def require_smooth(self, t: float, q: Floats, p: Floats) -> None:
         """Raise `diagnostics.ModelError` where the gradient of a row jumps at the start."""
@@ -91,4 +104,6 @@ def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     if not rows:
         return None
     at_rest = ca.substitute(ca.vertcat(*slopes), s.v, ca.SX.zeros(s.v.shape))
-    return Kinks(tuple(rows), SizedFunction("slopes", [s.t, s.q, p], [at_rest]))
+    found = SizedFunction("slopes", [s.t, s.q, p], [at_rest])
+    entries = np.array(found.jac_sparsity(0, 1).get_triplet(), dtype=np.intp).reshape(2, -1)
+    return Kinks(tuple(rows), found, (entries[0] % len(rows), entries[1]))

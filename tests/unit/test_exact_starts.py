@@ -361,3 +361,13 @@ def test_a_row_that_is_nonholonomic_alone_is_not_jointly_integrable_with_its_mul
         "(sin(t) + 2)*1e-6*d(u) - (x + 2)*1e-23*(sin(t) + 2)*d(w)",
     ]
     assert counted({"x": "0.64", "w": "-1.6"}, rows, ["min(y, z) = 0"]).bounds == (3, 4)
+
+
+@pytest.mark.parametrize(("y", "is_near"), [("0.4", False), ("1e-12", True)])
+def test_a_kink_is_near_by_the_size_of_the_coordinates_of_its_row(y: str, is_near: bool) -> None:
+    """Beside a coordinate of 1e9 four tenths seemed nine digits of nothing."""
+    if is_near:
+        with pytest.raises(lagcli.ModelError, match="jumps at the start"):
+            counted({"x": "1e9", "y": y, "z": "1"}, [], ["abs(y) + z = 1"])
+    else:
+        assert counted({"x": "1e9", "y": y, "z": "0.6"}, [], ["abs(y) + z = 1"]).configuration_dof == 4

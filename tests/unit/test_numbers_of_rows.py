@@ -184,7 +184,8 @@ def test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named():
 
 def one_kink(slope):
     """A row of one coordinate with this slope."""
-    return Kinks(("row",), lambda t, q, p: ca.DM([slope(float(q[0]))]))
+    entries = (np.zeros(1, dtype=int), np.zeros(1, dtype=int))
+    return Kinks(("row",), lambda t, q, p: ca.DM([slope(float(q[0]))]), entries)
 
 
 # At 1 the sides are looked at so many times this way off.
