@@ -31,6 +31,7 @@ from lagcli.auditing.one_sided import Findings, OneSidedParts
 from lagcli.model import model as nouns
 
 NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
+FEW_NUMBERS = "the table has too few numbers to tell whether they are rounded"
 Runs = Literal["all, by rows", "all, by stretches", "all", "smooth", "one-sided"]
 Figures = tuple[tuple[str, float], ...]
 
@@ -96,10 +97,13 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     if checks[0].verdict != "fail":
         judged = judge_by(tolerance, tolerance)
         short = _written(table, found) if judged.fails else written
-        if any(digits.is_certain for digits in short) or judged.fail_everywhere:
-            written = short
+        told = [digits if digits.is_told else written_digits.ALL for digits in short]
+        if any(digits.is_certain for digits in told) or judged.fail_everywhere:
+            written = told
         if any(digits.is_short for digits in written):
             judged = judge_by(*(tolerance.by(digits) for digits in written))
+        if judged.fail_everywhere and not all(digits.is_told for digits in short):
+            judged = judged.unless_rounded(judge_by(*(tolerance.by(digits) for digits in short)))
     return Audit(
         title=model.title,
         path=model.path,
@@ -152,10 +156,33 @@ class _Judged(NamedTuple):
 
     @property
     def fail_everywhere(self) -> bool:
-        """True if most rows that a check looks at fail: so they do where they are rounded."""
+        """True if most rows that a check looks at fail: so they do where they are rounded, but for the first row, which
+        may be as it was declared."""
         least = written_digits.PARAMETERS.everywhere
-        beyond = ([ratio > 1 for _, ratio in check.curve] for check in self.checks if check.verdict == "fail")
+        beyond = (
+            [ratio > 1 for _, ratio in check.curve][1:] for check in self.checks if check.verdict == "fail"
+        )
         return any(np.mean(rows) >= least for rows in beyond if rows)
+
+    def unless_rounded(self, rounded: _Judged) -> _Judged:
+        """The findings, of which those are not judged that fail but would not if the numbers were rounded."""
+        right = {check.name for check in rounded.checks if check.verdict != "fail"}
+        checks = [
+            dataclasses.replace(
+                check,
+                verdict="not judged",
+                worst=None,
+                failing=(),
+                failures=0,
+                judged=0,
+                curve=(),
+                note=FEW_NUMBERS,
+            )
+            if check.verdict == "fail" and check.name in right
+            else check
+            for check in self.checks
+        ]
+        return self._replace(checks=checks)
 
 
 def _judged(e: Evidence) -> _Judged:

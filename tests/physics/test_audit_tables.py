@@ -111,6 +111,56 @@ def test_a_digit_beyond_the_rounding_and_a_rounded_wrong_motion_fail(digits: int
     assert {"accelerations", "columns"} <= set(fails(lagcli.audit(model, rounded_run(other, digits))))
 
 
+COORDINATES = """
+lagcli: 1
+coordinates: {{x: {{value: 0, rate: 1}}, z: {{value: 1}}}}
+lagrangian: rate(x)**2/2 + rate(z)**2 - 9.81*2*z
+inequality: {{floor: {{condition: z >= 0, restitution: 0.7}}}}
+simulation: {{duration: 1.2, samples: {samples}}}
+"""
+BALL = """
+lagcli: 1
+particles: {{a: {{mass: 2, position: [0, 0, 1], velocity: [1, 0, 0]}}}}
+forces: {{w: {{to: all, force: [0, 0, -9.81*m]}}}}
+inequality: {{floor: {{condition: a.z >= 0, restitution: 0.8}}}}
+simulation: {{duration: 1.5, samples: {samples}}}
+"""
+
+
+@pytest.mark.parametrize(("text", "samples"), [(COORDINATES, 2), (BALL, 2), (BALL, 3)])
+def test_a_table_too_short_to_tell_its_digits_is_not_judged_within_them(text: str, samples: int) -> None:
+    """A wrong number beyond the digits fails all the same."""
+    model = lagcli.loads(text.format(samples=samples))
+    run = lagcli.simulate(model)
+    rows = rounded_run(run, 8).rows
+    table = Trajectory(run.columns, rows, run.stats)
+    found = lagcli.audit(model, table)
+    assert found.check("columns").verdict == "not judged"
+    assert "too few numbers" in found.check("columns").note
+    assert found.passed
+    assert "All checks passed." not in found.conclusion
+    assert fails(lagcli.audit(model, changed(table, samples - 1, "energy", 1e-5))) == ["columns"]
+
+
+@pytest.mark.parametrize("text", [COORDINATES, BALL])
+def test_one_number_of_eight_digits_in_a_table_of_short_ones_fails(text: str) -> None:
+    model = lagcli.loads(text.replace("9.81*2*z", "0*z").replace("-9.81*m", "0").format(samples=101))
+    run = lagcli.simulate(model)
+    assert lagcli.audit(model, run).passed
+    assert not lagcli.audit(model, changed(run, 50, "energy", 1e-7)).passed
+
+
+def test_rows_too_far_apart_around_impacts_are_not_judged_and_are_said_to_be() -> None:
+    """A wrong row that nothing shows is never said to pass: the checks of the motion do not judge it."""
+    model = lagcli.loads(COORDINATES.format(samples=11))
+    run = lagcli.simulate(model)
+    for table in (run, changed(run, 5, "x", 0.0, -1.0)):
+        found = lagcli.audit(model, table, events=run.events)
+        motion = ("steps", "rates", "newton", "energy", "flights")
+        assert {found.check(name).verdict for name in motion} == {"not judged"}
+        assert "almost nothing of the motion could be judged" in found.conclusion
+
+
 def test_a_rope_without_events_passes() -> None:
     model = lagcli.loads(ROPE)
     assert not fails(lagcli.audit(model, lagcli.simulate(model), events=None))

@@ -58,11 +58,13 @@ PARAMETERS = DigitsParameters()
 @dataclasses.dataclass(frozen=True, slots=True)
 class WrittenDigits:
     """The rounding of numbers: to a count of digits, or of decimals; 0 where they were not. time: half of a unit in
-    the last place of the times, 0 where they have fewer digits."""
+    the last place of the times, 0 where they have fewer digits. is_told: False where there are too few numbers to tell
+    whether they were rounded so, or are short by themselves."""
 
     digits: int = 0
     decimals: int = 0
     time: float = 0.0
+    is_told: bool = True
 
     @property
     def part(self) -> float:
@@ -126,17 +128,19 @@ def _of_numbers(numbers: Array) -> WrittenDigits:
     others &= is_short
     if np.sum(ending) >= np.sum(others):
         is_own = _is_whole(numbers, digits - PARAMETERS.own, significant=True)
-        return WrittenDigits(digits=digits) if _is_rounding(ending, digits, ~is_own) else ALL
+        return _rounding(WrittenDigits(digits=digits), ending, digits, ~is_own)
     counts = decimals + np.maximum(1.0 + np.floor(np.log10(numbers)), 0)
     looked = is_short & ~_is_whole(numbers, decimals - PARAMETERS.own, significant=False)
-    return WrittenDigits(decimals=decimals) if _is_rounding(others, counts, looked) else ALL
+    return _rounding(WrittenDigits(decimals=decimals), others, counts, looked)
 
 
-def _is_rounding(ending: Array, counts: Array | int, looked: Array) -> bool:
-    """True for enough numbers that end at the last place, with so many digits each; looked: those of which a part must,
-    as the others are short by themselves."""
+def _rounding(written: WrittenDigits, ending: Array, counts: Array | int, looked: Array) -> WrittenDigits:
+    """The digits where most numbers end at the last place, with so many digits each, else all; looked: those of which a
+    part must, as the others are short by themselves."""
+    if np.sum(ending) < PARAMETERS.ending * np.sum(looked):
+        return ALL
     together = float(np.sum(ending * counts))
-    return together >= PARAMETERS.together and bool(np.sum(ending) >= PARAMETERS.ending * np.sum(looked))
+    return dataclasses.replace(written, is_told=together >= PARAMETERS.together)
 
 
 def _ending(numbers: Array, significant: bool) -> tuple[int, Array]:
