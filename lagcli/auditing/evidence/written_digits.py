@@ -115,7 +115,9 @@ def of(rows: Array, t: Array) -> WrittenDigits:
     found = ALL
     for part in (numbers[:: max(1, len(numbers) // PARAMETERS.sample)], numbers):
         found = _of_numbers(np.unique(part))
-        if not found.is_short:
+        # A column that moves would tell its digits in so many rows.
+        enough = len(t) * max(found.digits, found.decimals) >= PARAMETERS.together
+        if not found.is_short or (enough and not found.is_told):
             return ALL
     return found.of_times(t)
 
