@@ -8,7 +8,6 @@ from __future__ import annotations
 import decimal
 import functools
 import operator
-import random
 from collections.abc import Callable, Sequence
 from decimal import Decimal
 from typing import Any
@@ -40,6 +39,8 @@ def perturbed(value: Decimal, least: Decimal = ZERO) -> Decimal:
     """A number moved by about PERTURBATION of its size or of `least`, each another way; an integer is unchanged."""
     if value == value.to_integral_value():
         return value
+    import random  # here: `dof` and `check` load this module, and few of them perturb a number
+
     return value + PERTURBATION * max(abs(value), least) * Decimal(
         random.Random(str(value)).uniform(0.5, 1.5)
     )
