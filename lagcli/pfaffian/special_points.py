@@ -156,9 +156,21 @@ def sentences(block: PfaffianBlock, equations: Iterable[sympy.Expr], here: Speci
     found = [f"{notation.written(e)} = 0" for e in equations if not e.has(sympy.Abs)]
     for kink in kinks:
         u = kink.args[0]
-        value = float(u.xreplace({x: sympy.Float(v) for x, v in here.doubles.items()}))
-        found.append(f"{notation.written(u)} {'>' if value > 0 else '<'} 0")
+        found.append(f"{notation.written(u)} {'>' if is_positive(u, here) else '<'} 0")
     return found
+
+
+def on_side(expression: sympy.Expr, here: SpecialPoint) -> sympy.Expr:
+    """An expression as it is on the side of a point of its kinks: there numbers go on beyond them."""
+    return expression.replace(
+        lambda e: isinstance(e, sympy.Abs) and not vanishes(e.args[0], [here]),
+        lambda e: e.args[0] if is_positive(e.args[0], here) else -e.args[0],
+    )
+
+
+def is_positive(u: sympy.Expr, here: SpecialPoint) -> bool:
+    """True if an expression is positive at a point, in doubles."""
+    return float(u.xreplace({x: sympy.Float(v) for x, v in here.doubles.items()})) > 0
 
 
 def _intended_number(value: float) -> sympy.Expr:

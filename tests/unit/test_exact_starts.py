@@ -371,3 +371,11 @@ def test_a_kink_is_near_by_the_size_of_the_coordinates_of_its_row(y: str, is_nea
             counted({"x": "1e9", "y": y, "z": "1"}, [], ["abs(y) + z = 1"])
     else:
         assert counted({"x": "1e9", "y": y, "z": "0.6"}, [], ["abs(y) + z = 1"]).configuration_dof == 4
+
+
+@pytest.mark.parametrize(("y", "truth"), [("-0.4 - 3000", 4), ("-40 - 3000", 4), ("0.4 - 3000", 5)])
+def test_a_side_of_a_kink_is_that_of_the_start_though_numbers_go_on_beyond_it(y: str, truth: int) -> None:
+    """A tenth of the coordinates is far beyond the kink of `1000*x + y`."""
+    found = counted({"x": "3", "y": y}, ["d(x) - max(1000*x + y, 0)*d(z)"])
+    assert found.configuration_dof == truth
+    assert any("keep to 1000*x + y < 0" in note for note in found.notes) == (truth == 4)

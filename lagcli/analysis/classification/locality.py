@@ -86,7 +86,9 @@ class Locality:
         What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
         """
         own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)[1:]
-        if own is None or any(special_points.vanishes(e, points) for e in own):
+        if own is None or any(
+            special_points.vanishes(special_points.on_side(e, self._start.point), points) for e in own
+        ):
             return False
         return not self.is_carried_off(block, flagged, numbers)
 
@@ -97,7 +99,7 @@ class Locality:
         """
         own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)
         return any(
-            not special_points.vanishes(e, points)
+            not special_points.vanishes(special_points.on_side(e, self._start.point), points)
             and not all(self.is_at_start(e.diff(x)) for x in e.free_symbols)
             and self._on(block, [e], numbers, is_proved=True) is not None
             for e in own or ()
