@@ -106,7 +106,11 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     # What is below the rounding of lengths is zero.
     q = found[: problem.n]
     found[: problem.n] = np.where(np.abs(q) <= EPS * equations.scales.length, 0.0, q)
-    return found
+    # A point that is right to rounding, its multipliers too, stays where doubles balance.
+    moved, n = np.abs(found - x), problem.n
+    is_rounding = moved[:n].max(initial=0.0) <= 8 * EPS * equations.scales.length
+    is_rounding &= moved[n:].max(initial=0.0) <= PARAMETERS.doubtful * np.abs(x[n:]).max(initial=0.0)
+    return x if is_rounding else found
 
 
 @memory.remembered(4096)
