@@ -9,8 +9,8 @@ import casadi as ca
 
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.scheme import step_end
-from lagcli.simulation.scheme.line_functions import Curve
 from lagcli.smoothness.sized_function import SizedFunction
+from tests.helpers.runge_kutta_4 import RungeKutta4
 
 
 class BogackiShampine:
@@ -35,16 +35,4 @@ class BogackiShampine:
         end = step_end.ended(numeric, inputs, new, (error,), lambda h, e: h * e)
         return SizedFunction("step", list(inputs), end.outputs(1.0, ()))
 
-    def dense(self, numeric: NumericSystem) -> ca.Function:
-        """See `method.Method.dense`."""
-        inputs = step_end.inputs(numeric)
-        t, h, y, k, _, p = inputs
-        new, k_new = (ca.MX.sym(name, y.numel()) for name in ("new", "k_new"))
-        change = new - y
-        rows = ca.horzcat(change, h * k - change, change - h * k_new)
-        return SizedFunction("dense", [t, h, y, new, k_new, p, k], [rows])
-
-    def interpolated(self, y: Curve, coefficients: Curve, x: Curve) -> Curve:
-        """See `method.Method.interpolated`."""
-        chord, first, last = (coefficients[:, i] for i in range(3))
-        return y + x * chord + x * (1 - x) * ((1 - x) * first + x * last)
+    dense, interpolated = RungeKutta4.dense, RungeKutta4.interpolated
