@@ -459,10 +459,8 @@ def _nearest_zero(
     if zero is None:
         # Where the balance is rounding, and many digits lead nowhere, multipliers grow without bound.
         return (None if is_rounding and precise_zeros.is_known(equations, x) else found), False
-    if (
-        equations(zero) is None
-    ):  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
-        return None, True
+    if equations(zero) is None:
+        return None, True  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
     again = refine.settled(equations, newton.NewtonEnd(zero, 0.0, 0.0))
     return (None if isinstance(again, NoEquilibrium) else again), True
 

@@ -68,9 +68,8 @@ class Classifier:
             and flagged is not None
             and (
                 numbers is None
-                or self._locality.is_left(block, flagged, numbers)
                 or (
-                    locality.agree(flagged, numbers)
+                    (locality.agree(flagged, numbers) or self._locality.is_left(flagged, numbers))
                     and not self._locality.is_carried_off(block, flagged, numbers)
                 )
             )

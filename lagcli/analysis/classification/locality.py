@@ -80,30 +80,31 @@ class Locality:
                 return False
         return True
 
-    def is_left(self, block: PfaffianBlock, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
-        """True if motions from the start come to where nothing that algebra divided by vanishes.
+    def is_left(self, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
+        """True if motions from the start come to where nothing that algebra divided by vanishes, or numbers were
+        carried there (`is_carried_off`).
 
         What vanishes at the start and not at another of their points does so at few of them: rows are analytic.
         """
-        own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)[1:]
-        if own is None or any(
-            special_points.vanishes(special_points.on_side(e, self._start.point), points) for e in own
-        ):
-            return False
-        return not self.is_carried_off(block, flagged, numbers)
+        own = self._own_factors(flagged.flag.divisors)
+        return own is not None and not any(self._vanishes_on(e, self._points(numbers)[1:]) for e in own)
 
     def is_carried_off(self, block: PfaffianBlock, flagged: joint.Flagged, numbers: NumericFlag) -> bool:
         """True if numbers left a set that motions from the start keep to by exact algebra: steep rows amplify rounding.
 
         The set is smooth at the start, the start is on it to all digits, and its differential lies in the system.
         """
-        own, points = self._own_factors(flagged.flag.divisors), self._points(numbers)
+        points = self._points(numbers)
         return any(
-            not special_points.vanishes(special_points.on_side(e, self._start.point), points)
+            not self._vanishes_on(e, points)
             and not all(self.is_at_start(e.diff(x)) for x in e.free_symbols)
             and self._on(block, [e], numbers, is_proved=True) is not None
-            for e in own or ()
+            for e in self._own_factors(flagged.flag.divisors) or ()
         )
+
+    def _vanishes_on(self, expression: Expression, points: Sequence[special_points.SpecialPoint]) -> bool:
+        """True if an expression, as it is on the start's side of its kinks, is zero on all points."""
+        return special_points.vanishes(special_points.on_side(expression, self._start.point), points)
 
     def _own_factors(self, divisors: Sequence[Expression | None]) -> list[Expression] | None:
         """The factors of divisors that vanish at the start; None where they are not known.
@@ -282,7 +283,7 @@ class Locality:
         equations: list[Expression] = []
         found = flagged
         for _ in range(MOST_LISTED):
-            if self.is_left(block, found, numbers):
+            if self.is_left(found, numbers) and not self.is_carried_off(block, found, numbers):
                 return equations, found
             own = self._own_factors(found.flag.divisors) or []
             new = [e for e in own if self._on(block, [*equations, e], numbers, is_proved=True) is not None]
