@@ -17,7 +17,6 @@ from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.compiled.narrow_arguments import NarrowArguments
 from lagcli.contact import zero_search
 from lagcli.simulation.scheme.bound_scheme import BoundStep
-from lagcli.smoothness import sides
 
 Floats = npt.NDArray[np.float64]
 # The fraction x of a step -> the state (2n + 1,) there.
@@ -132,19 +131,25 @@ class NarrowPlaces:
 
 
 def _found(sample: Callable[[float], _Sample], a: _Sample, b: _Sample, k: int, is_turn: bool) -> _Sample:
-    """The turn or the zero of an argument between two samples, by halves."""
+    """The turn or the zero of an argument between two samples, by secants that stay on both sides of it."""
 
     def height(of: _Sample) -> float:
         return float((of.slope if is_turn else of.u)[k])
 
-    if (height(a) > 0.0) == (height(b) > 0.0):  # it turns at an end
-        return a if abs(height(a)) < abs(height(b)) else b
-    begins = height(a) > 0.0
-
-    def is_before(x: Floats) -> bool:
-        return (height(sample(float(x))) > 0.0) == begins
-
-    return sample(float(sides.bracket(is_before, a.x, b.x, narrow=math.ldexp(1.0, -PARAMETERS.halves))[1]))
+    low, high = height(a), height(b)
+    if (low > 0.0) == (high > 0.0):  # it turns at an end
+        return a if abs(low) < abs(high) else b
+    for _ in range(2 * PARAMETERS.halves):
+        x = b.x - high * (b.x - a.x) / (high - low)
+        if abs(x - b.x) < math.ldexp(1.0, -PARAMETERS.halves):
+            break
+        middle = sample(x)
+        at = height(middle)
+        a, low = (b, high) if (at > 0.0) != (high > 0.0) else (a, low / 2)
+        b, high = middle, at
+        if at == 0.0:
+            break
+    return b
 
 
 def _beside(sample: Callable[[float], _Sample], at: _Sample, k: int, change: float) -> Iterator[float]:
