@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from lagcli.cli.commands import COMMANDS
-from lagcli.errors import diagnostics
+from lagcli.errors import diagnostics, meant
 
 Click: TypeAlias = Any  # contexts, commands, formatters: other classes by the version of typer
 
@@ -22,44 +22,6 @@ LOOKS: dict[str, Any] = {
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
 
-# Words for commands in other programs, and what to type here.
-_MEANT = {
-    **dict.fromkeys(("run", "sim", "solve", "integrate", "start", "exec"), "lagcli simulate MODEL"),
-    **dict.fromkeys(
-        ("animation", "movie", "film", "video", "gif", "view", "viewer"), "lagcli animate MODEL -o FILE.html"
-    ),
-    **dict.fromkeys(("draw", "figure", "show", "chart", "graph", "curve", "curves"), "lagcli plot FILE"),
-    **dict.fromkeys(("count", "freedoms", "mobility"), "lagcli dof MODEL"),
-    **dict.fromkeys(("validate", "lint", "classify", "verify", "analyze", "analyse"), "lagcli check MODEL"),
-    **dict.fromkeys(("equations", "eom", "latex", "lagrange"), "lagcli derive MODEL"),
-    **dict.fromkeys(("init", "create", "template", "wizard"), "lagcli new NAME"),
-    **dict.fromkeys(("gallery", "examples", "example", "list", "demo", "samples"), "lagcli models"),
-    **dict.fromkeys(("completion", "completions"), "lagcli --install-completion"),
-    **dict.fromkeys(("help",), "lagcli --help"),
-    **dict.fromkeys(("version",), "lagcli --version"),
-    **dict.fromkeys(("error", "why", "what", "codes"), "lagcli explain CODE"),
-}
-# Words for options in other programs, and those here.
-_MEANT_OPTIONS = {
-    **dict.fromkeys(("--out", "--outfile", "--output-file", "--save", "--to", "--file"), "--output"),
-    **dict.fromkeys(("--time", "--t-end", "--tend", "--tmax", "--end", "--until", "--length"), "--duration"),
-    **dict.fromkeys(("--steps", "--points", "--rows", "--n", "--num"), "--samples"),
-    **dict.fromkeys(("--dt", "--step", "--timestep", "--time-step"), "--output-step"),
-    **dict.fromkeys(("--tol", "--tolerance", "--reltol", "--precision"), "--rtol"),
-    **dict.fromkeys(("--abstol",), "--atol"),
-    **dict.fromkeys(("--param", "--parameter", "--define", "--with", "-p", "-D", "-P"), "--set"),
-    **dict.fromkeys(("--solver", "--integrator", "--scheme"), "--method"),
-    **dict.fromkeys(("--figure", "--fig", "--png", "--pdf", "--svg"), "--plot"),
-    **dict.fromkeys(("--cols", "--column", "--select", "--fields", "--y"), "--columns"),
-    **dict.fromkeys(("--silent", "-s"), "--quiet"),
-    **dict.fromkeys(("--traceback", "--trace"), "--debug"),
-    **dict.fromkeys(("-V", "-version"), "--version"),
-    **dict.fromkeys(("-help", "-?", "/?", "/h"), "--help"),
-    **dict.fromkeys(("--overwrite", "-f", "-y"), "--force"),
-    **dict.fromkeys(("--init", "--initial", "--restart"), "--from"),
-    **dict.fromkeys(("--table", "--csv", "--rows-of", "--data"), "--run"),
-    **dict.fromkeys(("--vary", "--range", "--grid", "--scan", "--values"), "--over"),
-}
 # The error of a wrong command line, of the library that typer uses or of the one it holds, by its version.
 _UsageError: Any = typer.BadParameter.__base__
 
@@ -74,8 +36,8 @@ def _parsed(parse: Callable[[Click, list[str]], list[str]], ctx: Click, args: li
             raise
     options = [option for one in ctx.command.get_params(ctx) for option in one.opts if option.startswith("-")]
     shown = diagnostics.printable(name).replace("\n", " ")[:200]
-    meant = _MEANT_OPTIONS.get(name)
-    hint = f"did you mean `{meant}`?" if meant in options else diagnostics.nearest(name, options)
+    known = meant.words("options").get(name)
+    hint = f"did you mean `{known}`?" if known in options else diagnostics.nearest(name, options)
     return ctx.fail(f"there is no option `{shown}`{f'; {hint}' if hint else ''}")  # type: ignore[no-any-return]
 
 
@@ -134,6 +96,6 @@ class CommandGroup(TyperGroup):
     def _hint(self, name: str, shown: str) -> str:
         if name.lower().endswith((".yaml", ".yml")) or os.path.exists(name):
             return f"did you mean `lagcli simulate {shown}`?"
-        if name.casefold() in _MEANT:
-            return f"did you mean `{_MEANT[name.casefold()]}`?"
+        if known := meant.words("commands").get(name.casefold()):
+            return f"did you mean `{known}`?"
         return diagnostics.nearest(name, COMMANDS) or f"the commands are {diagnostics.listed(list(COMMANDS))}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Literal, TypeVar
 
 from lagcli import yaml_tree
-from lagcli.errors import diagnostics
+from lagcli.errors import diagnostics, meant
 from lagcli.expression import facts, parser
 from lagcli.input import entries, keys
 from lagcli.input.scalars import Formulas
@@ -14,18 +14,6 @@ from lagcli.model.model import DeclaredEvent, Expression
 
 DIRECTIONS: dict[str, Literal["up", "down", "both"]] = {"up": "up", "down": "down", "both": "both"}
 ACTIONS: dict[str, Literal["record", "stop"]] = {"record": "record", "stop": "stop"}
-# Words for the same, by the key they are written under.
-_MEANT = {
-    "direction": {
-        **dict.fromkeys(("1", "+1", "+", "rising", "increasing", "positive", "upward", "upwards"), "up"),
-        **dict.fromkeys(("-1", "-", "falling", "decreasing", "negative", "downward", "downwards"), "down"),
-        **dict.fromkeys(("0", "any", "either", "all"), "both"),
-    },
-    "action": {
-        **dict.fromkeys(("end", "terminate", "terminal", "halt", "exit", "true", "quit"), "stop"),
-        **dict.fromkeys(("log", "mark", "note", "report", "save", "none", "continue", "false"), "record"),
-    },
-}
 Word = TypeVar("Word", bound=str)
 
 
@@ -69,7 +57,7 @@ def _word(
     if isinstance(node, yaml_tree.Scalar):
         listed = " or ".join(f"`{word}`" for word in words)
         message = f"the `{key}` of an event is {listed}"
-        meant = _MEANT[key].get(written.casefold())
-        hint = f"did you mean `{meant}`?" if meant else diagnostics.nearest(written, words)
+        known = meant.words(f"values of {key}").get(written.casefold())
+        hint = f"did you mean `{known}`?" if known else diagnostics.nearest(written, words)
         formulas.report(node, "bad-setting", message, hint)
     return None

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lagcli import yaml_tree
-from lagcli.errors import diagnostics
+from lagcli.errors import diagnostics, meant
 from lagcli.input import entries, keys, namespace
 from lagcli.input.scalars import Formulas
 from lagcli.model import model, settings
@@ -113,9 +113,5 @@ def _require_own(
 
 def _truth(text: str) -> str:
     """A hint for other words of yes and no."""
-    words = {
-        **dict.fromkeys(("yes", "on", "1", "y"), "true"),
-        **dict.fromkeys(("no", "off", "0", "n"), "false"),
-    }
-    meant = words.get(text.casefold(), text.casefold())
-    return f"write `{meant}`" if meant in ("true", "false") else ""
+    known = meant.words("truths").get(text.casefold(), text.casefold())
+    return f"write `{known}`" if known in ("true", "false") else ""

@@ -9,40 +9,12 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, TypedDict
 
 from lagcli import progress
-from lagcli.errors import diagnostics
+from lagcli.errors import diagnostics, meant
 from lagcli.frozen import frozen_value
 
 # Of the schemes there are, each a file of `simulation` with a line in `method.METHODS`; `auto` is the first.
 METHOD_NAMES = ("dop853",)
 METHODS = ("auto", *METHOD_NAMES)
-# Schemes of other programs, and what there is to say to who looks for one, after the names there are.
-_ELSEWHERE = {
-    **dict.fromkeys(
-        ("rk", "rk4", "rk23", "rk45", "rkf45", "dopri5", "ode45", "tsit5", "heun", "midpoint", "euler"),
-        "dop853 is an explicit Runge-Kutta scheme too, of order 8",
-    ),
-    **dict.fromkeys(
-        (
-            "radau",
-            "bdf",
-            "lsoda",
-            "cvode",
-            "cvodes",
-            "ida",
-            "idas",
-            "ode15s",
-            "rosenbrock",
-            "implicit",
-            "backward_euler",
-        ),
-        "none of these is implicit, for stiff forces: turn the stiffest springs into constraints, or soften them",
-    ),
-    **dict.fromkeys(
-        ("verlet", "leapfrog", "stormer", "rattle", "shake", "symplectic", "variational", "symplectic_euler"),
-        "none of these is symplectic: states satisfy the constraints by projection, and the account states the"
-        " energy balance",
-    ),
-}
 _EXPRESSION = "expression of parameters"
 MAX_ROWS = 10**9  # a billion rows of ten columns are 80 GB
 MOST_STEPS = 1e10  # of a run; they would take days
@@ -181,7 +153,7 @@ def _no_method(name: str) -> str:
         return f"the method has no name; there are {', '.join(METHODS)}"
     sentence = f"there is no method `{name}`; there are {', '.join(METHODS)}"
     word = name.casefold().replace("-", "_").replace("stoermer", "stormer")
-    more = _ELSEWHERE.get(word) or diagnostics.nearest(name, METHODS)
+    more = meant.words("methods").get(word) or diagnostics.nearest(name, METHODS)
     return f"{sentence}: {more}" if more else sentence
 
 
