@@ -334,15 +334,17 @@ def test_a_run_goes_on_bit_for_bit_across_crossings(text, monkeypatch):
 
 @pytest.mark.parametrize("slope", [0.3, 2.0])
 def test_the_instant_is_foreseen_where_the_clearance_goes_to_zero_in_a_line(slope):
-    seen = singularity_monitor.SingularityMonitor()
-    found = [seen.predicted(t, min(1.0, slope * (2 - t)) ** 2, 1.0) for t in (1.0, 1.3, 1.6, 1.8)]
+    monitor, found = singularity_monitor.SingularityMonitor(), []
+    for t in (1.0, 1.3, 1.6, 1.8):
+        monitor = monitor.after(t, min(1.0, slope * (2 - t)) ** 2, 1.0)
+        found.append(monitor.foreseen)
     assert found[0] == singularity_monitor.NEVER
     assert abs(found[-1].instant - 2) < 0.05
     assert found[-1].is_near(1.8, 0.15, 1e-8, 8)
     assert not found[-1].is_near(1.8, 0.05, 1e-6, 8)
-    assert singularity_monitor.SingularityMonitor(seen.state).again() == found[-1]
+    assert singularity_monitor.SingularityMonitor.of(monitor.state) == monitor
     # Going apart, or too far to be seen.
-    assert seen.predicted(1.9, 0.5, 1.0) == singularity_monitor.NEVER
+    assert monitor.after(1.9, 0.5, 1.0).foreseen == singularity_monitor.NEVER
 
 
 def test_interpolation_finds_poles_limits_and_what_is_not_smooth():

@@ -256,7 +256,7 @@ def test_an_edge_is_a_jump_by_a_millionth(size, is_edge):
 @pytest.mark.parametrize(("before", "now", "is_foreseen"), [(1.1, 0.95, False), (1.0, 0.85, True)])
 def test_angles_that_are_wide_are_not_followed(before, now, is_foreseen):
     monitor = SingularityMonitor((0.0, math.sin(before) ** 2, 1.0, 1.0))
-    assert monitor.predicted(1.0, math.sin(now) ** 2, 1.0).is_any is is_foreseen
+    assert monitor.after(1.0, math.sin(now) ** 2, 1.0).foreseen.is_any is is_foreseen
 
 
 @pytest.mark.parametrize(
@@ -673,7 +673,7 @@ def test_rows_that_are_close_to_dependent_are_searched_at_once(angle, is_asked, 
     monkeypatch.setattr(SingularEvent, "_point", None, raising=False)
     monkeypatch.setattr(singularity_step, "across", lambda *_: None)
     run = SimpleNamespace(
-        predicted=Prediction(0.1, 1, angle=angle),
+        watch=SingularityMonitor((), Prediction(0.1, 1, angle=angle)),
         t=0.0,
         control=SimpleNamespace(step=1.0),
         tolerance=(1e-6,),

@@ -9,8 +9,8 @@ from lagcli.linear import rank
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
+from lagcli.simulation.singularity.singularity_monitor import SingularityMonitor
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -33,19 +33,20 @@ def predict(run: Stepper) -> None:
     """Look at singular configurations ahead: what was seen before an incident belongs to another motion, and the first
     step from here may lead across one."""
     bound = run.bound
-    run.watch, run.predicted = SingularityMonitor(), NEVER
+    run.watch = SingularityMonitor()
     if not bound.numeric.selection.independent:
         return
     status = bound.project.results[2]
-    run.watch.predicted(run.t, float(status[1]), float(status[2]))
+    run.watch = run.watch.after(run.t, float(status[1]), float(status[2]))
     if not run.watch.rank_margin[0] < MONITOR.narrow:
         return
     offset = BESIDE * run.control.step
     _, _, status, *_ = bound.projected_at(run.t + offset, bound.y + offset * bound.k)
     run.statistics.evaluations += 1
-    found = run.watch.predicted(run.t + offset, float(status[1]), float(status[2]))
-    if found.is_any:
-        run.predicted = found._replace(step=run.control.step)
+    watch = run.watch.after(run.t + offset, float(status[1]), float(status[2]))
+    if watch.foreseen.is_any:
+        watch = watch._replace(foreseen=watch.foreseen._replace(step=run.control.step))
+    run.watch = watch
 
 
 def require_projected(run: Stepper, wanted: Floats, before: Floats) -> None:

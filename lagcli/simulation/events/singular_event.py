@@ -34,7 +34,7 @@ class SingularEvent(Event):
     def passes(self) -> bool:
         """See `Event`."""
         run = self._stepper
-        predicted = run.predicted
+        predicted = run.watch.foreseen
         if predicted is NEVER or not predicted.is_any:
             return False
         if predicted.is_here:
@@ -51,7 +51,7 @@ class SingularEvent(Event):
         run.count_scratch()
         if isinstance(found, Selection):
             run.bind(bound.enforced.keeping(found))
-            run.watch, run.predicted = SingularityMonitor(), NEVER
+            run.watch = SingularityMonitor()
         elif found is not None:
             self._cross(found)
         elif bound.enforced.is_any:
@@ -65,7 +65,7 @@ class SingularEvent(Event):
         if crossed is not None and crossed.singular_step.instant > run.t:
             # The step has ended before.
             run.statistics.crossings = run.statistics.crossings[:-1]
-            run.watch, run.predicted = SingularityMonitor(), NEVER
+            run.watch = SingularityMonitor()
             run.settle()
 
     def _incidents(self, crossed: Crossing) -> list[Incident]:
@@ -83,7 +83,7 @@ class SingularEvent(Event):
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
-        run, bound, component = self._stepper, self._stepper.bound, self._stepper.predicted.component
+        run, bound, component = self._stepper, self._stepper.bound, self._stepper.watch.foreseen.component
 
         def square(h: float) -> float:
             bound.h[0] = h
@@ -92,7 +92,9 @@ class SingularEvent(Event):
             _, _, _, residual, *there, _, _ = bound.status
             return there[component - 1] if residual <= MOST_RESIDUAL else math.nan
 
-        return singularity_monitor.is_dip(square, run.watch.state[component], run.predicted.instant - run.t)
+        return singularity_monitor.is_dip(
+            square, run.watch.seen[component], run.watch.foreseen.instant - run.t
+        )
 
     def _pass_without_integrals(self) -> bool:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
@@ -106,7 +108,7 @@ class SingularEvent(Event):
         enforced = bound.enforced.plain
         plain = enforced.functions.numeric
         project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), enforced.parameters])
-        found = singularity_step.across(plain, project, self._point, run.predicted)
+        found = singularity_step.across(plain, project, self._point, run.watch.foreseen)
         run.statistics.evaluations += project.used
         if not isinstance(found, singularity_step.Crossing):
             return False
@@ -145,7 +147,7 @@ class SingularEvent(Event):
         reached = step.t + step.h
         projected, rate, status, _ = bound.projected_at(reached, step.state((reached - step.t) / step.h))
         bound.new[:], bound.k_new[:] = projected, rate
-        run.predicted = run.watch.predicted(reached, status[1], status[2])
+        run.watch = run.watch.after(reached, status[1], status[2])
         run.statistics.steps += 1
         run.statistics.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
         self._crossed = crossing

@@ -37,7 +37,7 @@ class SwitchEvent(Event):
     def passes(self) -> bool:
         """See `Event`."""
         run = self._stepper
-        found = None if run.predicted.is_here else run.timetable.switch(run.t)
+        found = None if run.watch.foreseen.is_here else run.timetable.switch(run.t)
         if found is None:
             return False
         middle, after = (min(t, run.grid.end) for t in found)

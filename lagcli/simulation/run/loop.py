@@ -205,12 +205,12 @@ class Run:
 
 def _unfound(stepper: Stepper) -> Callable[[], None]:
     """A call that takes back the step that is found next."""
-    statistics, watch, predicted = stepper.statistics, stepper.watch.state, stepper.predicted
+    statistics, watch = stepper.statistics, stepper.watch
     counted = statistics.steps, statistics.rejected
 
     def take_back() -> None:
         statistics.steps, statistics.rejected = counted
-        stepper.watch.state, stepper.predicted = watch, predicted
+        stepper.watch = watch
         stepper.found.is_open, stepper.found.is_jump, stepper.found.barrier = False, False, None
         stepper.found.within = []
 

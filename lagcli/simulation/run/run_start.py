@@ -18,6 +18,7 @@ from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
 from lagcli.simulation.scheme import controller
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
+from lagcli.simulation.singularity.singularity_monitor import SingularityMonitor
 from lagcli.simulation.stepping import grid as grids
 from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
 from lagcli.smoothness.time_functions import TimeFunctions
@@ -97,7 +98,7 @@ def _begin(run: Stepper, start: RunStart) -> bool:
         n = bound.y.size // 2
         speed, size = float(np.abs(bound.y[n:-1]).max()), float(np.abs(bound.y[:n]).max() or 1.0)
         control.step = start.part * FIRST * size / speed
-        run.predicted = run.watch.stand(run.t)
+        run.watch = SingularityMonitor.standing(run.t)
         run.settle()
         return False
     # It may lie off the constraints by rounding; the first row and the first step begin on them.
@@ -116,7 +117,7 @@ def _begin(run: Stepper, start: RunStart) -> bool:
     if smallest_angle < MONITOR.close_start**2:
         # No step is wasted towards a singular configuration so near: each amplifies rounding more.
         _look_back(run, MONITOR.back * control.step)
-    run.predicted = run.watch.predicted(run.t, smallest_angle, least)
+    run.watch = run.watch.after(run.t, smallest_angle, least)
     run.settle()
     return True
 
@@ -128,4 +129,4 @@ def _look_back(run: Stepper, tau: float) -> None:
     status = run.bound.projected_at(at, run.bound.y - tau * run.bound.k)[2]
     residual, smallest_angle, least = status[:3].tolist()
     if residual <= MOST_RESIDUAL:
-        run.watch.predicted(at, smallest_angle, least)
+        run.watch = run.watch.after(at, smallest_angle, least)

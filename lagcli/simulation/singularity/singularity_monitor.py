@@ -116,44 +116,54 @@ class Prediction(NamedTuple):
 NEVER = Prediction(math.inf, 0)
 
 
-class SingularityMonitor:
-    """Predicts when rows become dependent: where the smallest angle, or the least row, goes to zero in a line."""
+class SingularityMonitor(NamedTuple):
+    """What was seen of the rows up to a step, and what is foreseen from there: a value, so that of a step which is not
+    taken nothing is left.
 
-    def __init__(self, state: tuple[float, ...] = ()) -> None:
-        # Of the last step: t, smallest angle and least, and the largest of the latter so far; then what was predicted:
-        # instant, component, most, angle, step.
-        self.state = state
+    seen: t, smallest angle and least diagonal after the last step, and the largest of the latter so far; empty before
+    the first one.
+    """
 
-    def again(self) -> Prediction:
-        """The singularity predicted last."""
-        instant, component, *rest = self.state[4:] or NEVER
-        return Prediction(instant, int(component), *rest)
+    seen: tuple[float, ...] = ()
+    foreseen: Prediction = NEVER
 
-    def stand(self, t: float) -> Prediction:
-        """A start at which rows are dependent."""
-        found = Prediction(t, STANDING, 1.0, 0.0, 0.0)
-        self.state = (t, 0.0, 0.0, 0.0, *map(float, found))
-        return found
+    @classmethod
+    def of(cls, state: tuple[float, ...]) -> SingularityMonitor:
+        """The monitor whose `state` was kept."""
+        if not state[4:]:
+            return cls(state)
+        instant, component, *rest = state[4:]
+        return cls(state[:4], Prediction(instant, int(component), *rest))
+
+    @property
+    def state(self) -> tuple[float, ...]:
+        """All that it takes to go on, as plain numbers."""
+        return self.seen if self.foreseen is NEVER else (*self.seen, *map(float, self.foreseen))
+
+    @classmethod
+    def standing(cls, t: float) -> SingularityMonitor:
+        """At a start at which rows are dependent."""
+        return cls((t, 0.0, 0.0, 0.0), Prediction(t, STANDING, 1.0, 0.0, 0.0))
 
     @property
     def rank_margin(self) -> tuple[float, bool]:
         """The distance of rows from dependent ones after the last step, as an angle or a part of the length of the one
         that vanishes, and whether it is the latter."""
-        if not self.state:
+        if not self.seen:
             return 1.0, False
-        _, smallest_angle, smallest_diagonal, largest = self.state[:4]
+        _, smallest_angle, smallest_diagonal, largest = self.seen
         alone = math.sqrt(smallest_diagonal / largest) if largest > 0 else 1.0
         return min(math.sqrt(smallest_angle), alone), alone < math.sqrt(smallest_angle)
 
-    def predicted(self, t: float, smallest_angle: float, smallest_diagonal: float) -> Prediction:
-        """The instant, or infinity. To be asked once after each step."""
+    def after(self, t: float, smallest_angle: float, smallest_diagonal: float) -> SingularityMonitor:
+        """Behind one step more."""
+        before = self.seen
         if not (smallest_angle >= 0.0 <= smallest_diagonal < math.inf):
-            return NEVER
-        before = self.state
+            return SingularityMonitor(before)
         largest = before[3] if before and before[3] > smallest_diagonal else smallest_diagonal
-        self.state = t, smallest_angle, smallest_diagonal, largest
+        seen = t, smallest_angle, smallest_diagonal, largest
         if not before or t <= before[0]:
-            return NEVER
+            return SingularityMonitor(seen)
         found = NEVER
         wide = math.sin(PARAMETERS.narrow) ** 2
         # Most steps of most runs ask for no more than this.
@@ -161,9 +171,7 @@ class SingularityMonitor:
             found = _instant(before, t, smallest_angle, SMALLEST_ANGLE, 1.0)
         if smallest_diagonal < before[SMALLEST_DIAGONAL] and smallest_diagonal < wide * largest:
             found = min(found, _instant(before, t, smallest_diagonal, SMALLEST_DIAGONAL, largest))
-        if found is not NEVER:
-            self.state = (*self.state, *map(float, found))
-        return found
+        return SingularityMonitor(seen, found)
 
 
 def _instant(before: tuple[float, ...], t: float, square: float, component: int, most: float) -> Prediction:

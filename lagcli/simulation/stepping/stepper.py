@@ -108,8 +108,7 @@ class Stepper:
         extremes = state.extremes if math.isfinite(state.row) else None
         self.statistics = RunStatistics(extremes=extremes, resting=resting.energy, **named(counted(state)))
         self.contacts = state.contacts
-        self.watch = SingularityMonitor(state.watch)
-        self.predicted = self.watch.again()
+        self.watch = SingularityMonitor.of(state.watch)
         # The state before the last step that is what a longer run would have taken; None where that is the last.
         self._undisturbed: RunState | None = None
         self.settle()
@@ -202,7 +201,7 @@ class Stepper:
                 shorter = smaller
             else:
                 h = smaller
-        self.predicted = self.watch.predicted(reached, status[4], status[5])
+        self.watch = self.watch.after(reached, status[4], status[5])
         self.statistics.steps += 1
         found = self.found
         if status[7] > step_tolerance.COARSE_WORK and self.statistics.is_balanced:
@@ -215,8 +214,8 @@ class Stepper:
     def _lengths(self, t: float) -> tuple[float, float]:
         """The length of a step to be tried from t, and what it would be without the timetable."""
         wished = self.control.step
-        if self.predicted is not NEVER:
-            wished = self.predicted.shortened(t, wished)
+        if self.watch.foreseen is not NEVER:
+            wished = self.watch.foreseen.shortened(t, wished)
         return self.timetable.shortened(t, wished) if self.timetable.is_any else wished, wished
 
     def _try(self, reached: float, taken: float) -> tuple[float, float]:
@@ -389,7 +388,7 @@ class Stepper:
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
         if self._is_before_pole():
             return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
-        is_soon = self.predicted.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
+        is_soon = self.watch.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
         known = residual, here, ahead, *self.watch.rank_margin, is_soon, self.origin + self.contacts.last
         return stop_diagnosis.no_step(bound.enforced, stop_diagnosis.Rejection(error, *known), MOST_RESIDUAL)
 
