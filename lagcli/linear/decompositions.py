@@ -9,23 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
+
 Floats = npt.NDArray[np.float64]
-
-
-class DecompositionParameters:
-    """The tests are of `tests/unit/test_numbers_of_rows.py`."""
-
-    __slots__ = ()
-
-    rounding: float = 1e-12
-    """Singular values below this part of the largest are rounding of the entries.
-    `test_singular_values_below_twelve_digits_are_not_solved_for` fails at 1e-13 and 1e-11."""
-    asymmetric: float = 1e-10
-    """By so much of its largest entry a matrix of slopes, sums of terms that cancel, differs from its transpose.
-    `test_slopes_that_differ_by_ten_digits_less_are_symmetric` fails at 1e-11 and 1e-9."""
-
-
-PARAMETERS = DecompositionParameters()
 
 
 def lengths(rows: Floats) -> Floats:
@@ -43,7 +29,7 @@ def unit(rows: Floats) -> Floats:
 
 def least_squares(A: Floats, b: Floats) -> Floats:
     """The shortest x (n,) or (n, k) that makes |A x - b| least, A (m, n), b (m,) or (m, k)."""
-    return np.asarray(np.linalg.lstsq(A, b, rcond=PARAMETERS.rounding)[0], dtype=float)
+    return np.asarray(np.linalg.lstsq(A, b, rcond=doubles.VALUE)[0], dtype=float)
 
 
 def residual(A: Floats, b: Floats) -> Floats:
@@ -53,12 +39,12 @@ def residual(A: Floats, b: Floats) -> Floats:
 
 def pseudo_inverse(A: Floats) -> Floats:
     """The inverse (..., n, m) of Moore and Penrose of matrices (..., m, n)."""
-    return np.asarray(np.linalg.pinv(A, rcond=PARAMETERS.rounding), dtype=float)
+    return np.asarray(np.linalg.pinv(A, rcond=doubles.VALUE), dtype=float)
 
 
 def is_symmetric(A: Floats) -> bool:
     """True if slopes (n, n) are those of a gradient, but for rounding."""
-    return bool(np.abs(A - A.T).max(initial=0.0) <= PARAMETERS.asymmetric * np.abs(A).max(initial=0.0))
+    return bool(np.abs(A - A.T).max(initial=0.0) <= doubles.ZERO * np.abs(A).max(initial=0.0))
 
 
 def singular_values(A: Floats) -> Floats:
@@ -75,7 +61,7 @@ def axes(A: Floats) -> tuple[Floats, Floats]:
 def range_basis(columns: Floats) -> Floats:
     """An orthonormal basis (m, r) of what columns (m, n) span."""
     sizes, left = column_axes(columns)
-    return np.asarray(left[:, sizes > PARAMETERS.rounding * sizes.max(initial=0.0)])
+    return np.asarray(left[:, sizes > doubles.VALUE * sizes.max(initial=0.0)])
 
 
 def column_axes(A: Floats) -> tuple[Floats, Floats]:

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions, rank
@@ -33,18 +34,9 @@ class IndependentRowsParameters:
     """The next independent row is the first in the file's order that is this part as far from the others as
     the farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest` fails at 0.03 and
     3."""
-    shift: float = 1e-13
-    """It is added to the diagonal of the Gram matrix of many rows, whose largest pivots are those of independent rows.
-    `test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added` fails at 1e-14 and 1e-12."""
-    spanned: float = 1e-10
-    """A row of length one is a combination of a few of many where no more than this is left of it.
-    `test_a_row_depends_on_a_few_of_many_to_ten_digits` fails at 1e-11 and 1e-9."""
-    swapped: float = 4.0
-    """Of many rows one that follows from the independent ones with a larger weight than this is one of them in place
-    of that row: each time the volume that they span grows by so much.
-    `test_of_many_rows_those_that_span_most_are_independent` fails at 0.4 and 40."""
     better: float = 4.0
-    """Other rows are taken where their angle is this many times as large.
+    """Other rows are taken where their angle is this many times as large, or, of many, where one that follows from
+    the independent ones has a larger weight than this: each time the volume that they span grows by so much.
     `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones` fails at 0.4 and 40."""
     near: int = 60
     """Of many rows a dependency is looked for among up to so many before all are asked, which costs more.
@@ -132,7 +124,7 @@ def _exchanged(found: Dependence, holonomic: int) -> Dependence:
         of = vectors.get(row, {})
         among = [i for i in of if (i < holonomic) == (row < holonomic)]
         heaviest = max(among, key=lambda i: (abs(of[i]), -i), default=None)
-        if heaviest is None or abs(of[heaviest]) <= PARAMETERS.swapped:
+        if heaviest is None or abs(of[heaviest]) <= PARAMETERS.better:
             continue
         pivot = vectors.pop(row).pop(heaviest)
         other = {row: 1.0 / pivot} | {i: -w / pivot for i, w in of.items()}
@@ -253,7 +245,7 @@ def _weights_among(
     for k, i in enumerate((*near, row)):
         B[k, [at[j] for j in by_row[i]]] = list(by_row[i].values())
     weights = decompositions.least_squares(B[:-1].T, B[-1])
-    if np.linalg.norm(weights @ B[:-1] - B[-1]) > PARAMETERS.spanned:
+    if np.linalg.norm(weights @ B[:-1] - B[-1]) > doubles.VALUE:
         return None
     return {i: w for i, w in zip(near, weights.tolist(), strict=True) if abs(w) > rank.PARAMETERS.small}
 
@@ -311,7 +303,7 @@ def _farther(rows: MetricRows, count: int, first: Sequence[int]) -> list[int]:
 def _pivots(rows: MetricRows, count: int) -> list[int]:
     """`count` independent rows of many: those with the largest pivots in the sparse factors of the Gram matrix. The
     others are left what is added to its diagonal, times the squared length of their null vectors."""
-    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + PARAMETERS.shift * ca.DM.eye(rows.count))
+    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + doubles.SUM * ca.DM.eye(rows.count))
     largest = np.argsort(-np.array(D).ravel(), kind="stable")[:count]
     return sorted(np.asarray(order)[largest].tolist())
 
@@ -328,7 +320,7 @@ def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
     first = leading(rows.dense, rank.PARAMETERS.large)
     if len(first) < count:  # some are nearly dependent, and known not to be
         sigma = [*decompositions.singular_values(rows.dense).tolist(), 0.0]
-        first = leading(rows.dense, float(np.sqrt(sigma[count - 1] * max(sigma[count], np.finfo(float).eps))))
+        first = leading(rows.dense, float(np.sqrt(sigma[count - 1] * max(sigma[count], doubles.EPS))))
     flags[first] = False
     return flags
 

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
@@ -189,7 +190,7 @@ def _require_definite(whole: Floats, n: int) -> None:
     # of a singular M at eps.
     scale = np.sqrt(np.diag(whole))
     scaled = whole / np.outer(scale, scale)
-    least = n * np.finfo(float).eps
+    least = n * doubles.EPS
     try:
         # Far cheaper than eigenvalues, and all that is asked of an M that is clearly definite.
         np.linalg.cholesky(scaled - CLEARLY * least * np.eye(len(scaled)))

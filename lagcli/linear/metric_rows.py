@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions, generic_direction
 from lagcli.linear.metric import Metric
 
@@ -34,12 +35,6 @@ class MetricRowsParameters:
     """Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close
     to it, and then any of them will do. `test_the_smallest_singular_value_is_found_in_twelve_iterations`
     fails at 1 and 120."""
-    certain: float = 3e-5
-    """Where the Gram matrix shows a smaller value than this, its own rounding is in the way.
-    `test_the_gram_matrix_tells_rows_that_are_independent_to_five_digits` fails at 3e-6 and 0.0003."""
-    shift: float = 1e-14
-    """It is added to the diagonal of a Gram matrix of which rows may be the same: far below what is asked
-    for. `test_rows_that_are_the_same_leave_what_is_added_to_their_gram_matrix` fails at 1e-15 and 1e-13."""
     dense: int = 150
     """More rows than these, over more coordinates than these, are never looked at densely: their singular
     values would take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many` fails at 15 and 1500."""
@@ -242,9 +237,9 @@ class MetricRows:
             return True
         if self.count > self.unit.shape[1] or 0 in self._norms_of_units():
             return False
-        if self.is_large and self._least_with_hanging() > PARAMETERS.certain:
+        if self.is_large and self._least_with_hanging() ** 2 > doubles.ZERO:
             return True
-        return self._weakest[0] > PARAMETERS.certain**2
+        return self._weakest[0] > doubles.ZERO
 
     def _least_with_hanging(self) -> float:
         """A lower bound of the smallest singular value, 0 where none is known, from rows that hang on a coordinate of
@@ -286,7 +281,7 @@ class MetricRows:
     def _weakest(self) -> tuple[float, Floats]:
         """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
-        solve = self._repeated_solver(PARAMETERS.shift)
+        solve = self._repeated_solver(doubles.SUM)
         x = generic_direction.direction(self.count, 0)
         value = 0.0
         for _ in range(PARAMETERS.iterations):
@@ -372,10 +367,10 @@ class MetricRows:
         if damping > 0:
             return self._solved(scaled, damping)
         if self.are_independent or self.is_large:
-            return self._solved(scaled, 0.0 if self.are_independent else PARAMETERS.shift)
+            return self._solved(scaled, 0.0 if self.are_independent else doubles.SUM)
         if self.count > self.unit.shape[1]:
             sigma, left = decompositions.column_axes(self.dense)
-            limit = decompositions.PARAMETERS.rounding**0.5
+            limit = doubles.ROOT
             fixed = left[:, sigma > limit * sigma.max(initial=0.0)]
             return np.asarray(fixed @ ((fixed.T @ scaled) / sigma[: fixed.shape[1]] ** 2))
         return decompositions.least_squares(np.array(self._gram), scaled)

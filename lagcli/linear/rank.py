@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions, metric_rows
 from lagcli.linear.metric_rows import MetricRows
@@ -31,9 +32,6 @@ class RankParameters:
     small: float = 1e-7
     """Singular values below this are rounding; between the two is undecided.
     `test_singular_values_count_or_are_rounding_with_a_gap` fails at 1e-8 and 1e-6."""
-    weight: float = 1e-6
-    """A row takes part in a dependence if its weight in the null vector is above this.
-    `test_a_row_takes_part_in_a_dependence_with_six_digits` fails at 1e-7 and 1e-5."""
 
 
 PARAMETERS = RankParameters()
@@ -101,7 +99,7 @@ class RowSpace:
     @property
     def exact_dependences(self) -> Floats:
         """Those (d, C) of them that vanish to rounding."""
-        exact = decompositions.PARAMETERS.rounding
+        exact = doubles.VALUE
         return np.asarray(self.left[:, int(np.count_nonzero(self.sigma > exact)) :].T)
 
     def step(self, b: Floats) -> Floats:
@@ -208,4 +206,4 @@ def row_basis(rows: Floats) -> Floats:
 def participants(null_vector: Floats) -> list[int]:
     """The rows that take part in a dependence."""
     weights = np.abs(null_vector)
-    return [int(i) for i in np.flatnonzero(weights > PARAMETERS.weight * weights.max(initial=1.0))]
+    return [int(i) for i in np.flatnonzero(weights > doubles.ROOT * weights.max(initial=1.0))]

@@ -17,7 +17,7 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
@@ -45,27 +45,13 @@ class SurfaceParameters:
     """The distance at which Newton's steps end. `test_newton_ends_at_thirteen_digits` fails at 1e-14 and 1e-12."""
     roundings: int = 64
     """Roundings of the values that may be left. `test_values_may_hold_some_roundings` fails at 6 and 640."""
-    small: float = 1e-12
-    """Steps of this part of the unknowns that no longer halve the distance are rounding.
-    `test_small_steps_that_no_longer_halve_the_distance_are_rounding` fails at 1e-13 and 1e-11."""
     squared: float = 0.02
     """What the last two steps leave of a distance, where they square it: beside a double zero they leave a quarter.
     `test_a_point_is_met_where_the_last_two_steps_square_the_distance` fails at 0.002 and 0.2."""
-    creeping: float = 1e-9
-    """A distance that comes so near, but slowly, comes to a point that is not regular.
-    `test_what_comes_near_a_surface_slowly_creeps` fails at 1e-10 and 1e-8."""
-    all_arrived: float = 1e-12
-    """The distance at which many points are met at once, by gradients that may be differences.
-    `test_many_points_are_met_to_twelve_digits` fails at 1e-13 and 1e-11."""
     most_steps: int = 200
     """Steps of a descent from far. `test_a_descent_has_two_hundred_steps` fails at 20 and 2000."""
     most_halvings: int = 30
     """Halvings of one of them. `test_a_step_of_a_descent_is_damped_thirty_times` fails at 3 and 300."""
-    bottom: float = 1e-14
-    """The distance at which a descent ends. `test_a_descent_ends_at_fourteen_digits` fails at 1e-15 and 1e-13."""
-    stalled: float = 1e-10
-    """The distance at which it may stall by rounding. `test_a_descent_may_stall_at_rounding` fails at 1e-11 and 1e-9
-    (`tests/unit/test_start_thresholds.py`)."""
     first_damping: float = 1e-3
     """Damping, on rows of length one: where it begins. `test_a_step_of_a_descent_is_damped_thirty_times`
     fails at 0.0001 and 0.01."""
@@ -75,9 +61,6 @@ class SurfaceParameters:
     weaker: float = 8.0
     """The factor by which it wanes if a step goes down. `test_damping_wanes_by_eight_down_to_nine_digits`
     fails at 0.8 and 80."""
-    last_damping: float = 1e-9
-    """The damping below which it is dropped. `test_damping_wanes_by_eight_down_to_nine_digits` fails at 1e-10
-    and 1e-8."""
     slow_steps: int = 20
     """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend
     in fewer. `test_a_descent_that_is_slow_for_twenty_steps_ends` fails at 2 and 200."""
@@ -86,15 +69,9 @@ class SurfaceParameters:
     nearest_steps: int = 60
     """Steps to the point that is nearest to another one. `test_sixty_steps_lead_to_the_nearest_point` fails at 6 and
     600."""
-    nearest: float = 1e-12
-    """The part of the way along the surface at which a point is the nearest one.
-    `test_the_nearest_point_is_found_to_twelve_digits` fails at 1e-13 and 1e-11."""
     shortest: float = 2e-4
     """The shortest step along a surface: shorter ones would be within rounding of a singular place, where the rank
     cannot be seen. `test_a_step_along_a_surface_is_halved_down_to_four_digits` fails at 2e-5 and 2e-3."""
-    strayed: float = 1.0
-    """The part of a step along the tangent by which its end may be off there: what is farther off has come back, or to
-    another sheet. `test_a_step_along_a_surface_ends_nearer_to_its_tangent_than_it_is_long` fails at 0.1 and 10."""
 
 
 PARAMETERS = SurfaceParameters()
@@ -255,7 +232,7 @@ def approach(
         return None
     best, nearest_yet, before = x, here, math.inf
     last, moved = math.inf, math.inf
-    rounding, small = (np.finfo(float).eps, PARAMETERS.small) if x.dtype == np.float64 else (0.0, 0.0)
+    rounding, small = (doubles.EPS, doubles.VALUE) if x.dtype == np.float64 else (0.0, 0.0)
     for _ in range(steps):
         step = None if here.is_there else here.step()
         if step is None:
@@ -264,7 +241,7 @@ def approach(
         length = float((np.abs(step) / (1 + np.abs(x))).max(initial=0.0))
         there = at(x + step)
         is_closer = there is not None and there.distance < here.distance
-        if there is None or not (is_closer or (here.distance > PARAMETERS.creeping and may_rise)):
+        if there is None or not (is_closer or (here.distance > doubles.ZERO and may_rise)):
             moved = min(moved, length)
             break
         x, last, here, before = x + step, here.distance, there, last
@@ -273,7 +250,7 @@ def approach(
         if length <= rounding or (length <= small and here.distance > last / 2):
             break  # rounding, which now and then falls a little
     is_met = here.is_there and here.distance <= PARAMETERS.squared * before
-    is_near = nearest_yet.is_there or nearest_yet.distance <= PARAMETERS.creeping
+    is_near = nearest_yet.is_there or nearest_yet.distance <= doubles.ZERO
     moved = 0.0 if nearest_yet.is_there else moved
     return NewtonEnd(best, nearest_yet.distance, moved, is_met, is_near and not is_met)
 
@@ -294,7 +271,7 @@ def nearby_all(at: Values, points: Floats, size: float) -> tuple[Floats, Floats]
             np.isfinite(f).all(axis=-1) & np.isfinite(lengths).all(axis=-1) & (lengths > 0).all(axis=-1)
         )
         with np.errstate(invalid="ignore"):
-            is_met = is_known & (np.abs(f) <= PARAMETERS.all_arrived * size * lengths).all(axis=-1)
+            is_met = is_known & (np.abs(f) <= doubles.VALUE * size * lengths).all(axis=-1)
         moving = is_known & ~is_met
         if not moving.any():
             break
@@ -316,7 +293,7 @@ def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = Fals
     least = math.inf if here is None else here.distance
     for taken in range(PARAMETERS.most_steps):
         progress.require_time()
-        if here is None or least <= PARAMETERS.bottom:
+        if here is None or least <= doubles.SUM:
             break
         if taken % PARAMETERS.slow_steps == 0:
             if here.norm > PARAMETERS.slow * passed and not to_the_end:
@@ -331,7 +308,7 @@ def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = Fals
         else:
             break
         x, here = x + step, there
-        damping = damping / PARAMETERS.weaker if damping > PARAMETERS.last_damping else 0.0
+        damping = damping / PARAMETERS.weaker if damping > doubles.ZERO else 0.0
         if here is not None and (to_the_end or here.distance <= least):
             best, least = (x, here), here.distance
     return best
@@ -353,11 +330,11 @@ def nearest(
     size = float(np.abs(q0).max(initial=0.0)) or 1.0
     for _ in range(steps):
         new = toward(q)
-        if new is None or length(new - q0) >= length(q - q0) * (1 + 1e-12) + PARAMETERS.nearest * size:
+        if new is None or length(new - q0) >= length(q - q0) * (1 + doubles.VALUE) + doubles.VALUE * size:
             break
         moved = float(np.abs(new - q).max(initial=0.0))
         q = new
-        if moved <= PARAMETERS.nearest * size:
+        if moved <= doubles.VALUE * size:
             break
     return q
 
@@ -376,7 +353,7 @@ def walk(
         there = meet(x + step)
         if there is not None:
             off = float(np.linalg.norm(there - x - step))
-            if off < PARAMETERS.strayed * float(np.linalg.norm(step)):
+            if off < float(np.linalg.norm(step)):
                 return there
         step, largest = step / 2, largest / 2
     return None

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -247,7 +248,7 @@ def _feasible(search: Search) -> Floats:
             break
         q = reached.q.copy()
         size = initial.size(q)
-        broken = ~(reached.residuals <= road.PARAMETERS.stalled * size) | reached.recedes
+        broken = ~(reached.residuals <= doubles.ZERO * size) | reached.recedes
         failed = []
         for number in np.unique(labels[broken]):
             rows = np.flatnonzero(labels == number).tolist()

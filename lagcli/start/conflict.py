@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions, metric_rows, rank
-from lagcli.linear import surface as road
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
@@ -224,7 +224,7 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     if not reached.is_on:
         labels, _ = search.components()
         size = initial.size(reached.q)
-        for number in np.unique(labels[~(reached.residuals <= road.PARAMETERS.stalled * size)]):
+        for number in np.unique(labels[~(reached.residuals <= doubles.ZERO * size)]):
             rows = np.flatnonzero(labels == number).tolist()
             found = search.reach(rows, (q, state.q))
             parting = [] if found.is_on else list(smallest(search, found).rows)

@@ -11,10 +11,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.position_rows import PositionRows
 from lagcli.frozen import frozen
-from lagcli.linear import decompositions, surface
+from lagcli.linear import surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.linear.surface import Linearized
@@ -80,7 +81,7 @@ class Surface:
         if here is None:
             return Reached(q, np.full(len(self.rows(q)[0]), np.inf), False)
         # The last steps stall at rounding; that is as far as doubles go.
-        return Reached(q, here.residuals, here.distance <= surface.PARAMETERS.stalled)
+        return Reached(q, here.residuals, here.distance <= doubles.ZERO)
 
     def nearby(self, q: Floats) -> Floats | None:
         """See `surface.nearby`. None from nearby shows that the surface is singular there."""
@@ -108,9 +109,5 @@ def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric, is_whole: bool = F
     rows = MetricRows(B, metric)
     for _ in range(2):  # the second pass removes the rounding of the first
         residual = LocalRows(B).times(v) + b
-        v = v + (
-            rows.whole_correction(residual, decompositions.PARAMETERS.rounding)
-            if is_whole
-            else rows.correction(residual)
-        )
+        v = v + (rows.whole_correction(residual, doubles.VALUE) if is_whole else rows.correction(residual))
     return v

@@ -46,17 +46,12 @@ def test_rows_of_any_size_are_made_of_length_one():
 
 
 @pytest.mark.parametrize(("part", "is_solved"), [(2e-13, False), (5e-12, True)])
-def test_singular_values_below_twelve_digits_are_not_solved_for(part, is_solved):
+def test_singular_values_of_rounding_are_not_solved_for(part, is_solved):
     A = np.diag([1.0, part])
     assert bool(decompositions.least_squares(A, A @ [1.0, 1.0])[1] > 0.9) is is_solved
     assert bool(decompositions.pseudo_inverse(A)[1, 1] > 0) is is_solved
     assert decompositions.range_basis(A).shape[1] == 1 + is_solved
     assert len(rank.space(A).exact_dependences) == 1 - is_solved
-
-
-@pytest.mark.parametrize(("part", "is_symmetric"), [(5e-11, True), (5e-10, False)])
-def test_slopes_that_differ_by_ten_digits_less_are_symmetric(part, is_symmetric):
-    assert decompositions.is_symmetric(np.array([[0.0, 1.0 + part], [1.0, 0.5]])) is is_symmetric
 
 
 @pytest.mark.parametrize(("weight", "rows"), [(3e-7, [0]), (3e-6, [0, 1])])
@@ -73,7 +68,7 @@ def test_up_to_three_thousand_rows_over_few_coordinates_are_looked_at_densely(co
 
 
 @pytest.mark.parametrize(("sigma", "is_certain"), [(1e-4, True), (1e-5, False)])
-def test_the_gram_matrix_tells_rows_that_are_independent_to_five_digits(sigma, is_certain):
+def test_the_gram_matrix_tells_rows_that_are_clearly_independent(sigma, is_certain):
     assert two_rows(sigma).are_independent is is_certain
 
 
@@ -82,10 +77,6 @@ def test_the_smallest_singular_value_is_found_in_twelve_iterations(monkeypatch):
     monkeypatch.setattr(MetricRows, "_repeated_solver", lambda rows, shift: lambda x: solved.append(x) or x)
     assert two_rows(1e-5)._weakest[0] == pytest.approx(1.0)
     assert len(solved) == 12
-
-
-def test_rows_that_are_the_same_leave_what_is_added_to_their_gram_matrix():
-    assert two_rows(0.0)._weakest[0] == pytest.approx(1e-14, rel=0.05, abs=0.0)
 
 
 @pytest.mark.parametrize(("part", "is_rounding"), [(3e-13, True), (3e-12, False)])
@@ -140,20 +131,6 @@ def test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest(apart,
 def test_a_row_takes_part_in_a_dependency_with_seven_digits(weight, dependency):
     found = Dependence((0, 1), (2,), ({0: 1.0, 1: weight},))
     assert found.selection.dependencies == (dependency,)
-
-
-@pytest.mark.parametrize(("left", "is_near"), [(3e-11, True), (3e-10, False)])
-def test_a_row_depends_on_a_few_of_many_to_ten_digits(left, is_near):
-    rows = metric_rows_of([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.8, left]])
-    assert (2 in independent_rows._near_weights(rows, (0, 1), (2,))) is is_near
-
-
-def test_pivots_of_many_rows_are_looked_at_with_thirteen_digits_added(monkeypatch):
-    added = []
-    factors = ca.ldl
-    monkeypatch.setattr(ca, "ldl", lambda gram: added.append(float(gram[0, 0]) - 1.0) or factors(gram))
-    independent_rows._pivots(metric_rows_of([[1.0, 0.0], [1.0, 0.0]]), 1)
-    assert added == pytest.approx([1e-13], rel=0.01, abs=0.0)
 
 
 @pytest.mark.parametrize(("times", "are_taken"), [(3.0, False), (5.0, True)])

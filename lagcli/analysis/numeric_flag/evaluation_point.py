@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import program, row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.expression import term_sizes
@@ -138,7 +139,7 @@ class EvaluationPoint:
         rows = metric_rows.LocalRows(row_block.scaled(self.plain, self.sizes))
         scaled = terms * self.sizes[rows.column] / rows.divisors[rows.row]
         largest = float(scaled.max(initial=0.0))
-        return max(decompositions.PARAMETERS.rounding, ROW_ROUNDOFF * largest, PARAMETERS.off * self.error)
+        return max(doubles.VALUE, ROW_ROUNDOFF * largest, PARAMETERS.off * self.error)
 
     @property
     def first(self) -> int:
@@ -188,7 +189,7 @@ class _RowsAsKnown:
         if len(holonomic) == rows.count or not rows.take(holonomic).are_independent:
             return None
         sigma = decompositions.singular_values(rows.dense)
-        if not ((sigma > decompositions.PARAMETERS.rounding) & (sigma <= rank.PARAMETERS.large)).any():
+        if not ((sigma > doubles.VALUE) & (sigma <= rank.PARAMETERS.large)).any():
             return None
         nothing = self._point.roundoff
         sure = PARAMETERS.off * nothing

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.contact import impact_law
 from lagcli.contact.least_distance import EPS
@@ -237,7 +238,7 @@ class ContactOrders:
         before them: who takes how much of it, the run finds as their loads grow."""
         rows, count = before
         null = rank.estimate(MetricRows(stacked(rows, contacts), self._here.metric)).dependences
-        are_together = np.abs(null.T @ null) > rank.PARAMETERS.weight
+        are_together = np.abs(null.T @ null) > doubles.ROOT
         first = rows.shape[0]
         linked = np.arange(len(are_together)) >= first - count
         linked[first:] = False
