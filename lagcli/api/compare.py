@@ -81,7 +81,7 @@ def compare(
     near = np.zeros(len(first.table), dtype=bool)
     if run.stats.singular_times:
         states = table_columns.States(model, run.columns)(first.table)
-        near = formulation_plan.singular(run.numeric, states, run.parameters, run.rank)
+        near = formulation_plan.singular(run.numeric, states, run.parameters, run.report.rank)
     found = formulation_plan.compared(model, first, others, tolerance, near)
     found = dataclasses.replace(found, notes=(*moved, *found.notes))
     if vakonomic and len(first.table):
@@ -209,13 +209,13 @@ def _table(name: str, run: SimulationRun) -> Formulation:
         name=name,
         path=run.model.path,
         coordinates=n,
-        freedoms=n - run.rank,
+        freedoms=n - run.report.rank,
         rows=len(run.built.rows.rows),
         steps=stats.steps,
         seconds=stats.solve_seconds,
         columns=run.columns,
         table=np.concatenate(blocks),
-        exchanged=run.exchanged,
+        exchanged=run.report.exchanged,
         stopped=stopped,
         events=tuple(events),
     )

@@ -97,7 +97,7 @@ def beside(
         same = dataclasses.replace(first, name="vakonomic")
         return OtherPrinciple(same, Principles({}, (), (), (), 0.0), ())
     values = np.array([mu[name] for name in names])
-    independent = tuple(i for i in run.selection.independent if i < len(built.rows.rows))
+    independent = tuple(i for i in run.report.selection.independent if i < len(built.rows.rows))
     start = vakonomic_system.VakonomicStart(float(t), q, v, values, independent)
     start = dataclasses.replace(start, mu=vakonomic_system.effective(built, start))
     extended, left_out = vakonomic_system.model(built, start)

@@ -104,7 +104,7 @@ def constrained(
         hint = f"its rows are `{rows[named[0]].name}` to `{rows[named[-1]].name}`"
         raise ValueError(f"constraint: `{name}` is {len(named)} rows, and one becomes a spring; {hint}")
     (index,) = named
-    if index in first.selection.indeterminate:
+    if index in first.report.selection.indeterminate:
         raise _without_limit(
             f"the row `{rows[index].name}` is redundant: others hold it when it becomes a spring, which then has no"
             " force, and its multiplier is not unique",
@@ -147,7 +147,7 @@ def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) 
     bare = dataclasses.replace(model, outputs=(), events=(), fingerprint=f"{model.fingerprint} bare")
     run = prepare_run.start(bare, chosen)
     start, numeric = run.begin, run.numeric
-    solved = numeric.keeping(run.selection).solved
+    solved = numeric.keeping(run.report.selection).solved
     lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), index)
     frequency = stiff_start.frequency(numeric, start, index)
     swings = frequency * math.sqrt(plan.stiffness[-1]) * chosen.duration / (2 * math.pi)

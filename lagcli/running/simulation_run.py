@@ -11,11 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.frozen import frozen
-from lagcli.model.invariant import FirstIntegral
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.running import energy_warning, run_account, run_remarks, table_columns
@@ -23,52 +20,42 @@ from lagcli.running.energy_warning import EnergyError
 from lagcli.running.run_account import Outcome, Stats, Stopped
 from lagcli.running.table_columns import GeneralizedForces
 from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
-from lagcli.simulation.run_in_blocks import RunInBlocks
+from lagcli.simulation.run_in_blocks import RunInBlocks, RunReport
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
-from lagcli.start import initial, lipschitz
+from lagcli.start import lipschitz
 
 if TYPE_CHECKING:
-    # Most models have no differential rows, and load nothing that judges them.
-    from lagcli.analysis.classification.verdict import Condition
-    from lagcli.start.assembly import Assembly
+    from lagcli.analysis.examined_start import ExaminedStart
 
 Floats = npt.NDArray[np.float64]
-Integrals = tuple[FirstIntegral, ...]
-
-
-@frozen
-class PreparedRun:
-    """All that a run goes with.
-
-    `start`: the state at its start, assembled where that was wanted; `integrals`: those that are enforced; `seconds`:
-    the time this took; `conditions`: hidden conditions among the rows; `resumed`: where an earlier run stood, if this
-    one goes on from there.
-    """
-
-    system: System
-    numeric: NumericSystem
-    start: initial.State
-    run: RunInBlocks
-    integrals: Integrals
-    seconds: float
-    conditions: tuple[Condition, ...] = ()
-    assembly: Assembly | None = None
-    resumed: checkpoints.Checkpoint | None = None
 
 
 class SimulationRun:
-    """A run that is ready to go: columns, then `blocks` of rows once, then `stats`."""
+    """A run that is ready to go: columns, then `blocks` of rows once, then `stats`.
 
-    def __init__(self, prepared: PreparedRun) -> None:
-        self._prepared = prepared
-        self._system, self._numeric = prepared.system, prepared.numeric
-        self._start, self._run = prepared.start, prepared.run
-        self.model = self._system.model
+    built: the system that is integrated; numeric: its functions, whatever integrals are enforced; begin: the state that
+    it starts from, with the numbers `parameters`; assembly: what moved that state; integrals: the first integrals of
+    differential rows that it holds; conditions: the hidden conditions among its rows; resumed: where an earlier run
+    stood, if this one goes on from there.
+    """
+
+    def __init__(
+        self,
+        built: System,
+        numeric: NumericSystem,
+        start: ExaminedStart,
+        run: RunInBlocks,
+        seconds: float,
+        resumed: checkpoints.Checkpoint | None = None,
+    ) -> None:
+        """start: as it was examined, seconds: the time that this and the functions took."""
+        self.built, self.numeric, self._run, self._seconds = built, numeric, run, seconds
+        self.begin, self.parameters, self.assembly = start.state, start.state.p, start.assembly
+        self.integrals, self.conditions = start.known.integrals, start.known.conditions
+        self.model, self.resumed = built.model, resumed
         self.columns = self._run.columns
-        self.assembly = prepared.assembly
-        self.resumed = prepared.resumed
         self.grid = self._run.grid
         # Those that have come with the last block, up to its last row or a little beyond.
         self.incidents: list[Incident] = []
@@ -82,20 +69,20 @@ class SimulationRun:
     @functools.cached_property
     def warnings(self) -> tuple[diagnostics.Diagnostic, ...]:
         """Warnings of the model, of its equations and of its start; one of many runs looks for none."""
-        read = (*self.model.warnings, *self._system.warnings)
+        read = (*self.model.warnings, *self.built.warnings)
         if self.resumed is not None:
             return read
-        return (*read, *lipschitz.warnings(self._system, self._numeric, self._start))
+        return (*read, *lipschitz.warnings(self.built, self.numeric, self.begin))
+
+    @property
+    def report(self) -> RunReport:
+        """The report of the time reached."""
+        return self._run.report
 
     @property
     def t(self) -> float:
         """The time reached."""
-        return self._run.report.t
-
-    @property
-    def complete(self) -> int:
-        """The rows of the grid that the run is beyond, be they made or not."""
-        return self._run.report.complete
+        return self.report.t
 
     def blocks(self) -> Iterator[Floats]:
         """Blocks of rows (k, len(columns)), each with its `incidents`. Raises `run_stop.RunStop` after the last one."""
@@ -112,10 +99,8 @@ class SimulationRun:
                     outcome.t_end = float(rows[-1, 0])
                 yield rows
         except run_stop.RunStop as stopped:
-            ends = self._start, self._run.report
-            stop = run_remarks.explained(
-                stopped.stop, self._system, self._numeric, ends, self._prepared.conditions
-            )
+            ends = self.begin, self.report
+            stop = run_remarks.explained(stopped.stop, self.built, self.numeric, ends, self.conditions)
             outcome.stopped = Stopped(stop.t, stop.reason, stop.code)
             raise run_stop.RunStop(stop) from None
 
@@ -127,62 +112,17 @@ class SimulationRun:
 
     @functools.cached_property
     def _forces(self) -> GeneralizedForces:
-        return GeneralizedForces(self._system, self._numeric, self._start.p, self.columns)
+        return GeneralizedForces(self.built, self.numeric, self.parameters, self.columns)
 
     @functools.cached_property
     def incident_columns(self) -> IncidentColumns:
         """The columns of the table of incidents."""
-        return incident_table.columns(self.model, self._system.columns)
+        return incident_table.columns(self.model, self.built.columns)
 
     @property
     def end(self) -> float:
         """The time of the last row: the end of the grid, or that of the event that has ended the run."""
-        return self.t if self._run.report.statistics.ended_by is not None else self.grid.end
-
-    @property
-    def built(self) -> System:
-        """The system that is integrated."""
-        return self._system
-
-    @property
-    def numeric(self) -> NumericSystem:
-        """Its functions, whatever integrals are enforced."""
-        return self._numeric
-
-    @property
-    def parameters(self) -> Floats:
-        """The numbers that go with them."""
-        return self._start.p
-
-    @property
-    def exchanged(self) -> float:
-        """The largest T so far plus the largest change of V."""
-        return self._run.report.exchanged
-
-    @property
-    def rank(self) -> int:
-        """The number of independent rows it is stepped with."""
-        return len(self._run.report.selection.independent)
-
-    @property
-    def begin(self) -> initial.State:
-        """The state that it starts from."""
-        return self._start
-
-    @property
-    def selection(self) -> Selection:
-        """The rows it is stepped with at the time reached."""
-        return self._run.report.selection
-
-    @property
-    def conditions(self) -> tuple[Condition, ...]:
-        """The hidden conditions among its rows."""
-        return self._prepared.conditions
-
-    @property
-    def integrals(self) -> Integrals:
-        """The first integrals of the differential rows that it holds."""
-        return self._prepared.integrals
+        return self.t if self.report.statistics.ended_by is not None else self.grid.end
 
     @property
     def by_name(self) -> tuple[str, ...]:
@@ -208,7 +148,7 @@ class SimulationRun:
 
     def floors(self) -> table_columns.Floors:
         """Limits of what is zero to rounding in a table of this run, when it has taken its rows."""
-        return table_columns.Floors(self._system, self._numeric, self._start.p, self.columns)
+        return table_columns.Floors(self.built, self.numeric, self.parameters, self.columns)
 
     def _known(self, found: Accuracy | None) -> Accuracy | None:
         """The accuracy with the kinds that are zero to rounding, and what the energy says against it."""
@@ -219,11 +159,7 @@ class SimulationRun:
         zero = frozenset(k for k, at in kinds if floors.are_zero(at))
         energy, parted = self._energy_error, found.parted
         # Beside dependent rows, which the notes name, runs go apart by their rounding.
-        if (
-            parted is not None
-            and parted[1] >= found.t
-            and run_remarks.is_amplified(self._system, self._run.report)
-        ):
+        if parted is not None and parted[1] >= found.t and run_remarks.is_amplified(self.built, self.report):
             parted = None
         energy_error = 0.0 if energy is None else energy.part
         return dataclasses.replace(found, zero=zero, parted=parted, energy_error=energy_error)
@@ -240,7 +176,7 @@ class SimulationRun:
 
     def checkpoint(self) -> checkpoints.Checkpoint:
         """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
-        return checkpoints.Checkpoint(self._identity, self._run.run_state(), self._prepared.integrals)
+        return checkpoints.Checkpoint(self._identity, self._run.run_state(), self.integrals)
 
     @functools.cached_property
     def _identity(self) -> checkpoints.Identity:
@@ -250,19 +186,17 @@ class SimulationRun:
     def notes(self) -> tuple[str, ...]:
         """Remarks so far: multipliers that are not unique, singular configurations that were passed,
         integrals that are not enforced all the time."""
-        return run_remarks.remarks(self._system, self._run.report)
+        return run_remarks.remarks(self.built, self.report)
 
     @property
     def stats(self) -> Stats:
         """The account so far; of a resumed run it covers the whole, but for the seconds."""
-        report = self._run.report
+        report = self.report
         known, energy = self._known(report.accuracy), self._energy_error
-        stats = run_account.of(
-            self._system, report, self.outcome, self._prepared.seconds, self.assembly, known
-        )
+        stats = run_account.of(self.built, report, self.outcome, self._seconds, self.assembly, known)
         return stats if energy is None else dataclasses.replace(stats, warnings=(energy.warning,))
 
     @property
     def _energy_error(self) -> EnergyError | None:
         settings = self.model.simulation
-        return energy_warning.found(self._numeric, settings, self._start, self._run.report)
+        return energy_warning.found(self.numeric, settings, self.begin, self.report)

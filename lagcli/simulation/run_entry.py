@@ -10,7 +10,6 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions, size_limits
 from lagcli.equations.system import System
 from lagcli.expression.tree import ExpressionError
-from lagcli.frozen import frozen
 from lagcli.memory import Memory
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.model import Model
@@ -68,48 +67,50 @@ class CachedFunctions:
             self._memory.keep("no functions of t", True)
         return timed
 
+    def run_start(
+        self,
+        system: System,
+        state: initial.State,
+        selection: Selection,
+        is_singular: bool,
+        integrals: Found,
+        notes: tuple[str, ...],
+    ) -> RunStart:
+        """A consistent state with all that a run from there goes with, by the settings of the model.
 
-@frozen
-class RunPlan:
-    """A run that is asked for, from a consistent start.
+        selection: the independent rows there; is_singular: they are dependent there and not nearby; integrals: those to
+        enforce; notes: what is to be said of others. Raises `diagnostics.ModelError` where an acceleration or a column
+        is not finite there.
+        """
+        open_rows = dataclasses.replace(selection, inactive=self.numeric.selection.inactive)
+        enforced, not_enforced = invariants.begin(self.integrals(system, integrals).keeping(open_rows), state)
+        if not is_singular:
+            values = dataclasses.replace(state, p=enforced.parameters)
+            initial.require_finite(system, enforced.functions.numeric, values)
+        settings, timed = system.model.simulation, self.timed(system.model)
+        return RunStart(enforced, state.q, state.v, settings, timed, is_singular, (*not_enforced, *notes))
 
-    selection: the independent rows there; is_singular: they are dependent there and not nearby; integrals: the first
-    integrals to hold; notes: what was said about them; is_repeated: with columns of errors; ends_only: with the
+
+def begin(
+    system: System,
+    cached: CachedFunctions,
+    start: RunStart,
+    is_repeated: bool = False,
+    ends_only: bool = False,
+) -> RunInBlocks:
+    """The run of a model from its start, by the settings of the model.
+
+    cached: the functions of its text, which gave the start; is_repeated: with columns of errors; ends_only: with the
     first row of the grid and the last one alone, where no other row can end the run.
     """
-
-    start: initial.State
-    selection: Selection
-    is_singular: bool = False
-    integrals: tuple[FirstIntegral, ...] = ()
-    notes: tuple[str, ...] = ()
-    is_repeated: bool = False
-    ends_only: bool = False
-
-
-def begin(system: System, cached: CachedFunctions, plan: RunPlan) -> RunInBlocks:
-    """The run of a model from a consistent start, by the settings of the model.
-
-    cached: the functions of its text. Raises `diagnostics.ModelError` where an acceleration or a column is not
-    finite at the start.
-    """
-    start, timed = plan.start, cached.timed(system.model)
-    open_ = dataclasses.replace(plan.selection, inactive=cached.numeric.selection.inactive)
-    enforced, not_enforced = invariants.begin(cached.integrals(system, plan.integrals).keeping(open_), start)
-    if not plan.is_singular:
-        initial.require_finite(
-            system, enforced.functions.numeric, dataclasses.replace(start, p=enforced.parameters)
-        )
-    chosen, notes = system.model.simulation, (*not_enforced, *plan.notes)
-    first = RunStart(enforced, start.q, start.v, chosen, timed, plan.is_singular, notes)
-    rows = TableRows(system.columns, plan.ends_only and cached.has_total_columns(system))
-    run = run_start.start(first, rows)
-    if not plan.is_repeated:
-        return RunInBlocks(run, chosen, system.columns)
+    rows = TableRows(system.columns, ends_only and cached.has_total_columns(system))
+    run = run_start.start(start, rows)
+    if not is_repeated:
+        return RunInBlocks(run, start.settings, system.columns)
     # Loaded here: most runs are not repeated.
     from lagcli.simulation.global_error.reference_run import RunWithReference
 
-    return RunInBlocks(run, chosen, system.columns, RunWithReference(run, first))
+    return RunInBlocks(run, start.settings, system.columns, RunWithReference(run, start))
 
 
 def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInBlocks:

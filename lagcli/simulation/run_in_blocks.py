@@ -57,6 +57,11 @@ class RunReport:
         return self.statistics.extremes or NO_ROWS
 
     @property
+    def rank(self) -> int:
+        """The number of independent rows it is stepped with."""
+        return len(self.selection.independent)
+
+    @property
     def exchanged(self) -> float:
         """The largest T so far plus the largest change of V."""
         return self.extremes.moving + self.extremes.resting

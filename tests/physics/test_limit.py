@@ -164,7 +164,7 @@ def test_slow_start_is_stretched_by_lambda_over_k_and_keeps_the_rest() -> None:
     text = CASES["coordinates, a moving row and a differential one"][0]
     run = prepare_run.start(lagcli.loads(text), lagcli.loads(text).simulation)
     begin = run.begin
-    solved = run.numeric.keeping(run.selection).solved
+    solved = run.numeric.keeping(run.report.selection).solved
     lam, rate = stiff_system.multiplier_rate(solved, (begin.t, begin.q, begin.v, begin.p), 0)
     near = lagcli.simulate(lagcli.loads(text), duration=1e-3, samples=3)["lambda.rail"]
     assert lam == pytest.approx(near[0], rel=1e-12)

@@ -8,6 +8,7 @@ import time
 
 from lagcli import progress
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path
@@ -15,9 +16,8 @@ from lagcli.api.runs import run_settings
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
-from lagcli.running.simulation_run import PreparedRun, SimulationRun
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation import run_entry
-from lagcli.simulation.run_entry import RunPlan
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.start import initial
 
@@ -71,12 +71,30 @@ def start(
     """
     began = time.perf_counter()
     ready = cache.compiled(dataclasses.replace(model, simulation=chosen))
-    return SimulationRun(_started(ready, known, limit, began, digits, ends_only))
+    return start_compiled(ready, known, began=began, limit=limit, digits=digits, ends_only=ends_only)
 
 
-def start_compiled(ready: CompiledModel, known: KnownIntegrals) -> SimulationRun:
-    """A run from the start of a model that is compiled, with its own settings. Raises `diagnostics.ModelError`."""
-    return SimulationRun(_started(ready, known, settings.LIMIT, time.perf_counter()))
+def start_compiled(
+    ready: CompiledModel,
+    known: KnownIntegrals | None,
+    *,
+    began: float | None = None,
+    limit: float = settings.LIMIT,
+    digits: bool = False,
+    ends_only: bool = False,
+) -> SimulationRun:
+    """A run from the start of a model that is compiled, with its own settings.
+
+    began: of `time.perf_counter`, when the work for it did; otherwise as `start`.
+    """
+    began = time.perf_counter() if began is None else began
+    start = ready.examined_start(known, limit)
+    integrals, notes = start.known.integrals, start.known.notes
+    first = ready.cached.run_start(
+        ready.system, start.state, start.selection, start.is_singular, integrals, notes
+    )
+    run = run_entry.begin(ready.system, ready.cached, first, digits, ends_only)
+    return SimulationRun(ready.system, ready.numeric, start, run, time.perf_counter() - began)
 
 
 def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> SimulationRun:
@@ -90,41 +108,6 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     checkpoints.require_same(point.identity, model)
     ready = cache.compiled(model)
     run = run_entry.resume(ready.system, ready.cached, point)
-    state = initial.declared(ready.system)
-    return SimulationRun(
-        PreparedRun(
-            ready.system,
-            ready.numeric,
-            state,
-            run,
-            point.integrals,
-            time.perf_counter() - began,
-            resumed=point,
-        )
-    )
-
-
-def _started(
-    ready: CompiledModel,
-    known: KnownIntegrals | None,
-    limit: float,
-    began: float,
-    digits: bool = False,
-    ends_only: bool = False,
-) -> PreparedRun:
-    """The parts of a run from its start; `began`: when the work for it did. Raises `diagnostics.ModelError`."""
-    start = ready.examined_start(known, limit)
-    found = start.known
-    integrals, notes = found.integrals, found.notes
-    plan = RunPlan(start.state, start.selection, start.is_singular, integrals, notes, digits, ends_only)
-    run = run_entry.begin(ready.system, ready.cached, plan)
-    return PreparedRun(
-        ready.system,
-        ready.numeric,
-        start.state,
-        run,
-        integrals,
-        time.perf_counter() - began,
-        found.conditions,
-        start.assembly,
-    )
+    known, selection = KnownIntegrals(point.integrals), point.run_state.selection
+    start = ExaminedStart(initial.declared(ready.system), None, selection, False, known)
+    return SimulationRun(ready.system, ready.numeric, start, run, time.perf_counter() - began, point)

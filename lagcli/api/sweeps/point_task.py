@@ -167,8 +167,8 @@ class _RunData:
 
     def reach(self, run: SimulationRun) -> None:
         """The run has come to a time without the rows up to there, which nobody needs."""
-        if self._task.ends_only and run.complete:
-            self.t_end = run.grid.time(run.complete - 1)
+        if self._task.ends_only and run.report.complete:
+            self.t_end = run.grid.time(run.report.complete - 1)
 
     def results(self, run: SimulationRun) -> list[float]:
         """The reductions of the whole run, whose table is complete."""
