@@ -13,7 +13,7 @@ import numpy as np
 
 from lagcli.auditing import audit_lines
 from lagcli.auditing.checks import checks_contact, checks_flight, checks_motion, checks_steps
-from lagcli.auditing.checks.audit_report import NAMED, NEARLY_ALL, Check, TableLocation, Verdict
+from lagcli.auditing.checks.audit_report import FAR_APART, Check, merged
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Incidents
@@ -92,19 +92,15 @@ class OneSidedParts:
             parts.append((len(rows), [found for findings in checks for found in findings(own)]))
         if not parts:
             laws = (checks_steps.STEPS, checks_motion.RATES, checks_motion.NEWTON, checks_motion.ENERGY)
-            note = "cannot be judged at this spacing of rows"
-            return [
-                Check(law.name, law.law, law.equation, "not judged", None, entries=1, note=note)
-                for law in laws
-            ]
+            return [law.unjudged(FAR_APART) for law in laws]
         looked = sum(len(k) for k in self._looked_at)
-        merged = _merged_by_name(parts, len(self._e.record.t) - looked)
+        checks_of_rows = _merged_by_name(parts, len(self._e.record.t) - looked)
         # Entries of `steps` are steps and not rows, and one stands between two stretches.
         name = checks_steps.STEPS.name
         of_steps = [check for _, part in parts for check in part if check.name == name]
         columns = sum(check.entries for check in of_steps) // (looked - len(parts))
-        steps = _merged(of_steps, (self._steps - looked + len(parts)) * columns)
-        return [steps if check.name == name else check for check in merged]
+        steps = merged(of_steps, (self._steps - looked + len(parts)) * columns)
+        return [steps if check.name == name else check for check in checks_of_rows]
 
     def _while(self, closed: tuple[int, ...]) -> str:
         names = [self._e.laws.contacts[j] for j in closed]
@@ -158,41 +154,4 @@ def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[
         for check in part:
             by_name.setdefault(check.name, []).append(check)
             at_a_row[check.name] = max(at_a_row.get(check.name, 0), check.entries // rows)
-    return [_merged(checks, skipped * at_a_row[name]) for name, checks in by_name.items()]
-
-
-def _merged(parts: Sequence[Check], left_out: int = 0) -> Check:
-    """The check merged from several of the same name; `left_out`: entries that none of them has looked at."""
-    first = parts[0]
-    checked = [check for check in parts if check.verdict != "nothing"]
-    entries, judged = (
-        sum(check.entries for check in checked) + left_out,
-        sum(check.judged for check in checked),
-    )
-    if not entries:
-        return first
-    failing = sorted((location for check in checked for location in check.failing), key=_ratio, reverse=True)
-    names = dict.fromkeys(location.name for location in failing)
-    worst = max((check.worst for check in checked if check.worst is not None), key=_ratio, default=None)
-    verdict: Verdict = "fail" if names else "not judged" if not judged else "partly judged"
-    if not names and judged >= NEARLY_ALL * entries:
-        verdict = "pass"
-    shown = {location.name: location for location in reversed(failing)}
-    note = f"{entries - judged} of {entries} entries cannot be judged" if judged < entries else ""
-    return dataclasses.replace(
-        first,
-        verdict=verdict,
-        worst=worst,
-        failing=tuple(shown[name] for name in names)[:NAMED],
-        failures=len(names),
-        judged=judged,
-        entries=entries,
-        note=note,
-        curve=tuple(sorted(location for check in checked for location in check.curve)),
-    )
-
-
-def _ratio(location: TableLocation) -> float:
-    if location.limit == 0:
-        return np.inf if location.value else 0.0
-    return location.value / location.limit
+    return [merged(checks, skipped * at_a_row[name]) for name, checks in by_name.items()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -14,14 +15,14 @@ from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
 NAMED = 12  # entries that a check names, the worst
-NEARLY_ALL = (
-    0.9  # of the entries must be judged before a check says `pass`: kinks may leave the rows around them open
-)
+# Of the entries must be judged before a check says `pass`: kinks may leave the rows around them open.
+NEARLY_ALL = 0.9
 # Of the entries that show the motion: less, and nothing is known of it. At 0.01 and at 1
 # `test_a_motion_of_which_a_tenth_is_judged_is_known_and_of_less_it_is_not` of `tests/unit/test_numbers_of_the_audit.py`
 # fails.
 HARDLY = 0.1
 MOTION = ("steps", "rates", "newton")  # checks that hold rows against their neighbours, at every row
+FAR_APART = "cannot be judged at this spacing of rows"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -32,6 +33,17 @@ class TableLocation:
     t: float
     value: float
     limit: float
+
+    def as_json(self) -> dict[str, object]:
+        """The entry as it stands in the JSON; numbers that are not finite are null."""
+        return {**dataclasses.asdict(self), "value": _finite(self.value), "limit": _finite(self.limit)}
+
+    @property
+    def ratio(self) -> float:
+        """The value as a part of its limit."""
+        if self.limit == 0:
+            return np.inf if self.value else 0.0
+        return self.value / self.limit
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -65,8 +77,8 @@ class Check:
             "law": self.law,
             "equation": self.equation,
             "verdict": self.verdict,
-            "worst": _location_json(self.worst),
-            "failing": [_location_json(location) for location in self.failing],
+            "worst": None if self.worst is None else self.worst.as_json(),
+            "failing": [location.as_json() for location in self.failing],
             "failures": self.failures,
             "judged": self.judged,
             "entries": self.entries,
@@ -192,6 +204,14 @@ class CheckedLaw:
     law: str
     equation: str
 
+    def unjudged(self, note: str, entries: int = 1) -> Check:
+        """The check of which no entry can be judged."""
+        return Check(self.name, self.law, self.equation, "not judged", None, entries=entries, note=note)
+
+    def empty(self, note: str = "") -> Check:
+        """The check that has nothing to look at."""
+        return Check(self.name, self.law, self.equation, "nothing", None, note=note)
+
 
 def judge(
     law: CheckedLaw,
@@ -207,7 +227,7 @@ def judge(
     """
     shape = residual.shape
     if not residual.size:
-        return Check(law.name, law.law, law.equation, "nothing", None)
+        return law.empty()
     size = np.where(np.isnan(residual), np.inf, np.abs(residual))
     limit = np.broadcast_to(limit, shape)
     decided = np.broadcast_to(True if judged is None else judged, shape) & ~np.isnan(limit)
@@ -215,12 +235,8 @@ def judge(
         ratio = np.where(size == 0, 0.0, size / limit)
     ratio = np.where(decided, ratio, -1.0)
     count = int(decided.sum())
-    note = (
-        "" if count == decided.size else f"{decided.size - count} of {decided.size} entries cannot be judged"
-    )
     if not count:
-        note = "cannot be judged at this spacing of rows"
-        return Check(law.name, law.law, law.equation, "not judged", None, entries=residual.size, note=note)
+        return law.unjudged(FAR_APART, residual.size)
 
     def location(i: int, j: int) -> TableLocation:
         return TableLocation(names[j], float(t[i]), float(size[i, j]), float(limit[i, j]))
@@ -228,36 +244,58 @@ def judge(
     worst = np.unravel_index(int(np.argmax(ratio)), shape)
     rows, highest = np.argmax(ratio, axis=0), ratio.max(axis=0)
     beyond = [j for j in np.argsort(-highest, kind="stable").tolist() if highest[j] > 1.0]
+    known = ratio.max(axis=1) >= 0
     return Check(
         law.name,
         law.law,
         law.equation,
-        "fail" if beyond else "pass" if count >= NEARLY_ALL * decided.size else "partly judged",
+        _verdict(bool(beyond), count, residual.size),
         location(int(worst[0]), int(worst[1])),
         tuple(location(int(rows[j]), j) for j in beyond[:NAMED]),
         len(beyond),
         count,
         residual.size,
-        note,
-        _curve(t, ratio.max(axis=1)),
+        _note(count, residual.size),
+        tuple(zip(t[known].tolist(), ratio[known].max(axis=1).tolist(), strict=True)),
     )
 
 
-def _curve(t: Array, ratio: Array) -> tuple[tuple[float, float], ...]:
-    """Residual over limit at the rows, for the figure; where nothing was judged it is left out."""
-    known = ratio >= 0
-    return tuple(zip(t[known].tolist(), ratio[known].tolist(), strict=True))
+def merged(parts: Sequence[Check], left_out: int = 0) -> Check:
+    """The check merged from several of the same name; `left_out`: entries that none of them has looked at."""
+    checked = [check for check in parts if check.verdict != "nothing"]
+    entries = sum(check.entries for check in checked) + left_out
+    judged = sum(check.judged for check in checked)
+    if not entries:
+        return parts[0]
+    failing = sorted((location for check in checked for location in check.failing), key=_ratio, reverse=True)
+    worst_of_name = {location.name: location for location in reversed(failing)}
+    names = dict.fromkeys(location.name for location in failing)
+    return dataclasses.replace(
+        parts[0],
+        verdict=_verdict(bool(names), judged, entries),
+        worst=max((check.worst for check in checked if check.worst is not None), key=_ratio, default=None),
+        failing=tuple(worst_of_name[name] for name in names)[:NAMED],
+        failures=max(len(names), *(check.failures for check in parts)),
+        judged=judged,
+        entries=entries,
+        note=_note(judged, entries),
+        curve=tuple(sorted(location for check in checked for location in check.curve)),
+    )
 
 
-def _location_json(location: TableLocation | None) -> dict[str, object] | None:
-    if location is None:
-        return None
-    return {
-        "name": location.name,
-        "t": location.t,
-        "value": _finite(location.value),
-        "limit": _finite(location.limit),
-    }
+_ratio = operator.attrgetter("ratio")
+
+
+def _verdict(fails: bool, judged: int, entries: int) -> Verdict:
+    if fails:
+        return "fail"
+    if not judged:
+        return "not judged"
+    return "pass" if judged >= NEARLY_ALL * entries else "partly judged"
+
+
+def _note(judged: int, entries: int) -> str:
+    return f"{entries - judged} of {entries} entries cannot be judged" if judged < entries else ""
 
 
 def _finite(number: float) -> float | None:

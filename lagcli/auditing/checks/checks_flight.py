@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lagcli.auditing.checks import checks_contact, checks_impact
-from lagcli.auditing.checks.audit_report import NEARLY_ALL, Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, merged
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
 from lagcli.auditing.evidence.autodiff import Array
@@ -139,22 +139,12 @@ def flights(e: Evidence) -> list[Check]:
         parts.append((found.end.t[k], *_flown(e, impact, motion, found.part(k))))
         count += len(k)
     if not parts:
-        note = "contacts open or close all along"
-        entries = len(every) * len(names)
-        law = FLIGHTS
-        return [Check(law.name, law.law, law.equation, "not judged", None, entries=entries, note=note)]
+        return [FLIGHTS.unjudged("contacts open or close all along", len(every) * len(names))]
     t, residual, limit, judged = (np.concatenate(each) for each in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     check = judge(FLIGHTS, names, t[order], residual[order], limit[order], judged[order])
     left = (len(every) - count) * len(names)
-    entries = check.entries + left
-    if not left:
-        return [check]
-    note = f"{entries - check.judged} of {entries} entries cannot be judged"
-    verdict = check.verdict if check.verdict != "nothing" else "not judged"
-    if verdict == "pass" and check.judged < NEARLY_ALL * entries:
-        verdict = "partly judged"
-    return [dataclasses.replace(check, verdict=verdict, entries=entries, note=note)]
+    return [merged([check], left) if left else check]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import FAR_APART, Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import DifferenceGrid
 from lagcli.auditing.evidence.row_spacing import RowSpacing
@@ -108,9 +108,8 @@ def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, 
 def _nothing(e: Evidence, law: CheckedLaw) -> Check:
     """No window: no room to vary, or too few rows."""
     if len(e.record.t) >= LEAST and not e.hidden.any():
-        return Check(law.name, law.law, law.equation, "nothing", None, note="nothing is free to vary")
-    note = f"cannot be judged at this spacing of rows: {LEAST} are needed, and no push between two of them"
-    return Check(law.name, law.law, law.equation, "not judged", None, entries=1, note=note)
+        return law.empty("nothing is free to vary")
+    return law.unjudged(f"{FAR_APART}: {LEAST} are needed, and no push between two of them")
 
 
 def _variation(window: Window, w: Array) -> tuple[float, float, bool]:

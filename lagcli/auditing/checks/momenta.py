@@ -121,8 +121,7 @@ def check(e: Evidence) -> list[Check]:
         judged.append((open_ <= np.maximum(RESOLVED * size, off)) & e.once(RowSpacing).is_slow)
         words.append(_word(one.name, J, by_rows, by_forces, float(spread.sum(axis=1).max(initial=0.0))))
     if not names:
-        note = "" if e.is_part else "no symmetry was found"
-        return [Check(MOMENTA.name, MOMENTA.law, MOMENTA.equation, "nothing", None, note=note)]
+        return [MOMENTA.empty("" if e.is_part else "no symmetry was found")]
     apart, limit = np.stack(residuals, 1), np.stack(limits, 1)
     decided = np.stack(judged, 1) & (rows > 2) & e.is_seen
     if e.once(RowSpacing).is_fast.any():
