@@ -102,93 +102,58 @@ class TableSteps:
 
 
 def quantities(e: Evidence) -> list[Quantity]:
-    """Positions with their velocities, momenta with forces and reactions: of particles, then of coordinates."""
-    own, n, r = e.laws.index.first_generalized, e.laws.index.n, e.record
-    found = _of_particles(e, _cartesian(e)) if own else []
-    if r.x.size:
-        found += _of_particles(e, _dependent(e))
-    if n > own:
-        found += _of_coordinates(e)
-    return found
+    """Positions with their velocities, momenta with forces and reactions: of particles, then of coordinates.
 
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Particles:
-    """Indices and velocities of particles, (T, 3 K), with the forces on them, and by how much all may be off."""
-
-    names: tuple[tuple[str, ...], tuple[str, ...]]
-    y: Array
-    v: Array
-    force: Array
-    off: tuple[Array, Array, Array]
-    masses: Array
-    momentum: Array
-    off_momentum: Array
-    coarse: Array
-    is_plain: bool
-
-
-def _cartesian(e: Evidence) -> _Particles:
-    r, values, own = e.record, e.values, e.laws.index.first_generalized
-    k = slice(0, own)
-    force, noise = _total_force(e)
-    off_q, off_v = SAFETY * e.off_q[k], SAFETY * e.off_v[k]
-    return _Particles(
-        (e.names.q[k], e.names.v[k]), r.q[:, k], r.v[:, k], force[:, k], (off_q, off_v, noise[:, k]),
-        e.masses[k], (e.masses * r.v + values.L_v)[:, k], e.masses[k] * off_v + e.noise("L_v")[:, k],
-        e.once(RowSpacing).is_coarse[0][k], not np.any(values.L_v[:, k]),
-    )  # fmt: skip
-
-
-def _dependent(e: Evidence) -> _Particles:
-    r, index, m = e.record, e.laws.index, e.masses_x
-    inner = SAFETY * e.tolerance.rtol
-    force = r.R_x + e.particle_forces[:, index.dependent].reshape(r.x.shape)
-    noise = e.particle_noise[:, index.dependent].reshape(r.x.shape) + e.recorded(r.R_x)
-    noise = noise + inner * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
-    off_x, off_u = e.noise("x"), e.noise("u")
-    return _Particles(
-        (e.names.x, e.names.u), r.x, r.u, force, (off_x, off_u, noise), m, m * r.u, m * off_u,
-        e.once(RowSpacing).is_coarse[1], True,
-    )  # fmt: skip
-
-
-def _total_force(e: Evidence) -> tuple[Array, Array]:
-    """F + R on the coordinates without what dependent particles carry, (T, n), and by how much it may be off."""
-    r, index, own = e.record, e.laws.index, e.laws.index.first_generalized
+    Where the momentum of particles is m v, accelerations make the bounds of positions. Momenta of generalized
+    coordinates are there where no particles depend on them.
+    """
+    r, index, own, m_x = e.record, e.laws.index, e.laws.index.first_generalized, e.masses_x
+    coarse, coarse_x = e.once(RowSpacing).is_coarse
     noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
     noise[:, :own] += e.particle_noise[:, index.cartesian].reshape(len(r.t), -1)
-    return e.total_force, noise + e.recorded(r.R_q) + e.tolerance.atol
-
-
-def _of_particles(e: Evidence, p: _Particles) -> list[Quantity]:
-    off_y, off_v, off_force = (np.broadcast_to(off, p.y.shape) for off in p.off)
-    heavy = p.is_plain and bool((p.masses > 0).all())
-    a = (p.force / p.masses, off_force / p.masses) if heavy else (None, None)
-    roots = np.sqrt(np.where(p.masses > 0, p.masses, 1.0))
-    off_p = np.broadcast_to(p.off_momentum, p.y.shape)
-    return [
-        Quantity(p.names[0], p.y, p.v, off_y, off_v, p.coarse, _of_triples(p.v), roots, *a),
-        Quantity(p.names[1], p.momentum, p.force, off_p, off_force, p.coarse, _of_triples(p.force), roots),
-    ]
-
-
-def _of_coordinates(e: Evidence) -> list[Quantity]:
-    """Generalized coordinates; their momenta where no particles depend on them."""
-    r, own = e.record, e.laws.index.first_generalized
-    k = slice(own, None)
-    q, v = r.q[:, k], r.v[:, k]
-    coarse = e.once(RowSpacing).is_coarse[0][k] | bool(e.once(RowSpacing).is_coarse[1].any())
-    off_q, off_v = (np.broadcast_to(SAFETY * off[k], q.shape) for off in (e.off_q, e.off_v))
-    found, roots = [], np.ones(q.shape[1])
-    if not r.x.size:
-        force, noise = (y[:, k] for y in _total_force(e))
-        p, off_p = e.values.L_v[:, k], e.noise("L_v")[:, k]
-        step = float(np.median(np.diff(r.t))) if len(r.t) > 1 else np.inf
-        push, size = (np.sqrt((y**2).mean(axis=0)) for y in (force, p))
-        coarse = coarse | np.any(step * push > COARSE * size)
-        found.append(Quantity(e.names.v[k], p, force, off_p, noise, coarse, np.abs(force).max(axis=0), roots))
-    found.append(Quantity(e.names.q[k], q, v, off_q, off_v, coarse, np.abs(v).max(axis=0), roots))
+    F, off_F = e.total_force, noise + e.recorded(r.R_q) + e.tolerance.atol
+    L_v, off_L_v = e.values.L_v, e.noise("L_v")
+    off_q, off_v = (np.broadcast_to(SAFETY * off, r.q.shape) for off in (e.off_q, e.off_v))
+    p, off_p = e.masses * r.v + L_v, e.masses * off_v + off_L_v
+    found, particles = [], []
+    if own:
+        of_q = tuple(y[:, :own] for y in (r.q, off_q, r.v, off_v, p, off_p, F, off_F))
+        particles.append((e.names.q[:own], e.names.v[:own], e.masses[:own], coarse[:own], of_q))
+    if r.x.size:
+        off_u = e.noise("u")
+        F_x = r.R_x + e.particle_forces[:, index.dependent].reshape(r.x.shape)
+        off_F_x = e.particle_noise[:, index.dependent].reshape(r.x.shape) + e.recorded(r.R_x)
+        off_F_x = off_F_x + SAFETY * e.tolerance.rtol * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
+        of_x = (r.x, e.noise("x"), r.u, off_u, m_x * r.u, m_x * off_u, F_x, off_F_x)
+        particles.append((e.names.x, e.names.u, m_x, coarse_x, of_x))
+    for name, name_p, m, is_coarse, (
+        y,
+        off_y,
+        v,
+        off_rate,
+        momentum,
+        off_momentum,
+        force,
+        off_force,
+    ) in particles:
+        roots = np.sqrt(np.where(m > 0, m, 1.0))
+        is_plain = (m > 0).all() and np.array_equal(momentum, m * v)
+        a = (force / m, off_force / m) if is_plain else (None, None)
+        found += [
+            Quantity(name, y, v, off_y, off_rate, is_coarse, _of_triples(v), roots, *a),
+            Quantity(name_p, momentum, force, off_momentum, off_force, is_coarse, _of_triples(force), roots),
+        ]
+    if index.n > own:
+        k = slice(own, None)
+        is_coarse, roots = coarse[k] | bool(coarse_x.any()), np.ones(index.n - own)
+        if not r.x.size:
+            step = float(np.median(np.diff(r.t))) if len(r.t) > 1 else np.inf
+            push, size = (np.sqrt((y[:, k] ** 2).mean(axis=0)) for y in (F, L_v))
+            is_coarse = is_coarse | np.any(step * push > COARSE * size)
+            rates = F[:, k], off_L_v[:, k], off_F[:, k], is_coarse, np.abs(F[:, k]).max(axis=0), roots
+            found.append(Quantity(e.names.v[k], L_v[:, k], *rates))
+        rates = r.v[:, k], off_q[:, k], off_v[:, k], is_coarse, np.abs(r.v[:, k]).max(axis=0), roots
+        found.append(Quantity(e.names.q[k], r.q[:, k], *rates))
     return found
 
 
@@ -200,52 +165,44 @@ def _of_triples(y: Array) -> Array:
 def steps(e: Evidence) -> list[Check]:
     """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
     grid = TableSteps(e.record.t, e.clock)
+    h = grid.h[:, None]
     rows = np.asarray(e.once(RowSpacing).is_fast.any(axis=1))
     fast = rows[1:] | rows[:-1]
     found = quantities(e)
-    parts = [judged_steps(grid, one, fast) for one in found]
-    names = [name for one in found for name in one.names]
+    parts = [judged_steps(grid, quantity, fast) for quantity in found]
+    names = [name for quantity in found for name in quantity.names]
     residual, limit, judged = (np.concatenate([part[k] for part in parts], axis=1) for k in range(3))
     beyond = judged & (np.abs(residual) > limit)
     if beyond.any():
         worst = np.max(np.where(beyond, np.abs(residual) / limit, 0.0), axis=1)
         wrong = np.argsort(-worst, kind="stable")[: int(beyond.any(axis=1).sum())]
-        push = pulses_between.hidden_push(e, wrong, SUDDEN * _shown_push(grid, found))
+        # By how much the forces of the rows bend around each step, divided by the root of the mass
+        shown = np.full(len(grid.h), np.inf)
+        if 2 in grid.orders:
+            bends = [grid.spread(2, each.rate) / each.root for each in found if each.second is None]
+            shown = np.linalg.norm(np.concatenate(bends, axis=1), axis=1)
+        push = pulses_between.hidden_push(e, wrong, SUDDEN * shown)
         e.hidden |= push > 0
-        limit = limit + np.concatenate([_pushed(grid.h, one, push) for one in found], axis=1)
+        # The most that a push within a step changes: a momentum, or a position
+        changes = (
+            h * push[:, None] * each.root if each.second is None else h * h * push[:, None] / each.root
+            for each in found
+        )
+        limit = limit + np.concatenate(list(changes), axis=1)
     beyond = judged & (np.abs(residual) > limit) & fast[:, None]
     if np.any(beyond, axis=1).sum() > max(2 * REACHED, OFTEN * len(residual)):
-        judged &= (
-            ~beyond
-        )  # so a motion looks that is too fast for the rows; an error of the table is wrong at some
-    far = np.concatenate([_too_far(grid, one) for one in found], axis=1)
-    judged |= far & (np.abs(residual) > limit)
+        # So a motion looks that is too fast for the rows; an error of the table is wrong at some
+        judged &= ~beyond
+    # True where a particle is farther from its last position than it can come, however fast it swings between rows
+    far = [
+        np.zeros((len(h), each.y.shape[1]), dtype=bool)
+        if each.second is None
+        else np.abs(np.diff(each.y, axis=0))
+        > each.off[1:] + FAR * h * (each.size + h * _of_triples(each.second))
+        for each in found
+    ]
+    judged |= np.concatenate(far, axis=1) & (np.abs(residual) > limit)
     return [judge(STEPS, names, e.record.t[:-1], residual, limit, judged)]
-
-
-def _shown_push(grid: TableSteps, found: list[Quantity]) -> Array:
-    """By how much the forces of the rows bend around each step, divided by the root of the mass, (T - 1,)."""
-    if 2 not in grid.orders:
-        return np.full(len(grid.h), np.inf)
-    bends = [grid.spread(2, one.rate) / one.root for one in found if one.second is None]
-    return np.asarray(np.linalg.norm(np.concatenate(bends, axis=1), axis=1))
-
-
-def _pushed(h: Array, one: Quantity, push: Array) -> Array:
-    """The most that a push (T - 1,) within the steps may change, (T - 1, k)."""
-    if one.second is None:
-        return np.asarray((h * push)[:, None] * one.root)
-    return np.asarray((h * h * push)[:, None] / one.root)
-
-
-def _too_far(grid: TableSteps, one: Quantity) -> Array:
-    """True where a particle is farther from its last position than it can come, however fast it swings between rows."""
-    if one.second is None:
-        return np.zeros((len(grid.h), one.y.shape[1]), dtype=bool)
-    h = grid.h[:, None]
-    return np.asarray(
-        np.abs(np.diff(one.y, axis=0)) > one.off[1:] + FAR * h * (one.size + h * _of_triples(one.second))
-    )
 
 
 def judged_steps(grid: TableSteps, one: Quantity, fast: Array) -> tuple[Array, Array, Array]:
