@@ -332,7 +332,7 @@ def test_kinds_are_told_from_one_another_whatever_their_names():
         + "outputs: {speed: 'a.vx', big: '1e9*a.x'}\ncoordinates: {theta: {value: 0.3}}\nlagrangian: rate(theta)**2/2\n"
     )
     ready = prepare_run.start(model, run_settings.chosen(model, {}), digits=True)
-    kinds = [[ready.columns[i] for i in at] for at in error_estimate.columns_of_kinds(ready._system)]
+    kinds = [[ready.columns[i] for i in at] for at in error_estimate.columns_of_kinds(ready.built)]
     assert kinds == [
         ["a.x", "a.y", "a.z", "theta"],
         ["a.vx", "a.vy", "a.vz", "rate(theta)"],
