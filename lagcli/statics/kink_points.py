@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from lagcli.linear import decompositions, rank
 from lagcli.smoothness import operation_graph, switches
-from lagcli.statics import newton, point_type, refine, rest_equations, surface_descent
+from lagcli.statics import newton, point_type, precise_zeros, refine, rest_equations, surface_descent
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_laws import StaticLaws
@@ -194,7 +194,7 @@ def extremes(search: PointSearch, known: Sequence[Kink]) -> Iterator[KinkPoint]:
             if any(search.apart(q, other) <= PARAMETERS.same for other in found):
                 continue
             kind = _kind(search, on_kink, q)
-            if kind is not None:
+            if kind is not None and precise_zeros.is_met(on_kink, q, search.scales.length):
                 found.append(q)
                 yield KinkPoint(kink.word, q, kind)
 

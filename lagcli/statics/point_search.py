@@ -171,6 +171,8 @@ class PointSearch:
         found; nothing further is taken there. False if a regular point was found that is none of them, which stays."""
         own: list[FoundPoint] = []
         for point in itertools.chain.from_iterable(exact.values()):
+            if not self.problem.has_value(point.q):
+                continue
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
             kind, moved = self._typed(point, is_decided is _everywhere)
             is_one = moved.q is not point.q and is_decided is not _everywhere
@@ -468,6 +470,8 @@ def _nearest_zero(
 def _typed_zero(
     problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool, is_exact: bool
 ) -> FoundPoint | None:
+    if not problem.has_value(found.q):
+        return None
     equations = RestEquations(problem, found.closed, scales)
     x = _unknowns(equations, found)
     along = continuum.tangent(equations, x)

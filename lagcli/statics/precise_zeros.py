@@ -15,11 +15,13 @@ import numpy.typing as npt
 
 from lagcli import memory
 from lagcli.compiled import multiprecision
+from lagcli.compiled.program import Program
 from lagcli.contact.least_distance import EPS
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
 from lagcli.statics import polynomial_equations
 from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 Numbers = list[Decimal]
@@ -81,28 +83,9 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     if not is_known(equations, x) or equations.closed is None:
         return None
     problem = equations.problem
-    program = problem.precise_program(equations.closed)
-    with decimal.localcontext(prec=PARAMETERS.digits):
-        numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
-        length = Decimal(equations.scales.length)
-        count = program.results // (x.size + 1)
-        begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
-
-        def at(x: Point) -> _InDigits | None:
-            if max(map(abs, x[: problem.n] - begun[: problem.n])) > Decimal(PARAMETERS.far) * length:
-                return None  # along a tail steps go on for ever
-            try:
-                values = multiprecision.run(program, [list(x), numbers], number)
-            except multiprecision.NotFinite:
-                return None
-            rows = [values[count + i :: count] for i in range(count)]
-            return _InDigits(values[:count], rows, length)
-
-        end = surface.approach(at, begun, steps=PARAMETERS.steps)
-        arrived = None if end is None else at(end.x)
-        if end is None or arrived is None or not arrived.is_there:
-            return None
-        found = np.array([float(value) for value in end.x])
+    found = _approached(problem, problem.precise_program(equations.closed), x, equations.scales.length)
+    if found is None:
+        return None
     # What is below the rounding of lengths is zero.
     q = found[: problem.n]
     found[: problem.n] = np.where(np.abs(q) <= EPS * equations.scales.length, 0.0, q)
@@ -111,6 +94,44 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     is_rounding = moved[:n].max(initial=0.0) <= 8 * EPS * equations.scales.length
     is_rounding &= moved[n:].max(initial=0.0) <= PARAMETERS.doubtful * np.abs(x[n:]).max(initial=0.0)
     return x if is_rounding else found
+
+
+def is_met(problem: StaticProblem, q: Floats, length: float) -> bool:
+    """True if all conditions of a problem are zero together at or near q (n,), by Newton's steps in many digits: the
+    least value of one may be less than doubles tell. Conditions with a function that is not known in them are taken to
+    be."""
+    program = problem.conditions_program()
+    try:
+        multiprecision.require_known(program)
+    except multiprecision.Unknown:
+        return True
+    return _approached(problem, program, q, length) is not None
+
+
+def _approached(problem: StaticProblem, program: Program, x: Floats, length: float) -> Floats | None:
+    """The zero (k,) near x of the values of a program, which are followed by their gradients; None where Newton's steps
+    come to none."""
+    with decimal.localcontext(prec=PARAMETERS.digits):
+        numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
+        size = Decimal(length)
+        count = program.results // (x.size + 1)
+        begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
+
+        def at(x: Point) -> _InDigits | None:
+            if max(map(abs, x[: problem.n] - begun[: problem.n])) > Decimal(PARAMETERS.far) * size:
+                return None  # along a tail steps go on for ever
+            try:
+                values = multiprecision.run(program, [list(x), numbers], number)
+            except multiprecision.NotFinite:
+                return None
+            rows = [values[count + i :: count] for i in range(count)]
+            return _InDigits(values[:count], rows, size)
+
+        end = surface.approach(at, begun, steps=PARAMETERS.steps)
+        arrived = None if end is None else at(end.x)
+        if end is None or arrived is None or not arrived.is_there:
+            return None
+        return np.array([float(value) for value in end.x])
 
 
 @memory.remembered(4096)
@@ -127,28 +148,41 @@ class _InDigits:
     """Equations f (m,) with gradients (m, k) at a point, in many digits."""
 
     def __init__(self, f: Numbers, gradients: list[Numbers], length: Decimal) -> None:
-        self._step = _solved(gradients, f)
-        longest = max(map(abs, self._step), default=ZERO) / length
+        self._step, left = _solved(gradients, f)
+        steepest = _largest(gradients)
+        longest = max(map(abs, self._step), default=ZERO)
         # Of a degenerate zero the steps fall and not the forces: those of a steep direction cancel the others before.
-        self.distance, self.is_there = float(longest), longest <= PARAMETERS.arrived
+        self.distance, self.is_there = float(longest / length), longest <= PARAMETERS.arrived * length
+        # What no step changes is no zero, but where it is of the second order of the step.
+        self.is_there &= left <= steepest * (longest + length * _rounding())
 
     def step(self) -> Point:
         """The step (k,) to where the linear equations vanish."""
         return np.array(self._step)
 
 
-def _solved(rows: list[Numbers], f: Numbers) -> Numbers:
-    """x (k,) with f + rows x = 0 by elimination with the largest pivots; 0 of unknowns that are left free."""
+def _largest(rows: list[Numbers]) -> Decimal:
+    return max((abs(entry) for row in rows for entry in row), default=ZERO)
+
+
+def _rounding() -> Decimal:
+    """The part of the largest entry that an elimination leaves of zero."""
+    return Decimal(10) ** (20 - decimal.getcontext().prec)
+
+
+def _solved(rows: list[Numbers], f: Numbers) -> tuple[Numbers, Decimal]:
+    """x (k,) with f + rows x = 0 by elimination with the largest pivots, 0 of unknowns that are left free; and the
+    largest |f + rows x| of the rows that are left over."""
     left = [[*row, -value] for row, value in zip(rows, f, strict=True)]
     k = len(rows[0])
-    largest = max((abs(entry) for row in rows for entry in row), default=ZERO)
-    nothing = largest * Decimal(10) ** (20 - decimal.getcontext().prec)
+    nothing = _largest(rows) * _rounding()
     done: list[tuple[int, Numbers]] = []
     free = list(range(k))
     while free and left:
         i, j = max(((i, j) for i in range(len(left)) for j in free), key=lambda at: abs(left[at[0]][at[1]]))
         pivot = left.pop(i)
         if abs(pivot[j]) <= nothing:
+            left.append(pivot)
             break
         free.remove(j)
         done.append((j, pivot))
@@ -160,4 +194,4 @@ def _solved(rows: list[Numbers], f: Numbers) -> Numbers:
     x = [ZERO] * k
     for j, row in reversed(done):
         x[j] = (row[k] - sum((row[i] * x[i] for i in range(k) if x[i] and i != j), ZERO)) / row[j]
-    return x
+    return x, max((abs(row[k]) for row in left), default=ZERO)

@@ -139,6 +139,11 @@ class StaticProblem:
         """f, or the declared part of the effective potential, at the start time."""
         return float(self._value(self.t, q, self.p)[0])
 
+    def has_value(self, q: Floats) -> bool:
+        """False beyond the domain of the function, where its gradient may vanish all the same, as that of
+        log(x) + x does at -1."""
+        return bool(np.isfinite(self.value(q)))
+
     def driving(self, q: Floats) -> tuple[Floats, Floats]:
         """The forces at rest that the declared potential leaves, (n,), and their gradient (n, n)."""
         _, found, gradient, _ = self._value(self.t, q, self.p)
@@ -176,6 +181,13 @@ class StaticProblem:
             both = _stacked([residual, ca.jacobian(residual, x)])
             self._precise[closed] = program.written_out(SizedFunction("precise", [x, numbers], [both]))
         return self._precise[closed]
+
+    def conditions_program(self) -> Program:
+        """The conditions c (k,), then their gradient column by column (k, n), as a function of q and of (t, p)."""
+        laws = self.laws
+        inputs = [laws.q, ca.vertcat(laws.t, laws.p)]
+        both = _stacked([laws.c, ca.jacobian(laws.c, laws.q)])
+        return program.written_out(SizedFunction("conditions", inputs, [both]))
 
     def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
         """All equations with these contacts closed as power series of (q, lambda) and of (t, p)."""

@@ -108,6 +108,26 @@ def test_a_kink_without_an_extreme_is_not_named(of):
     assert not [note for note in stationary(one(0.3), of).notes if "makes a kink" in note]
 
 
+@pytest.mark.parametrize(
+    ("of", "x"),
+    [
+        ("sqrt(x**2 + 1e-10) - x/2", 1e-5 / math.sqrt(3)),
+        ("sqrt((x - 1)**2 + 1e-22) - x/2", 1.0),
+        ("2*sqrt((x - 1)**2 + 1e-14) + x**2/2 - x", 1.0),
+    ],
+)
+def test_a_rounded_corner_is_no_kink(of, x):
+    found = stationary(one(0.5), of)
+    assert [p.at["x"] for p in found] == [pytest.approx(x, abs=1e-9)]
+    assert not any("kink" in note for note in found.notes)
+
+
+def test_beyond_the_domain_of_a_function_there_are_no_points():
+    found = stationary(one(0.4), "-log(x) - log(1 - x) + 30*x")  # its slope vanishes at 1.03 too
+    assert [p.at["x"] for p in found] == [pytest.approx((16 - math.sqrt(226)) / 30, rel=1e-12)]
+    assert math.isfinite(found.points[0].value)
+
+
 @pytest.mark.parametrize("of", ["-abs(x) + x**2", "-sqrt(x**2) + x**2"])
 def test_no_point_is_listed_where_a_kink_is_of_another_type(of):
     """By sign(0) = 0 both would have a minimum at their highest point."""
