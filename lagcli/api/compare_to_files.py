@@ -43,7 +43,7 @@ def _draw(model: Model, found: Comparison, path: str) -> None:
     first, other = found.formulations[0], found.formulations[-1]
     with write_guard.drawing(path):
         # matplotlib takes a third of a second to load: only where a figure is asked for.
-        from lagcli.output.figures import principles_figure
+        from lagcli.output.figures import figure_page, principles_figure
 
         tables = (
             principles_figure.MotionTable("d'Alembert", first.columns, first.table),
@@ -51,7 +51,7 @@ def _draw(model: Model, found: Comparison, path: str) -> None:
         )
         title = f"{model.title or pathlib.Path(model.path).stem}: two principles"
         shown = _apart(model, first, other)
-        principles_figure.draw(path, tables, shown, title, model.units.time)
+        figure_page.write(path, principles_figure.compose(tables, shown, title, model.units.time))
 
 
 def _apart(model: Model, first: Formulation, other: Formulation) -> list[str]:

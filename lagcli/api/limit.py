@@ -85,10 +85,10 @@ def limit_to_files(
     if plot is not None and found.rungs:
         with write_guard.drawing(plot):
             # matplotlib takes a third of a second to load: only where a figure is asked for.
-            from lagcli.output.figures import limit_figure
+            from lagcli.output.figures import figure_page, limit_figure
 
             title = f"{model.title or pathlib.Path(model.path).stem}: `{found.constraint}` as a stiff spring"
-            limit_figure.draw(plot, _curves(found), title, model.units.time)
+            figure_page.write(plot, limit_figure.compose(_curves(found), title, model.units.time))
     return found, lines
 
 

@@ -18,9 +18,9 @@ from lagcli.output.tables import read_table
 from lagcli.running.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from lagcli.output.charts.chart import ChartData
     from lagcli.output.charts.chart_table import ChartTable
     from lagcli.output.charts.compose import ChartChoice
+    from lagcli.output.figures.chart import ChartData
     from lagcli.output.figures.figure_page import NotebookFigure
 
 
@@ -45,14 +45,15 @@ def plot(
     """
     # Other functions draw no charts.
     from lagcli.output.charts import chart_figure, compose
+    from lagcli.output.figures import figure_page
 
     if not runs:
         raise ValueError("there is nothing to plot: give a run, a table or a model")
     choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
-    drawn = chart(marked([_table(run) for run in runs], events), choice)
+    figure = chart_figure.compose(chart(marked([_table(run) for run in runs], events), choice))
     if path is not None:
-        chart_figure.draw(path, drawn)
-    return chart_figure.compose(drawn)
+        figure_page.write(path, figure)
+    return figure
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

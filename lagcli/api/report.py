@@ -119,14 +119,15 @@ def _curves(model: Model, run: Trajectory) -> PageFigure | None:
     """The figure of multipliers and reactions."""
     if not len(run.rows):
         return None
-    from lagcli.output.figures import figure, panels
+    from lagcli.output.charts import chart_figure
+    from lagcli.output.figures import panels
     from lagcli.reporting import report_contents
 
     marks = list(zip(run.events.t.tolist(), run.events.kinds, strict=True)) if len(run.events) else []
     facts = panels.PanelFacts(
         run.stats.indeterminate, _zeros(model, run), dimension_facts.of(model), False, marks
     )
-    drawn = figure.compose(run.columns, run.rows, title="", units=model.units, facts=facts)
+    drawn = chart_figure.compose_run(run.columns, run.rows, title="", units=model.units, facts=facts)
     return report_contents.picture("forces", drawn, "Multipliers and constraint forces over time.")
 
 

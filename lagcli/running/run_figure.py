@@ -46,10 +46,10 @@ def draw(path: str, run: SimulationRun, decimated: DecimatedRows, picked: list[i
     rows = decimated.rows()
     with write_guard.drawing(path):
         # matplotlib takes a third of a second to load.
-        from lagcli.output.figures import figure
+        from lagcli.output.charts import chart_figure
+        from lagcli.output.figures import figure_page
 
-        figure.draw(
-            pathlib.Path(path),
+        drawn = chart_figure.compose_run(
             tuple(run.columns[i] for i in picked),
             rows[:, picked],
             title=run.model.title or pathlib.Path(run.model.path).stem,
@@ -62,6 +62,7 @@ def draw(path: str, run: SimulationRun, decimated: DecimatedRows, picked: list[i
                 decimated.marks,
             ),
         )
+        figure_page.write(path, drawn)
 
 
 def _zeros(run: SimulationRun, rows: Floats) -> list[str]:

@@ -176,12 +176,13 @@ class Trajectory(dict[str, Floats]):
         """
         # matplotlib is loaded where a figure is drawn.
         from lagcli.output.charts import chart_figure, chart_table, compose
+        from lagcli.output.figures import figure_page
 
         choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
-        drawn = compose.chart([chart_table.of_run(self)], choice)
+        figure = chart_figure.compose(compose.chart([chart_table.of_run(self)], choice))
         if path is not None:
-            chart_figure.draw(path, drawn)
-        return chart_figure.compose(drawn)
+            figure_page.write(path, figure)
+        return figure
 
     @property
     def digits(self) -> dict[str, float | None]:

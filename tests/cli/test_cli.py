@@ -32,7 +32,7 @@ from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
-from lagcli.output.figures import figure
+from lagcli.output.figures import figure_page
 from lagcli.output.files import formats, interrupts
 from lagcli.output.tables import sinks
 from lagcli.running import run_request
@@ -916,7 +916,7 @@ def test_a_figure_that_cannot_be_written_leaves_the_table(
     def full(*arguments: object, **options: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(figure, "draw", full)
+    monkeypatch.setattr(figure_page, "write", full)
     result = lagcli("simulate", file(PENDULUM), "-q", "-o", "run.csv", "--plot", "run.png")
     assert result.code == 74
     assert "cannot write run.png" in result.err

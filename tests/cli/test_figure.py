@@ -17,7 +17,8 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output.figures import decimate, figure, figure_page, labels, panels
+from lagcli.output.charts import chart_figure
+from lagcli.output.figures import decimate, figure_page, labels, panels
 from lagcli.output.files import formats
 
 
@@ -63,7 +64,13 @@ def names(stem: str, count: int) -> list[str]:
 def compose(
     columns: list[str], rows: NDArray[np.float64], title: str = "A title", units: Labels | None = None
 ) -> mpl_figure.Figure:
-    return figure.compose(columns, rows, title=title, units=units or Labels())
+    return chart_figure.compose_run(columns, rows, title=title, units=units or Labels())
+
+
+def draw(
+    path: Path, columns: list[str], rows: NDArray[np.float64], title: str, units: Labels | None = None
+) -> None:
+    figure_page.write(path, compose(columns, rows, title, units))
 
 
 def texts(drawn: mpl_figure.Figure) -> list[mpl_text.Text]:
@@ -120,7 +127,7 @@ def test_no_text_leaves_the_page_or_lies_on_something_else(case: str) -> None:
 @pytest.mark.parametrize("fmt", formats.FIGURES)
 def test_equal_runs_give_equal_files(tmp_path: Path, fmt: str) -> None:
     for name in ("a", "b"):
-        figure.draw(tmp_path / f"{name}.{fmt}", *CASES["one row of many"], title="$ {", units=Labels())
+        draw(tmp_path / f"{name}.{fmt}", *CASES["one row of many"], title="$ {", units=Labels())
     content = (tmp_path / f"a.{fmt}").read_bytes()
     assert content.startswith({"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[fmt])
     assert len(content) > 8_000
@@ -131,7 +138,7 @@ def test_equal_runs_give_equal_files(tmp_path: Path, fmt: str) -> None:
 @pytest.mark.parametrize("fmt", formats.FIGURES)
 def test_awkward_texts_can_be_written_in_every_format(tmp_path: Path, fmt: str) -> None:
     path = tmp_path / f"a.{fmt}"
-    figure.draw(path, *CASES["awkward"], title="振り子 $ { \x07 ]]> -->", units=Labels("$l$", "a_b", "{"))
+    draw(path, *CASES["awkward"], title="振り子 $ { \x07 ]]> -->", units=Labels("$l$", "a_b", "{"))
     if fmt == "svg":
         xml.etree.ElementTree.parse(path)
     assert path.stat().st_size > 8_000
@@ -161,9 +168,9 @@ def test_every_multiplier_is_drawn_zero_or_not() -> None:
     for count in (1, 3, 7, 40, 200):
         columns, rows = run(names("link", count), [])
         (band,) = panels.bands(columns, rows, Labels())
-        labels = [curve.label for panel in band.panels for curve in panel.curves]
+        labels = [panel.title or curve.label for panel in band.panels for curve in panel.curves]
         assert labels == names("link", count)
-        assert band.family == (count > 50)
+        assert band.panels[0].is_family == (count > 50)
 
 
 def test_multipliers_of_unlike_size_do_not_share_axes() -> None:
@@ -185,12 +192,12 @@ def test_particles_without_constraint_force_are_named_instead_of_drawn() -> None
 def test_many_particles_are_drawn_as_sizes_of_force() -> None:
     columns, rows = run([], names("p", 20))
     band = panels.bands(columns, rows, Labels())[1]
-    assert band.family
-    assert band.label == "|Rₖ|  (N)"
     (panel,) = band.panels
+    assert panel.is_family
+    assert panel.y_label == "|Rₖ|  (N)"
     assert len(panel.curves) == 19
     force = rows[:, [columns.index(f"R.p[1].{axis}") for axis in "xyz"]]
-    assert np.allclose(panel.curves[0].values, np.sqrt((force**2).sum(axis=1)), rtol=1e-15, atol=0)
+    assert np.allclose(panel.curves[0].y, np.sqrt((force**2).sum(axis=1)), rtol=1e-15, atol=0)
 
 
 def test_units_stand_on_the_axes() -> None:
@@ -249,11 +256,11 @@ def test_ticks_that_differ_read_differently() -> None:
 
 
 def test_the_look_does_not_depend_on_the_settings_of_the_user(tmp_path: Path) -> None:
-    figure.draw(tmp_path / "a.png", *CASES["four"], title="T", units=Labels())
+    draw(tmp_path / "a.png", *CASES["four"], title="T", units=Labels())
     with matplotlib.rc_context(
         {"font.size": 30, "lines.linewidth": 9, "savefig.bbox": "tight", "text.usetex": True}
     ):
-        figure.draw(tmp_path / "b.png", *CASES["four"], title="T", units=Labels())
+        draw(tmp_path / "b.png", *CASES["four"], title="T", units=Labels())
         assert matplotlib.rcParams["font.size"] == 30
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
@@ -267,16 +274,16 @@ def test_a_failed_figure_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(mpl_figure.Figure, "savefig", fail)
     with pytest.raises(OSError, match="No space"):
-        figure.draw(path, *CASES["one"], title="", units=Labels())
+        draw(path, *CASES["one"], title="", units=Labels())
     assert path.read_text() == "old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.png"]
 
 
 def test_an_unknown_ending_and_a_table_without_time_are_refused(tmp_path: Path) -> None:
     with pytest.raises(formats.UnknownFormat, match=re.escape(".png, .svg, .pdf")):
-        figure.draw(tmp_path / "run.gif", *CASES["one"], title="", units=Labels())
+        draw(tmp_path / "run.gif", *CASES["one"], title="", units=Labels())
     with pytest.raises(ValueError, match='"t"'):
-        figure.draw(tmp_path / "run.png", ["lambda.a"], np.zeros((3, 1)), title="", units=Labels())
+        draw(tmp_path / "run.png", ["lambda.a"], np.zeros((3, 1)), title="", units=Labels())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -285,7 +292,7 @@ def test_only_the_figure_needs_matplotlib() -> None:
         "import sys\nfrom lagcli.output.files import formats\n"
         "from lagcli.output.figures import panels\nfrom lagcli.output.tables import column_choice, sinks\n"
         "assert 'matplotlib' not in sys.modules and 'pyarrow' not in sys.modules\n"
-        "from lagcli.output.figures import figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
+        "from lagcli.output.charts import chart_figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, cwd=Path(__file__).parents[2])
 
@@ -296,7 +303,7 @@ def test_very_long_texts_are_cut_and_break_no_figure(tmp_path: Path, letters: in
     text = "w" * letters if unbroken else "word " * (letters // 5)
     columns, rows = run([text.replace(" ", "_"), "rod"], ["a"], coordinates=["q" * letters])
     long = Labels(text, text, text)
-    drawn = figure.compose(columns, rows, title=text, units=long)
+    drawn = chart_figure.compose_run(columns, rows, title=text, units=long)
     shown = [each.get_text() for each in drawn.findobj(mpl_text.Text)]
     assert max(map(len, shown)) <= 300
     assert sum(map(len, shown)) < 6000

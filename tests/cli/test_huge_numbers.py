@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
-from lagcli.output.charts.chart import ChartCurve, ChartPanel
-from lagcli.output.figures import axis_scale, labels, panels
+from lagcli.output.figures import axis_scale, chart, labels, panels
+from lagcli.output.figures.chart import ChartCurve, ChartPanel
 from tests.helpers import in_process
 
 W = "forces: {w: {to: all, force: [0, 0, -9.81*m]}}\n"
@@ -104,11 +104,11 @@ def test_an_axis_of_values_that_are_too_large_says_its_part():
     # Of a constant too the value stands within the axis.
     scale = axis_scale.value_scale([np.full(3, 1e298)], 0.0, 5)
     assert scale.limits[0] < 1e298 < scale.limits[1]
-    np.testing.assert_allclose(panels.sizes(np.array([[3e200, 0, 4e200]])), [5e200], rtol=1e-15)
+    np.testing.assert_allclose(chart.sizes(np.array([[3e200, 0, 4e200]])), [5e200], rtol=1e-15)
     rows = np.array([[0.0, 1e308], [1.0, -1e308]])
     band = panels.bands(["t", "lambda.r"], rows, labels.ShortUnits("m", "kg", "s"))[0]
-    assert band.label.endswith("× 1e-10")
-    np.testing.assert_allclose(band.panels[0].curves[0].values, [1e298, -1e298], rtol=1e-15)
+    assert band.panels[0].y_label.endswith("× 1e-10")
+    np.testing.assert_allclose(band.panels[0].curves[0].y, [1e298, -1e298], rtol=1e-15)
 
 
 def test_the_null_vector_of_a_tiny_twin_is_one(tmp_path):

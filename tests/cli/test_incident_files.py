@@ -311,16 +311,16 @@ def test_a_trajectory_without_incidents_has_an_empty_table() -> None:
 @pytest.fixture
 def drawn(monkeypatch):
     """The rows and facts of the figure that is drawn last."""
-    from lagcli.output.figures import figure
+    from lagcli.output.charts import chart_figure
 
     found = {}
-    draw = figure.draw
+    compose = chart_figure.compose_run
 
-    def drawing(path, columns, rows, **facts):
+    def composing(columns, rows, **facts):
         found.update(rows=rows, facts=facts["facts"])
-        draw(path, columns, rows, **facts)
+        return compose(columns, rows, **facts)
 
-    monkeypatch.setattr(figure, "draw", drawing)
+    monkeypatch.setattr(chart_figure, "compose_run", composing)
     return found
 
 

@@ -25,10 +25,10 @@ from lagcli.output.charts import (
     chart_texts,
     compose,
 )
-from lagcli.output.charts.chart import ChartData
 from lagcli.output.charts.chart_table import ChartTable
 from lagcli.output.charts.compose import UndrawableColumns
-from lagcli.output.figures import decimate
+from lagcli.output.figures import decimate, figure_page
+from lagcli.output.figures.chart import ChartData
 from lagcli.output.tables import provenance
 from tests.cli.test_figure import AWKWARD, texts
 from tests.helpers import in_process
@@ -296,9 +296,9 @@ def test_logarithmic_sizes_say_what_they_leave_out() -> None:
 @pytest.mark.parametrize("is_log", [False, True])
 def test_values_of_any_size_can_be_drawn(size: float, is_log: bool, tmp_path: Path) -> None:
     data = table(t=T, a__x=size * np.sin(T), a__z=size * np.cos(T), a__vx=T)
-    chart_figure.draw(tmp_path / "a.png", chart(data, y="a.x,a.z", is_log=is_log))
+    figure_page.write(tmp_path / "a.png", chart_figure.compose(chart(data, y="a.x,a.z", is_log=is_log)))
     found = chart(data, xy="a.x,a.z") if not is_log else chart(data, y="a.x", x="a.z", is_log=True)
-    chart_figure.draw(tmp_path / "a.png", found)
+    figure_page.write(tmp_path / "a.png", chart_figure.compose(found))
     assert list(chart_terminal.lines(found, chart_terminal.TerminalLook()))
 
 
@@ -312,7 +312,7 @@ def test_tables_of_few_rows_can_be_drawn(count: int, tmp_path: Path) -> None:
             chart(data, xy="t,lambda.c0"),
             chart(data, x="lambda.c0"),
         ):
-            chart_figure.draw(tmp_path / "a.svg", found)
+            figure_page.write(tmp_path / "a.svg", chart_figure.compose(found))
             assert list(chart_terminal.lines(found, chart_terminal.TerminalLook()))
 
 
@@ -442,7 +442,7 @@ def test_strangers_names_are_drawn_to_the_letter_within_the_page(many: int, tmp_
     assert "$\\alpha$<b>&amp;" in joined
     assert "\x1b" not in joined
     assert "\u202e" not in joined
-    chart_figure.draw(tmp_path / "a.svg", drawn)
+    figure_page.write(tmp_path / "a.svg", chart_figure.compose(drawn))
     xml.etree.ElementTree.parse(tmp_path / "a.svg")
     lines = list(chart_terminal.lines(drawn, chart_terminal.TerminalLook(80)))
     assert not any("\x1b" in line or "\u202e" in line for line in lines)

@@ -127,10 +127,10 @@ def test_the_figure_draws_rounding_as_zero_with_a_note():
     ready = running(BALL)
     table = np.concatenate(list(ready.blocks()))
     plain = panels.bands(ready.columns, table, ready.model.units)
-    assert np.abs(plain[0].panels[0].curves[0].values).max() > 0
+    assert np.abs(plain[0].panels[0].curves[0].y).max() > 0
     found = panels.bands(ready.columns, table, ready.model.units, panels.PanelFacts(zeros=zero_columns(BALL)))
     for panel in found[0].panels:
-        assert all(not curve.values.any() for curve in panel.curves)
+        assert all(not curve.y.any() for curve in panel.curves)
     assert found[0].note == "zero to rounding: roll_x, roll_y"
     assert found[1].note == "zero to rounding"
 
@@ -190,7 +190,7 @@ def test_multipliers_of_lengths_are_newtons(powers, label, titles):
     known = dimension_facts.DimensionFacts(powers, frozenset(), frozenset())
     facts = panels.PanelFacts(dimensions=known)
     (band,) = panels.bands(["t", "lambda.f", "lambda.g"], table, Labels(), facts)
-    assert " ".join(band.label.split()) == label
+    assert " ".join(band.panels[0].y_label.split()) == label
     assert [" ".join(panel.title.split()) for panel in band.panels] == titles
 
 
@@ -216,16 +216,20 @@ def test_a_coordinate_under_a_sine_is_an_angle():
     columns = ["t", "lambda.motor", "R.th", "R.q[1]"]
     facts = panels.PanelFacts(dimensions=known)
     found = panels.bands(columns, np.ones((2, 4)), Labels(), facts)
-    assert [" ".join(band.label.split()) for band in found] == ["λᵢ (N·m)", "Qʹⱼ (N·m)"]
+    assert [" ".join(band.panels[0].y_label.split()) for band in found] == ["λᵢ (N·m)", "Qʹⱼ (N·m)"]
 
 
 def test_the_figure_shows_the_columns_that_are_chosen(command, tmp_path, monkeypatch):
-    from lagcli.output.figures import figure
+    from lagcli.output.charts import chart_figure
 
     seen = []
-    monkeypatch.setattr(
-        figure, "draw", lambda path, columns, rows, **more: seen.append((columns, rows.shape))
-    )
+    compose = chart_figure.compose_run
+
+    def composing(columns, rows, **more):
+        seen.append((columns, rows.shape))
+        return compose(columns, rows, **more)
+
+    monkeypatch.setattr(chart_figure, "compose_run", composing)
     path = tmp_path / "m.yaml"
     path.write_text(SCALES.format(k=1), encoding="utf-8")
     for patterns in ("t,lambda.floor_a", "R.b.y,energy", "energy"):

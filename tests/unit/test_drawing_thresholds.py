@@ -16,7 +16,7 @@ from lagcli.output.animation.quadratic_form import Quadratic
 from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import Viewpoint
 from lagcli.output.charts import chart_table, compose
-from lagcli.output.figures import labels, panels
+from lagcli.output.figures import chart, labels, panels
 from lagcli.output.tables.provenance import TableFacts
 from lagcli.running import table_columns
 from lagcli.start import initial
@@ -173,10 +173,10 @@ def test_a_reaction_far_below_the_weight_is_zero(reaction: float, is_zero: bool)
 
 
 def test_an_instant_far_from_zero_has_an_axis_around_it() -> None:
-    low, high = panels.widened((1e17, 1e17))
+    low, high = chart.widened((1e17, 1e17))
     assert 5e4 < 1e17 - low < 5e5
     assert 5e4 < high - 1e17 < 5e5
-    assert panels.widened((3.0, 3.0)) == (2.5, 3.5)
+    assert chart.widened((3.0, 3.0)) == (2.5, 3.5)
 
 
 def test_the_view_of_a_scene_has_one_rate() -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib import collections
 
-from lagcli.output.figures import figure, incident_marks, panels
+from lagcli.output.charts import chart_figure
+from lagcli.output.figures import figure_page, incident_marks, panels
 
 SPAN = (0.0, 10.0)
 
@@ -14,11 +15,11 @@ class Units:
     length = mass = time = ""
 
 
-def composed(incidents: list[tuple[float, str]]) -> figure.figure.Figure:
+def composed(incidents: list[tuple[float, str]]) -> figure_page.PlainFigure:
     t = np.linspace(*SPAN, 11)
     rows = np.column_stack([t, np.sin(t)])
     facts = panels.PanelFacts(incidents=incidents)
-    return figure.compose(("t", "lambda.floor"), rows, title="", units=Units(), facts=facts)
+    return chart_figure.compose_run(("t", "lambda.floor"), rows, title="", units=Units(), facts=facts)
 
 
 def test_marks_are_told_by_kind_in_the_order_of_kinds() -> None:

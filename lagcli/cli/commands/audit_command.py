@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import pathlib
 import textwrap
 from typing import TYPE_CHECKING, Annotated
 
@@ -101,9 +100,9 @@ def carry_out(model: Model, given: RunSettings, options: AuditOptions) -> None:
     found = _audited(model, given, options)
     if options.plot is not None:
         with write_guard.drawing(options.plot):
-            from lagcli.output.figures import audit_figure
+            from lagcli.output.figures import audit_figure, figure_page
 
-            audit_figure.draw(pathlib.Path(options.plot), found, model.units.time)
+            figure_page.write(options.plot, audit_figure.compose(found, model.units.time))
     if options.as_json:
         print(json_text.text(found.as_json()))
     else:

@@ -65,9 +65,10 @@ def modes(
     if plot is not None:
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         with write_guard.drawing(plot):
-            from lagcli.output.figures import modes_figure
+            from lagcli.output.figures import figure_page, modes_figure
 
-            modes_figure.draw(plot, found, read.title or pathlib.Path(read.path).stem)
+            title = read.title or pathlib.Path(read.path).stem
+            figure_page.write(plot, modes_figure.compose(found, title))
     if animate is not None:
         _animate(found, read, animate)
     if as_json:

@@ -167,8 +167,9 @@ def carry_out(options: PlotOptions) -> None:
     if options.output is not None:
         with write_guard.drawing(options.output):
             from lagcli.output.charts import chart_figure
+            from lagcli.output.figures import figure_page
 
-            chart_figure.draw(options.output, drawn.chart)
+            figure_page.write(options.output, chart_figure.compose(drawn.chart))
     if options.is_shown:
         from lagcli.output.charts import chart_terminal
 

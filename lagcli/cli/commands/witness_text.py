@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import pathlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -87,9 +86,9 @@ def shown(model: Model, report: Report, row: str, assemble: bool, limit: float, 
         return Answer(None, reason, exits.UNDECIDED)
     if plot is not None:
         with write_guard.drawing(plot):
-            from lagcli.output.figures import loop_figure
+            from lagcli.output.figures import figure_page, loop_figure
 
-            loop_figure.draw(pathlib.Path(plot), found)
+            figure_page.write(plot, loop_figure.compose(found))
     return Answer(found, "", exits.DONE)
 
 

@@ -15,7 +15,7 @@ from lagcli.output.animation.links import PointTable, Tie
 from lagcli.output.animation.point_tracks import NothingToShow
 from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import DrawnSurface, Link, Scene, TimeCurve, steady
-from lagcli.output.figures import panels
+from lagcli.output.figures import chart
 
 Floats = npt.NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def _tracks(forces: Floats | None) -> tuple[Floats, ...]:
 def _scale(motion: Motion, size: float) -> float:
     """The length of an arrow of the unit of force, so that almost all are shorter than `ARROW` of the scene."""
     forces = [
-        panels.sizes(part).max(axis=1) for part in (motion.R, motion.F) if part is not None and part.size
+        chart.sizes(part).max(axis=1) for part in (motion.R, motion.F) if part is not None and part.size
     ]
     if not forces:
         return 0.0

@@ -1,17 +1,18 @@
-"""A chart as a figure that is printed: png, svg, pdf; equal charts give equal bytes."""
+"""Charts, and the multipliers and forces of a run, as figures that are printed; equal ones give equal bytes."""
 
 from __future__ import annotations
 
 import dataclasses
-import os
+import itertools
 from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
 from matplotlib import axes, collections, ticker
+from numpy.typing import NDArray
 
-from lagcli.output.charts.chart import ChartData, ChartPanel, decades, squared
 from lagcli.output.figures import axis_scale, figure_page, incident_marks, labels, panels
+from lagcli.output.figures.chart import ChartData, ChartPanel, decades, squared, widened
 from lagcli.output.figures.incident_marks import IncidentMarks
 
 GAP = 0.08  # inches above a panel
@@ -22,57 +23,99 @@ SMALLEST, LARGEST = -323, 308  # powers of ten that are doubles
 MOST_TICKS = 7  # decades that are named
 
 
-def draw(path: str | os.PathLike[str], chart: ChartData) -> None:
-    """Draw a chart to ``path``: png, svg or pdf; written aside and moved into place.
-
-    Raises ``formats.UnknownFormat``, OSError.
-    """
-    figure_page.draw(path, lambda: compose(chart))
-
-
 def compose(chart: ChartData) -> figure_page.NotebookFigure:
-    """The figure that ``draw`` writes."""
-    title = labels.shortened(chart.title, labels.TITLE)
-    timed = [panel for panel in chart.panels if panel.shape == "time" and panel.limits is not None]
+    """The figure of a chart: its panels one below the other."""
+    spans = [panel.limits for panel in chart.panels if panel.shape == "time" and panel.limits is not None]
     marks: Sequence[IncidentMarks] = ()
-    if chart.incidents and (timed or any(panel.dots for panel in chart.panels)):
+    if chart.incidents and (spans or any(panel.dots for panel in chart.panels)):
         times = [t for t, _ in chart.incidents]
-        marks = incident_marks.of(
-            chart.incidents, timed[0].limits or (0, 1) if timed else (min(times), max(times))
-        )
+        marks = incident_marks.of(chart.incidents, spans[0] if spans else (min(times), max(times)))
     with figure_page.style():
-        ruler = figure_page.Ruler([title, *_texts(chart.panels)])
-        matplotlib.rcParams["font.family"] = ruler.families
-        blocks = (
-            [figure_page.paragraph(ruler, title, size=11, weight="bold", gap=0.04)] if title.strip() else []
-        )
-        if marks:
-            named = [mark.label for mark in marks]
-            blocks.append(figure_page.legend(ruler, named, [figure_page.mark_look(mark) for mark in marks]))
+        ruler, blocks = _begun(chart.title, chart.panels, marks)
         frames = [_frame(ruler, panel, len(chart.panels)) for panel in chart.panels]
         # Axes above each other begin and end at one abscissa, so that an instant is below itself.
         left, beside = (max(getattr(frame, name) for frame in frames) for name in ("left", "beside"))
-        for index, frame in enumerate(frames):
+        for frame, after in itertools.zip_longest(frames, chart.panels[1:]):
             panel = frame.panel
-            after = chart.panels[index + 1] if index + 1 < len(frames) else None
             is_last = after is None or (after.x_label, after.limits) != (panel.x_label, panel.limits)
             is_named = is_last or panel.limits is None
-            blocks += _panel(ruler, dataclasses.replace(frame, left=left, beside=beside), marks, is_named)
+            blocks.append(figure_page.FigureBlock(GAP, lambda page, top: None))
+            blocks += _legend(ruler, panel)
+            blocks.append(_axes(dataclasses.replace(frame, left=left, beside=beside), marks, is_named))
+            if is_named:
+                blocks.append(figure_page.axis_name(ruler, panel.x_label))
+            blocks += [figure_page.note(ruler, text) for text in panel.notes]
         return figure_page.stacked(blocks)
 
 
-def _texts(found: Sequence[ChartPanel]) -> list[str]:
-    return [
-        text
-        for panel in found
-        for text in (
-            panel.x_label,
-            panel.y_label,
-            *panel.notes,
-            *(key.label for key in panel.keys),
-            *(curve.label for curve in panel.curves),
-        )
-    ]
+def compose_run(
+    columns: Sequence[str],
+    rows: NDArray[np.float64],
+    *,
+    title: str,
+    units: labels.UnitLabels,
+    facts: panels.PanelFacts = panels.NOTHING,
+) -> figure_page.NotebookFigure:
+    """The figure of the multipliers and constraint forces of a run, lambda_i(t) and R_k(t).
+
+    ``rows`` has shape (T, len(columns)), with all the columns of a run. ``facts``: multipliers that are not unique are
+    marked, columns that are zero to rounding drawn as zero, incidents light upright lines. Raises ValueError where the
+    column ``t`` is missing.
+    """
+    texts = (labels.shortened(text, labels.UNIT) for text in (units.length, units.mass, units.time))
+    bands = panels.bands(columns, rows, labels.ShortUnits(*texts), facts)
+    drawn = [panel for band in bands for panel in band.panels]
+    marks: Sequence[IncidentMarks] = ()
+    if facts.incidents and drawn:
+        marks = incident_marks.of(facts.incidents, widened(drawn[0].limits or (0.0, 1.0)))
+    with figure_page.style():
+        ruler, blocks = _begun(title, drawn, marks)
+        for band in bands:
+            blocks.append(figure_page.paragraph(ruler, band.heading, 9, weight="bold", gap=0.1))
+            if band.panels:
+                first = band.panels[0]
+                blocks += _legend(ruler, first)
+                if first.is_family:
+                    blocks.append(_axes(_frame(ruler, first, 1), marks, True))
+                else:
+                    blocks.append(_grid(ruler, band.panels, marks))
+                blocks.append(figure_page.axis_name(ruler, first.x_label))
+            if band.note:
+                blocks.append(figure_page.note(ruler, band.note))
+        return figure_page.stacked(blocks)
+
+
+def _begun(
+    title: str, drawn: Sequence[ChartPanel], marks: Sequence[IncidentMarks]
+) -> tuple[figure_page.Ruler, list[figure_page.FigureBlock]]:
+    """The ruler for the texts of a page, whose fonts are taken from now on, and the first blocks: the title, and the
+    legend of the marks of incidents."""
+    title = labels.shortened(title, labels.TITLE)
+    texts = [title]
+    for panel in drawn:
+        texts += [panel.title, panel.x_label, panel.y_label, *panel.notes]
+        texts += [*(key.label for key in panel.keys), *(curve.label for curve in panel.curves)]
+    ruler = figure_page.Ruler(texts)
+    matplotlib.rcParams["font.family"] = ruler.families
+    blocks = []
+    if title.strip():
+        blocks.append(figure_page.paragraph(ruler, title, 11, weight="bold", gap=0.04))
+    if marks:
+        looks = [figure_page.mark_look(mark) for mark in marks]
+        blocks.append(figure_page.legend(ruler, [mark.label for mark in marks], looks))
+    return ruler, blocks
+
+
+def _legend(ruler: figure_page.Ruler, panel: ChartPanel) -> list[figure_page.FigureBlock]:
+    """The legend of a panel, where it has one; a key without a colour explains dashes, in grey."""
+    if not panel.keys:
+        return []
+    looks = [_look(key.colour or 0, key.dash) for key in panel.keys]
+    for look, key in zip(looks, panel.keys, strict=True):
+        if key.colour is None:
+            look["color"] = figure_page.GREY
+    names = [labels.shortened(key.label, labels.NAME) for key in panel.keys]
+    return [figure_page.legend(ruler, names, looks)]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -113,24 +156,46 @@ def _frame(ruler: figure_page.Ruler, panel: ChartPanel, count: int) -> _Frame:
     return _Frame(panel, scale, label, names, named, high, left, beside)
 
 
-def _panel(
-    ruler: figure_page.Ruler, frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool
-) -> list[figure_page.FigureBlock]:
-    panel, blocks = frame.panel, [figure_page.FigureBlock(GAP, lambda page, top: None)]
-    if panel.keys:
-        looks = [_key_look(key.colour, key.dash) for key in panel.keys]
-        names = [labels.shortened(key.label, labels.NAME) for key in panel.keys]
-        blocks.append(figure_page.legend(ruler, names, looks))
-    blocks.append(_axes(frame, marks, is_named))
-    if is_named:
-        blocks.append(figure_page.axis_name(ruler, panel.x_label))
-    blocks += [figure_page.paragraph(ruler, note, 7.5, gap=0.02, colour="#666666") for note in panel.notes]
-    return blocks
+def _grid(
+    ruler: figure_page.Ruler, shown: Sequence[ChartPanel], marks: Sequence[IncidentMarks]
+) -> figure_page.FigureBlock:
+    """Small axes side by side, each under its title and with its own scale, all with the same times."""
+    count = len(shown)
+    usual = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(count, 4 if count <= 12 else 5)
+    high = {1: 2.0, 2: 1.4, 3: 1.2, 4: 0.9, 5: 0.56}[usual]
+    size = 8.0 if usual <= 3 else 7.0
+    floor = panels.ROUND_OFF * max(panels.size(curve.y) for panel in shown for curve in panel.curves)
+    scales = [_values(panel, 5 if usual <= 2 else 3, floor) for panel in shown]
+    label = ruler.wrap(shown[0].y_label, -(-count // usual) * high, 8)
+    strip = figure_page.MARGIN + figure_page.text_height(label, 8)
+    room = max(0.36, 0.08 + max(ruler.width(text, size - 1) for scale in scales for text in scale.texts))
+    # Long names get wider panels.
+    for across in range(usual, 0, -1):
+        cell = (figure_page.WIDTH - strip - figure_page.MARGIN) / across
+        width = cell - room - 0.1
+        titles = [ruler.wrap(panel.title, width, size) for panel in shown]
+        if max(title.count("\n") for title in titles) <= 1:
+            break
+    heads = [
+        max((figure_page.text_height(title, size) for title in row if title), default=0.06) + 0.02
+        for row in (titles[k : k + across] for k in range(0, count, across))
+    ]
+    tops = list(itertools.accumulate((head + high + 0.08 for head in heads), initial=0.0))
+    times = axis_scale.scale_of(*widened(shown[0].limits or (0.0, 1.0)), most=6 if across <= 2 else 3)
 
+    def draw(page: figure_page.FigurePage, start: float) -> None:
+        middle = start + heads[0] + (tops[-1] - heads[0]) / 2
+        page.upright(figure_page.MARGIN, middle, label, 8)
+        for index, panel in enumerate(shown):
+            row, column = divmod(index, across)
+            left, top = strip + column * cell + room, start + tops[row]
+            bottom = index + across >= count
+            page.text(left, top, titles[index], size)
+            plot = page.axes(left, top + heads[row], width, high)
+            axis_scale.ticks(plot, times, scales[index], size - 1, times_named=bottom)
+            _put_curves(plot, panel, marks)
 
-def _key_look(colour: int | None, dash: int) -> figure_page.LineStyle:
-    look = _look(colour or 0, dash)
-    return look if colour is not None else {**look, "color": figure_page.GREY}
+    return figure_page.FigureBlock(tops[-1] + 0.14, draw)
 
 
 def _look(colour: int, dash: int) -> figure_page.LineStyle:
@@ -151,7 +216,7 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
     width = figure_page.WIDTH - frame.left - frame.beside - figure_page.MARGIN - 0.05
     limits = panel.limits or (0.0, 0.0)
     if panel.limits is None or limits[0] == limits[1]:
-        limits = panels.widened(panel.extent()[0] if panel.limits is None else limits, 0.03)
+        limits = widened(panel.extent()[0] if panel.limits is None else limits, 0.03)
     if panel.shape == "equal":
         x, y = panel.extent()
         ratio = (y[1] - y[0]) / (x[1] - x[0]) if x[1] > x[0] else TALLEST
@@ -167,9 +232,7 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
             plot.set_yscale("log")
             plot.yaxis.set_minor_locator(ticker.NullLocator())
         axis_scale.ticks(plot, times, scale, SMALL, times_named=is_named)
-        if panel.shape == "time":
-            figure_page.put_marks(plot, marks)
-        _put_curves(plot, panel)
+        _put_curves(plot, panel, marks)
         if panel.is_family:
             bar = page.axes(frame.left + width + 0.15, top + 0.06, 0.12, high)
             figure_page.colour_bar(bar, frame.names, frame.named, SMALL)
@@ -177,7 +240,10 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
     return figure_page.FigureBlock(0.06 + high + (0.2 if is_named else 0.06), draw)
 
 
-def _put_curves(plot: axes.Axes, panel: ChartPanel) -> None:
+def _put_curves(plot: axes.Axes, panel: ChartPanel, marks: Sequence[IncidentMarks] = ()) -> None:
+    """The curves of a panel on its axes, behind them the marks of incidents, before them their points in a plane."""
+    if panel.shape == "time":
+        figure_page.put_marks(plot, marks)
     if panel.is_family:
         shade = figure_page.shades()(np.linspace(0, 1, len(panel.curves)))
         paths = [np.column_stack([curve.x, curve.y]) for curve in panel.curves]
@@ -193,22 +259,14 @@ def _put_curves(plot: axes.Axes, panel: ChartPanel) -> None:
         if panel.shape == "equal" and len(curve.x) > 1:
             plot.plot(curve.x[:1], curve.y[:1], "o", color=look["color"], markersize=3.5)
     for dot in panel.dots:
-        colour = figure_page.MARK_COLOURS[dot.number]
-        plot.plot(
-            dot.x,
-            dot.y,
-            "D",
-            color=colour,
-            markersize=3.5,
-            markeredgecolor=figure_page.GREY,
-            markeredgewidth=0.4,
-        )
+        (drawn,) = plot.plot(dot.x, dot.y, "D", color=figure_page.MARK_COLOURS[dot.number], markersize=3.5)
+        drawn.set(markeredgecolor=figure_page.GREY, markeredgewidth=0.4)
 
 
-def _values(panel: ChartPanel, most: int) -> axis_scale.Scale:
-    """The scale of the values."""
+def _values(panel: ChartPanel, most: int, floor: float = 0.0) -> axis_scale.Scale:
+    """The scale of the values; what is not larger than the floor is drawn as zero."""
     if not panel.is_log:
-        return axis_scale.value_scale((curve.y for curve in panel.curves), 0.0, most)
+        return axis_scale.value_scale((curve.y for curve in panel.curves), floor, most)
     bottom, top = decades(*panel.extent()[1])
     every = max(1, -(-(top - bottom) // MOST_TICKS))
     powers = [p for p in range(-(-bottom // every) * every, top + 1, every) if SMALLEST <= p <= LARGEST]

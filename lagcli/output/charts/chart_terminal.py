@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output.charts.chart import ChartCurve, ChartData, ChartPanel, decades, squared
-from lagcli.output.figures import decimate, incident_marks, panels
+from lagcli.output.figures import decimate, incident_marks
+from lagcli.output.figures.chart import ChartCurve, ChartData, ChartPanel, decades, squared, widened
 from lagcli.output.figures.incident_marks import IncidentMarks
 
 Floats = NDArray[np.float64]
@@ -221,12 +221,12 @@ def _limits(panel: ChartPanel) -> tuple[Span, Span]:
         x = panel.limits
     if panel.is_log:
         bottom, top = decades(*y)
-        return panels.widened(x, 0.0), (float(bottom), float(top))
+        return widened(x, 0.0), (float(bottom), float(top))
     flat = max(1e-3 * max(abs(y[0]), abs(y[1])), 0.0) or 1.0
     if y[1] - y[0] < flat:  # round-off about a constant is no motion
         middle = y[0] / 2 + y[1] / 2
         y = middle - flat / 2, middle + flat / 2
-    return panels.widened(x, 0.0 if panel.shape == "time" else 0.03), panels.widened(y, 0.04)
+    return widened(x, 0.0 if panel.shape == "time" else 0.03), widened(y, 0.04)
 
 
 def _part(values: Floats, limits: Span) -> Floats:

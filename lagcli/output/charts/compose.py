@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
 from lagcli.output.charts import chart_table, chart_texts
-from lagcli.output.charts.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, IncidentDots, LegendKey
 from lagcli.output.charts.chart_table import ChartTable, Series
 from lagcli.output.charts.chart_texts import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.figures import incident_marks, labels, panels
+from lagcli.output.figures.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, IncidentDots, LegendKey
 from lagcli.output.tables import column_choice
 
 Floats = NDArray[np.float64]

@@ -1,10 +1,7 @@
 """The figure of an audit: every check over time, as a part of its limit."""
 
-import os
-
 import numpy as np
 from matplotlib import axes, figure
-from matplotlib.backends import backend_agg
 
 from lagcli.auditing.checks.audit_report import Audit, Check
 from lagcli.output.figures import figure_page, labels
@@ -13,30 +10,17 @@ _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 _HEIGHT, _FLOOR = 0.62, 1e-9  # inches of one check; what is below that part of its limit is drawn there
 
 
-def draw(path: str | os.PathLike[str], found: Audit, unit: str = "s") -> None:
-    """Draw an audit to ``path``: png, svg or pdf; written aside and moved into place. ``unit``: the label of time.
-
-    Raises ``formats.UnknownFormat``, OSError.
-    """
-    figure_page.draw(path, lambda: compose(found, unit))
-
-
 def compose(found: Audit, unit: str = "s") -> figure.Figure:
-    """The figure that ``draw`` writes: one strip for each check, on a logarithmic scale with the limit at 1."""
+    """The figure of an audit: one strip for each check, on a logarithmic scale with the limit at 1.
+
+    ``unit``: the label of time.
+    """
     checks = [check for check in found.checks if check.entries and (check.law or check.verdict == "fail")]
     with figure_page.style():
-        drawn = figure.Figure(figsize=(7.2, 1.1 + _HEIGHT * len(checks)), dpi=200)
-        backend_agg.FigureCanvasAgg(drawn)
         verdict = found.conclusion.partition(".")[0].partition(":")[0].partition(",")[0]
-        drawn.suptitle(
-            f"Audit of {labels.shortened(found.title or found.path, labels.NAME)}: {verdict}",
-            fontsize=10,
-            fontweight="bold",
-            y=0.99,
-        )
+        title = f"Audit of {labels.shortened(found.title or found.path, labels.NAME)}: {verdict}"
+        drawn = figure_page.sheet(title, 1.1 + _HEIGHT * len(checks))
         strips = drawn.subplots(len(checks), 1, sharex=True, squeeze=False)[:, 0]
-        bottom, top = 0.5 / drawn.get_figheight(), 1 - 0.4 / drawn.get_figheight()
-        drawn.subplots_adjust(left=0.2, right=0.97, bottom=bottom, top=top, hspace=0.15)
         for strip, check in zip(strips, checks, strict=True):
             colour = {"fail": _RED, "pass": _BLUE}.get(check.verdict, _GREY)
             strip.set_yscale("log")

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import axes, ticker
 from numpy.typing import NDArray
 
-from lagcli.output.figures.panels import LARGEST
+from lagcli.output.figures.chart import LARGEST
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

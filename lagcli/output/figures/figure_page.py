@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
 import matplotlib
 import numpy as np
-from matplotlib import axes, colors, figure, font_manager, lines, textpath
+from matplotlib import axes, colors, figure, font_manager, layout_engine, lines, textpath
 from matplotlib.backends import backend_agg
 
 from lagcli.output.figures import incident_marks, labels
@@ -119,15 +119,13 @@ METADATA: dict[str, dict[str, str | None]] = {
 }
 
 
-def draw(path: str | os.PathLike[str], composed: Callable[[], figure.Figure]) -> None:
-    """Write the figure that `composed` makes to ``path``: png, svg or pdf, aside and moved into place.
+def write(path: str | os.PathLike[str], drawn: figure.Figure) -> None:
+    """Write a figure to ``path``: png, svg or pdf, aside and moved into place.
 
-    Raises ``formats.UnknownFormat``, before anything is drawn, and OSError.
+    Raises ``formats.UnknownFormat``, OSError.
     """
     target = Path(path)
-    fmt = formats.of(target, formats.FIGURES)
-    with style():
-        atomic_file.write(target, content(fmt, composed()))
+    atomic_file.write(target, content(formats.of(target, formats.FIGURES), drawn))
 
 
 def content(fmt: str, drawn: figure.Figure) -> bytes:
@@ -163,6 +161,17 @@ class NotebookFigure(figure.Figure):
         with style():
             self.savefig(file, format="png", metadata=METADATA["png"], dpi=SCREEN_DPI)
         return file.getvalue()
+
+
+def sheet(title: str, height: float) -> NotebookFigure:
+    """A figure of that height in inches under a title, whose axes matplotlib lays out. Call it within `style`."""
+    pads = layout_engine.ConstrainedLayoutEngine(w_pad=MARGIN / 2, h_pad=MARGIN / 2, wspace=0.04, hspace=0.04)
+    drawn = NotebookFigure(figsize=(WIDTH, height), dpi=DPI, layout=pads)
+    backend_agg.FigureCanvasAgg(drawn)
+    ruler = Ruler([title])
+    matplotlib.rcParams["font.family"] = ruler.families
+    drawn.suptitle(ruler.wrap(title, WIDTH - 2 * MARGIN, 10, "bold"), fontsize=10, fontweight="bold")
+    return drawn
 
 
 class FigurePage:
@@ -277,6 +286,11 @@ def paragraph(
         page.text(MARGIN, top + gap, wrapped, size, weight=weight, color=colour)
 
     return FigureBlock(gap + text_height(wrapped, size), draw)
+
+
+def note(ruler: Ruler, text: str) -> FigureBlock:
+    """A remark below axes."""
+    return paragraph(ruler, text, 7.5, gap=0.02, colour="#666666")
 
 
 def axis_name(ruler: Ruler, text: str) -> FigureBlock:

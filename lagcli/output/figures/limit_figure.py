@@ -1,12 +1,10 @@
 """The figure of a stiff limit: the force over time, the force against stiffness, the error against 1/k."""
 
 import dataclasses
-import os
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import axes, axis, figure, ticker
-from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output.figures import figure_page, labels
@@ -34,24 +32,14 @@ class LimitCurves:
     error_name: str
 
 
-def draw(path: str | os.PathLike[str], curves: LimitCurves, title: str, unit: str = "s") -> None:
-    """Draw a limit to ``path``: png, svg or pdf; written aside and moved into place.
-
-    Raises ``formats.UnknownFormat``, OSError.
-    """
-    figure_page.draw(path, lambda: compose(curves, title, unit))
-
-
 def compose(curves: LimitCurves, title: str, unit: str = "s") -> figure.Figure:
-    """The figure that ``draw`` writes."""
+    """The figure of a limit. ``unit``: the label of time."""
     with figure_page.style():
-        drawn = figure.Figure(figsize=(7.2, 4.9), dpi=200)
-        backend_agg.FigureCanvasAgg(drawn)
-        drawn.suptitle(labels.shortened(title, labels.TITLE), fontsize=10, fontweight="bold", y=0.985)
-        grid = drawn.add_gridspec(2, 2, left=0.1, right=0.97, bottom=0.1, top=0.9, wspace=0.28, hspace=0.42)
-        _over_time(drawn.add_subplot(grid[0, :]), curves, unit)
-        _against_stiffness(drawn.add_subplot(grid[1, 0]), curves)
-        _errors(drawn.add_subplot(grid[1, 1]), curves)
+        drawn = figure_page.sheet(labels.shortened(title, labels.TITLE), 4.9)
+        panels = drawn.subplot_mosaic([["time", "time"], ["stiffness", "errors"]])
+        _over_time(panels["time"], curves, unit)
+        _against_stiffness(panels["stiffness"], curves)
+        _errors(panels["errors"], curves)
         for panel in drawn.axes:
             panel.tick_params(labelsize=7)
         return drawn

@@ -1,11 +1,9 @@
 """The figure of a witness: the loop in two of the coordinates that come back, and the coordinate that moves."""
 
 import itertools
-import os
 
 import numpy as np
 from matplotlib import axes, figure
-from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
@@ -16,25 +14,14 @@ NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap
 _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 
 
-def draw(path: str | os.PathLike[str], found: witness.Witness) -> None:
-    """Draw a witness to ``path``: png, svg or pdf; written aside and moved into place.
-
-    Raises ``formats.UnknownFormat``, OSError.
-    """
-    figure_page.draw(path, lambda: compose(found))
-
-
 def compose(found: witness.Witness) -> figure.Figure:
-    """The figure that ``draw`` writes."""
+    """The figure of a witness."""
     with figure_page.style():
-        drawn = figure.Figure(figsize=(7.2, 3.4), dpi=200)
-        backend_agg.FigureCanvasAgg(drawn)
         how = "over equal times" if found.is_timed else f"around a closed loop in {_names(found.back)}"
         row, coordinate = (labels.shortened(name, labels.NAME) for name in (found.row, found.coordinate))
         title = f"{row}: {coordinate} moves by {found.amount:.6g} {how}".replace("-", "−")
-        drawn.suptitle(title, fontsize=10, fontweight="bold", wrap=True, y=0.98)
+        drawn = figure_page.sheet(title, 3.4)
         left, right = drawn.subplots(1, 2)
-        drawn.subplots_adjust(left=0.1, right=0.97, bottom=0.14, top=0.85, wspace=0.3)
         if found.is_timed:
             _times(left, found, _widest(found)[0])
             _times(right, found, found.along(found.coordinate))

@@ -1,10 +1,7 @@
 """The figure of modes: each shape over the coordinates, or of particles over the particles."""
 
-import os
-
 import numpy as np
 from matplotlib import axes, figure
-from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.linearization.linear_modes import Modes
@@ -13,20 +10,13 @@ from lagcli.output.figures import figure_page, labels
 MOST_PANELS, COLUMNS = 12, 3  # of one page, and in one line of it
 # More bars than these are drawn as a line.
 MOST_BARS = 12
+ABOUT = {"equilibrium": "an equilibrium", "steady": "a steady motion", "periodic": "a periodic motion"}
 _COLOURS = ("#0072B2", "#D55E00", "#009E73")
-_WIDTH, _HEIGHT = 7.2, 1.75
-
-
-def draw(path: str | os.PathLike[str], found: Modes, title: str) -> None:
-    """Draw modes to ``path``: png, svg or pdf; written aside and moved into place.
-
-    Raises ``formats.UnknownFormat``, OSError.
-    """
-    figure_page.draw(path, lambda: compose(found, title))
+_HEIGHT = 1.75  # inches of a row of panels
 
 
 def compose(found: Modes, title: str) -> figure.Figure:
-    """The figure that ``draw`` writes."""
+    """The figure of modes."""
     # The shapes that are drawn: of two that are conjugate one, zeros last where not all find room
     if found.frequencies is not None:
         every = list(range(min(len(found.shapes), len(found.frequencies))))
@@ -36,19 +26,13 @@ def compose(found: Modes, title: str) -> figure.Figure:
         every.sort(key=lambda k: found.eigenvalues[k] == 0)
     shown = sorted(every[:MOST_PANELS])
     rows = max(1, -(-len(shown) // COLUMNS))
-    height = 0.9 + _HEIGHT * rows
     with figure_page.style():
-        drawn = figure.Figure(figsize=(_WIDTH, height), dpi=200)
-        backend_agg.FigureCanvasAgg(drawn)
         name = labels.shortened(title, labels.NAME)
         verdict = {True: "stable", False: "unstable", None: "stability not decided"}[found.stable]
-        drawn.suptitle(
-            f"{name}: modes about {_about(found)}, {verdict}", fontsize=10, fontweight="bold", y=0.985
+        drawn = figure_page.sheet(
+            f"{name}: modes about {ABOUT[found.about]}, {verdict}", 0.9 + _HEIGHT * rows
         )
         plots = drawn.subplots(rows, COLUMNS, squeeze=False, sharey=True)
-        drawn.subplots_adjust(
-            left=0.07, right=0.985, bottom=0.55 / height, top=1 - 0.6 / height, wspace=0.12, hspace=0.6
-        )
         for plot, k in zip(plots.flat, shown, strict=False):
             plot.set_title(_heading(found, k), fontsize=8)
             plot.set_ylim(-1.2, 1.6)
@@ -63,12 +47,6 @@ def compose(found: Modes, title: str) -> figure.Figure:
         for plot in list(plots.flat)[len(shown) :]:
             plot.set_visible(False)
         return drawn
-
-
-def _about(found: Modes) -> str:
-    return {"equilibrium": "an equilibrium", "steady": "a steady motion", "periodic": "a periodic motion"}[
-        found.about
-    ]
 
 
 def _heading(found: Modes, k: int) -> str:

@@ -6,13 +6,14 @@ panel only while their values are of like size.
 """
 
 import dataclasses
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.model import dimension_facts
-from lagcli.output.figures import decimate
+from lagcli.output.figures import chart, decimate
+from lagcli.output.figures.chart import LARGEST, ChartCurve, ChartPanel, LegendKey
 from lagcli.output.figures.labels import UnitLabels, force_unit, multiplier_unit, with_unit
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
@@ -30,11 +31,6 @@ _NOT_UNIQUE = (
 # Below this part of the largest value a curve is round-off.
 # `tests/unit/test_drawing_thresholds.py::test_forces_that_are_rounding_have_no_panel` fails at 1e-11 and 1e-13.
 ROUND_OFF = 1e-12
-# The largest size on an axis: ticks around it, and their differences, are doubles too.
-LARGEST = 1e300
-# Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
-# `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
-POINT = 1e-12
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -56,46 +52,53 @@ class PanelFacts:
 NOTHING = PanelFacts()
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Curve:
-    """One quantity against time; ``t`` and ``values`` have one shape (k,)."""
-
-    label: str
-    t: NDArray[np.float64]
-    values: NDArray[np.float64]
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Panel:
-    """Curves on common axes."""
-
-    title: str
-    curves: tuple[Curve, ...]
-
-
 @dataclasses.dataclass(frozen=True, slots=True)
 class Band:
-    """Panels of one kind of quantity; a ``family`` is one panel of many curves, told apart by their index."""
+    """Panels of one kind of quantity side by side under a heading, or one panel of many curves; a note below them."""
 
     heading: str
-    label: str
-    panels: tuple[Panel, ...]
-    family: bool = False
+    panels: tuple[ChartPanel, ...]
     note: str = ""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class _Table:
+    """The rows of a run, with what all its panels share: the name and the ends of the axis of time."""
+
     indices: dict[str, int]
     rows: NDArray[np.float64]
+    units: UnitLabels
+    facts: PanelFacts
+    is_large: bool
 
     def column(self, name: str) -> NDArray[np.float64]:
         return self.rows[:, self.indices[name]]
 
-    def curve(self, label: str, values: NDArray[np.float64], of: int) -> Curve:
+    def curve(self, label: str, values: NDArray[np.float64], of: int, look: int = 0) -> ChartCurve:
         """The curve, decimated for a figure that shows ``of`` of them."""
         chosen = decimate.extrema(values, min(4000, max(200, _NUMBERS // of)))
-        return Curve(label, self.column("t")[chosen], values[chosen])
+        return ChartCurve(label, self.column("t")[chosen], values[chosen], look, look)
+
+    def panel(
+        self, label: str, curves: Sequence[ChartCurve], *, title: str = "", is_family: bool = False
+    ) -> ChartPanel:
+        t = self.column("t")
+        keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if len(curves) > 1 else ()
+        return ChartPanel(
+            "time",
+            with_unit("t", self.units.time.strip()),
+            chart.fitted(label) if self.is_large else label,
+            tuple(curves),
+            () if is_family else keys,
+            is_family=is_family,
+            limits=(float(t[0]), float(t[-1])) if len(t) else (0.0, 1.0),
+            title=title,
+        )
+
+    @property
+    def throughout(self) -> str:
+        """What is said of columns without any value but zero."""
+        return "zero to rounding" if self.facts.zeros else "zero throughout"
 
 
 def bands(
@@ -112,145 +115,110 @@ def bands(
     """
     if "t" not in columns:
         raise ValueError('a figure needs the column "t"')
-    zeros = facts.zeros
     others = rows[:, [name != "t" for name in columns]]
     is_large = bool((np.abs(others[np.isfinite(others)]) > LARGEST).any())
     if is_large:
-        rows = np.where(np.array(columns) == "t", rows, fit(rows))
-    if zeros:
-        rows = np.where(np.isin(columns, list(zeros)), 0.0, rows)
-    table = _Table({name: index for index, name in enumerate(columns)}, rows)
+        rows = np.where(np.array(columns) == "t", rows, chart.fit(rows))
+    if facts.zeros:
+        rows = np.where(np.isin(columns, list(facts.zeros)), 0.0, rows)
+    table = _Table({name: index for index, name in enumerate(columns)}, rows, units, facts, is_large)
     forces = [name.removeprefix("R.") for name in columns if name.startswith("R.")]
     particles = [name.removesuffix(".x") for name in forces if name.endswith(".x")]
     # Names hold no dot, so "R.theta" is a coordinate and "R.a.x" belongs to a particle.
     coordinates = [name for name in forces if "." not in name]
     multipliers = [name for name in columns if name.startswith("lambda.")]
-    hidden = facts.is_choice and not multipliers
-    found = [] if hidden else [_multipliers(table, multipliers, units, facts)]
+    found = []
+    if multipliers or not facts.is_choice:
+        found.append(_multipliers(table, multipliers))
     if particles:
-        found.append(_particle_forces(table, particles, units))
+        found.append(_particle_forces(table, particles))
     if coordinates:
-        found.append(_coordinate_forces(table, coordinates, units, facts))
-    idle = [name.removeprefix("lambda.") for name in multipliers if not _size(table.column(name))]
-    if idle:
-        rounded = any(f"lambda.{name}" in zeros for name in idle)
-        zero_note = f"{'zero to rounding' if rounded else 'zero throughout'}: {_listed(idle)}"
-        found[0] = dataclasses.replace(found[0], note="; ".join(filter(None, (found[0].note, zero_note))))
-    if is_large:
-        found = [dataclasses.replace(band, label=fitted(band.label)) for band in found]
-    if zeros:
-        for index, band in enumerate(found):
-            note = band.note.replace("zero throughout", "zero to rounding")
-            found[index] = dataclasses.replace(band, note=note)
+        found.append(_coordinate_forces(table, coordinates))
     return found
 
 
-def _multipliers(table: _Table, names: list[str], units: UnitLabels, facts: PanelFacts) -> Band:
+def _multipliers(table: _Table, names: list[str]) -> Band:
     heading = "Multipliers λᵢ of the constraints"
-    indeterminate = facts.indeterminate
-    units_of = [multiplier_unit(name, units, facts.dimensions) for name in names]
-    is_one = len(set(units_of)) <= 1
-    label = with_unit("λᵢ", units_of[0] if units_of and is_one else "")
     if not names:
-        return Band(heading, label, (), note="no constraints")
+        return Band(heading, (), "no constraints")
+    units_of = [multiplier_unit(name, table.units, table.facts.dimensions) for name in names]
+    is_one = len(set(units_of)) == 1
+    label = with_unit("λᵢ", units_of[0] if is_one else "")
+    indeterminate = table.facts.indeterminate
     # A name in brackets is no name of a constraint: the mark cannot be taken for one.
     marks = {f"lambda.{name}": _MARK for name in indeterminate}
     curves = [
-        table.curve(name.removeprefix("lambda.") + marks.get(name, ""), table.column(name), of=len(names))
-        for name in names
+        table.curve(name.removeprefix("lambda.") + marks.get(name, ""), table.column(name), len(names), look)
+        for look, name in enumerate(names)
     ]
-    note = _NOT_UNIQUE if indeterminate else ""
+    idle = [name.removeprefix("lambda.") for name in names if not size(table.column(name))]
+    notes = [_NOT_UNIQUE] if indeterminate else []
+    note = "; ".join(notes + ([f"{table.throughout}: {_listed(idle)}"] if idle else []))
     if len(curves) > _MULTIPLIER_PANELS:
-        mixed = with_unit("λᵢ", "" if is_one else "units differ")
-        return Band(heading, label if is_one else mixed, (Panel("", tuple(curves)),), family=True, note=note)
-    if 1 < len(curves) <= _OVERLAID and is_one and _of_like_size(curves):
-        return Band(heading, label, (Panel("", tuple(curves)),), note=note)
+        mixed = label if is_one else with_unit("λᵢ", "units differ")
+        return Band(heading, (table.panel(mixed, curves, is_family=True),), note)
+    if 1 < len(curves) <= _OVERLAID and is_one:
+        largest = [size(curve.y) for curve in curves]
+        if are_of_like_size([value for value in largest if value > 0]):
+            return Band(heading, (table.panel(label, curves),), note)
     panels = tuple(
-        Panel(curve.label if is_one else with_unit(curve.label, unit), (curve,))
+        table.panel(
+            label,
+            [dataclasses.replace(curve, colour=0, dash=0)],
+            title=curve.label if is_one else with_unit(curve.label, unit),
+        )
         for curve, unit in zip(curves, units_of, strict=True)
     )
-    return Band(heading, label, panels, note=note)
+    return Band(heading, panels, note)
 
 
-def _particle_forces(table: _Table, particles: list[str], units: UnitLabels) -> Band:
+def _particle_forces(table: _Table, particles: list[str]) -> Band:
     heading = "Constraint forces Rₖ on the particles"
     forces = {
         name: np.stack([table.column(f"R.{name}.{axis}") for axis in "xyz"], axis=1) for name in particles
     }
-    shown, note = _acting({name: sizes(force) for name, force in forces.items()})
-    unit = force_unit(units)
+    lengths = {name: chart.sizes(force) for name, force in forces.items()}
+    shown, note = _acting(table, lengths)
+    unit = force_unit(table.units)
     if len(shown) > _FORCE_PANELS:
-        curves = [table.curve(name, sizes(forces[name]), of=len(shown)) for name in shown]
-        return Band(heading, with_unit("|Rₖ|", unit), (Panel("", tuple(curves)),), family=True, note=note)
-    panels = [
-        Panel(
-            name,
-            tuple(
-                table.curve(f"{axis} component", forces[name][:, index], of=3 * len(shown))
-                for index, axis in enumerate("xyz")
-            ),
-        )
+        curves = [table.curve(name, lengths[name], len(shown)) for name in shown]
+        return Band(heading, (table.panel(with_unit("|Rₖ|", unit), curves, is_family=True),), note)
+    label, count = with_unit("Rₖ", unit), 3 * len(shown)
+    components = {
+        name: [table.curve(f"{axis} component", forces[name][:, k], count, k) for k, axis in enumerate("xyz")]
         for name in shown
-    ]
-    return Band(heading, with_unit("Rₖ", unit), tuple(panels), note=note)
+    }
+    return Band(
+        heading, tuple(table.panel(label, curves, title=name) for name, curves in components.items()), note
+    )
 
 
-def _coordinate_forces(table: _Table, coordinates: list[str], units: UnitLabels, facts: PanelFacts) -> Band:
+def _coordinate_forces(table: _Table, coordinates: list[str]) -> Band:
     heading = "Generalized constraint forces Qʹⱼ on the coordinates"
-    unit = force_unit(units, length_power=2)
-    are_angles = {dimension_facts.base(name) for name in coordinates} <= facts.dimensions.angles
+    unit = force_unit(table.units, length_power=2)
+    are_angles = {dimension_facts.base(name) for name in coordinates} <= table.facts.dimensions.angles
     label = with_unit("Qʹⱼ", unit if are_angles else f"{unit or '1'} / unit of qⱼ")
     forces = {name: table.column(f"R.{name}") for name in coordinates}
-    shown, note = _acting(forces)
-    curves = [table.curve(name, forces[name], of=len(shown)) for name in shown]
+    shown, note = _acting(table, forces)
+    curves = [table.curve(name, forces[name], len(shown)) for name in shown]
     if len(curves) > _FORCE_PANELS:
-        return Band(heading, label, (Panel("", tuple(curves)),), family=True, note=note)
-    return Band(heading, label, tuple(Panel(curve.label, (curve,)) for curve in curves), note=note)
+        return Band(heading, (table.panel(label, curves, is_family=True),), note)
+    return Band(heading, tuple(table.panel(label, [curve], title=curve.label) for curve in curves), note)
 
 
-def _acting(forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
+def _acting(table: _Table, forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
     """The names whose force is not zero throughout (but for round-off), and a note on the others."""
-    found = {name: _size(force) for name, force in forces.items()}
-    floor = ROUND_OFF * max(found.values())
-    shown = [name for name, size in found.items() if size > floor]
-    idle = [name for name, size in found.items() if size <= floor]
+    sizes = {name: size(force) for name, force in forces.items()}
+    floor = ROUND_OFF * max(sizes.values())
+    shown = [name for name, size in sizes.items() if size > floor]
+    idle = [name for name, size in sizes.items() if size <= floor]
     if not idle:
         return shown, ""
-    if not shown:
-        return shown, "zero throughout"
-    return shown, f"zero throughout: {_listed(idle)}"
+    return shown, f"{table.throughout}: {_listed(idle)}" if shown else table.throughout
 
 
 def _listed(idle: list[str]) -> str:
     return ", ".join(idle) if len(idle) <= _FORCE_PANELS else f"{len(idle)} others"
-
-
-def _of_like_size(curves: Iterable[Curve]) -> bool:
-    return are_of_like_size([size for size in (_size(curve.values) for curve in curves) if size > 0])
-
-
-def sizes(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The lengths of vectors (..., 3), whose squares may be beyond all doubles."""
-    return np.asarray(np.hypot(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]))
-
-
-def fit(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values that are too large for an axis, as they are drawn: none of them is larger than `LARGEST` then."""
-    return np.asarray(values / 10**10)
-
-
-def fitted(label: str) -> str:
-    """The name of an axis of such values."""
-    return f"{label} × 1e-10"
-
-
-def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]:
-    """The limits of an axis that shows all of a span, and a part of it more at both ends; the span may be a point."""
-    low, high = (min(max(end, -LARGEST), LARGEST) for end in span)
-    if low == high:
-        half = max(0.5, POINT * abs(low))
-        return low - half, high + half
-    return low - part * (high - low), high + part * (high - low)
 
 
 def are_of_like_size(sizes: Sequence[float]) -> bool:
@@ -258,5 +226,6 @@ def are_of_like_size(sizes: Sequence[float]) -> bool:
     return not sizes or max(sizes) <= _LIKE_SIZE * min(sizes)
 
 
-def _size(values: NDArray[np.float64]) -> float:
+def size(values: NDArray[np.float64]) -> float:
+    """The largest size of values, of which some may be nan; 0 of none."""
     return float(np.nanmax(np.abs(values), initial=0.0))

@@ -1,12 +1,10 @@
 """The figure of two motions side by side, each column over time, with the multipliers of one of them."""
 
 import dataclasses
-import os
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import axes, figure
-from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output.figures import figure_page, labels
@@ -30,40 +28,19 @@ class MotionTable:
         return self.rows[:, list(self.columns).index(column)]
 
 
-def draw(
-    path: str | os.PathLike[str],
-    motions: tuple[MotionTable, MotionTable],
-    shown: Sequence[str],
-    title: str,
-    unit: str = "s",
-) -> None:
-    """Draw the columns ``shown`` of two motions, and the columns ``mu.*`` of the second, to ``path``.
-
-    The first ``MOST`` columns are drawn. Written aside and moved into place. Raises ``formats.UnknownFormat``, OSError.
-    """
-    figure_page.draw(path, lambda: compose(motions, shown, title, unit))
-
-
 def compose(
     motions: tuple[MotionTable, MotionTable], shown: Sequence[str], title: str, unit: str = "s"
 ) -> figure.Figure:
-    """The figure that ``draw`` writes."""
+    """The figure of the columns ``shown`` of two motions, of which the first ``MOST`` are drawn, and of the columns
+    ``mu.*`` of the second. ``unit``: the label of time."""
     first, second = motions
     names = list(shown)[:MOST]
     mu = [name for name in second.columns if name.startswith("mu.")]
     count = len(names) + bool(mu)
     lines = -(-count // 2)
     with figure_page.style():
-        height = 0.95 + _HEIGHT * lines
-        drawn = figure.Figure(figsize=(7.2, height), dpi=200)
-        backend_agg.FigureCanvasAgg(drawn)
-        drawn.suptitle(
-            labels.shortened(title, labels.TITLE), fontsize=10, fontweight="bold", y=1 - 0.08 / height
-        )
+        drawn = figure_page.sheet(labels.shortened(title, labels.TITLE), 0.95 + _HEIGHT * lines)
         panels = drawn.subplots(lines, 2 if count > 1 else 1, sharex=True, squeeze=False).ravel()
-        drawn.subplots_adjust(
-            left=0.09, right=0.97, bottom=0.45 / height, top=1 - 0.62 / height, wspace=0.24, hspace=0.28
-        )
         for panel, name in zip(panels, names, strict=False):
             panel.plot(first.rows[:, 0], first.of(name), color=_BLUE, linewidth=1.2, label=first.name)
             look = (0, (5, 2))
@@ -77,9 +54,12 @@ def compose(
             )
             _finish(panel, labels.shortened(name, labels.NAME))
         drawn.legend(
-            *panels[0].get_legend_handles_labels(), loc="upper center", ncol=2, fontsize=8, frameon=False,
-            bbox_to_anchor=(0.5, 1 - 0.22 / height),
-        )  # fmt: skip
+            *panels[0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncol=2,
+            fontsize=8,
+            frameon=False,
+        )
         if mu:
             _multipliers(panels[len(names)], second, mu)
         for panel in panels[count:]:

@@ -9,12 +9,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.figures import panels
-
 Floats = NDArray[np.float64]
 
 # Curves of one panel that a legend can tell apart; more have the colours of a sequence.
 MOST_KEYS = 12
+# Of a logarithmic axis: from the largest forces to what is left of them after rounding, and then some.
+MOST_DECADES = 40
+# The largest size on an axis: ticks around it, and their differences, are doubles too.
+LARGEST = 1e300
+# Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
+# `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
+POINT = 1e-12
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +57,8 @@ class ChartPanel:
 
     shape: `time` for values over a common axis that rises, `plane` for one column against another, `equal` for such
     with one scale; keys: of the legend, empty where the axis names the one curve; is_family: coloured by a sequence;
-    is_log: sizes on a logarithmic scale; limits: of x where it is common to all panels.
+    is_log: sizes on a logarithmic scale; limits: of x where it is common to all panels; title: what stands above one of
+    several panels side by side.
     """
 
     shape: Literal["time", "plane", "equal"]
@@ -65,13 +71,14 @@ class ChartPanel:
     limits: tuple[float, float] | None = None
     dots: tuple[IncidentDots, ...] = ()
     notes: tuple[str, ...] = ()
+    title: str = ""
 
     def drawable(self) -> ChartPanel:
         """The panel; of values that are too large for an axis a part, which the name of the axis says."""
         (left, right), (bottom, top) = (
             _ends([getattr(curve, axis) for curve in self.curves], np.inf) for axis in "xy"
         )
-        is_far, is_high = max(-left, right) > panels.LARGEST, max(-bottom, top) > panels.LARGEST
+        is_far, is_high = max(-left, right) > LARGEST, max(-bottom, top) > LARGEST
         if self.shape == "equal":
             is_far = is_high = is_far or is_high
         elif self.shape == "time":
@@ -80,23 +87,23 @@ class ChartPanel:
             return self
 
         def x(values: Floats) -> Floats:
-            return panels.fit(values) if is_far else values
+            return fit(values) if is_far else values
 
         def y(values: Floats) -> Floats:
-            return panels.fit(values) if is_high else values
+            return fit(values) if is_high else values
 
         return dataclasses.replace(
             self,
-            x_label=panels.fitted(self.x_label) if is_far else self.x_label,
-            y_label=panels.fitted(self.y_label) if is_high else self.y_label,
+            x_label=fitted(self.x_label) if is_far else self.x_label,
+            y_label=fitted(self.y_label) if is_high else self.y_label,
             curves=tuple(dataclasses.replace(one, x=x(one.x), y=y(one.y)) for one in self.curves),
             dots=tuple(dataclasses.replace(one, x=x(one.x), y=y(one.y)) for one in self.dots),
         )
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The smallest and largest finite values of x and of y, up to `panels.LARGEST`; (0, 0) where there are none."""
+        """The smallest and largest finite values of x and of y, up to `LARGEST`; (0, 0) where there are none."""
         x, y = ([getattr(curve, axis) for curve in self.curves] for axis in "xy")
-        return _ends(x, panels.LARGEST), _ends(y, panels.LARGEST)
+        return _ends(x, LARGEST), _ends(y, LARGEST)
 
 
 def _ends(values: Sequence[Floats], most: float) -> tuple[float, float]:
@@ -124,7 +131,7 @@ def squared(
     scale = scale or 1.08 * max(abs(x[0]), abs(y[0]), 1.0) / max(width, height)
     middles = x[0] / 2 + x[1] / 2, y[0] / 2 + y[1] / 2
     halves = (
-        max(scale * size / 2, panels.POINT * abs(middle))
+        max(scale * size / 2, POINT * abs(middle))
         for size, middle in zip((width, height), middles, strict=True)
     )
     (a, b), (c, d) = ((m - h, m + h) for m, h in zip(middles, halves, strict=True))
@@ -138,5 +145,25 @@ def decades(low: float, high: float) -> tuple[int, int]:
     return max(min(bottom, top - 1), top - MOST_DECADES), top
 
 
-# Of a logarithmic axis: from the largest forces to what is left of them after rounding, and then some.
-MOST_DECADES = 40
+def sizes(vectors: Floats) -> Floats:
+    """The lengths of vectors (..., 3), whose squares may be beyond all doubles."""
+    return np.asarray(np.hypot(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]))
+
+
+def fit(values: Floats) -> Floats:
+    """Values that are too large for an axis, as they are drawn: none of them is larger than `LARGEST` then."""
+    return np.asarray(values / 10**10)
+
+
+def fitted(label: str) -> str:
+    """The name of an axis of such values."""
+    return f"{label} × 1e-10"
+
+
+def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]:
+    """The limits of an axis that shows all of a span, and a part of it more at both ends; the span may be a point."""
+    low, high = (min(max(end, -LARGEST), LARGEST) for end in span)
+    if low == high:
+        half = max(0.5, POINT * abs(low))
+        return low - half, high + half
+    return low - part * (high - low), high + part * (high - low)
