@@ -28,9 +28,9 @@ class _Lines:
 
 
 class _LineWriter:
-    def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str]) -> None:
+    def __init__(self, path: Path, head: table_format.TableHead) -> None:
         self._file = path.open("w", encoding="utf-8")
-        self._file.write(json.dumps(list(columns)) + "\n")
+        self._file.write(json.dumps(list(head.columns)) + "\n")
 
     def write(self, rows: table_format.Floats, texts: object = ()) -> None:
         self._file.writelines(json.dumps(row) + "\n" for row in rows.tolist())
@@ -43,7 +43,7 @@ class _LineWriter:
 
 def test_a_further_format_is_written_and_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = types.ModuleType("lagcli.output.tables.lines_format")
-    module.__dict__.update(writer=lambda path, provenance: _LineWriter, reader=_Lines)
+    module.__dict__.update(writer=lambda path: _LineWriter, reader=_Lines)
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setitem(formats.FORMATS, "jsonl", formats.FileFormat("lines_format"))
     monkeypatch.setattr(formats, "TABLES", tuple(sorted(formats.FORMATS)))

@@ -59,11 +59,6 @@ def parsed_json(text: bytes) -> Any:
     return orjson.loads(text)
 
 
-def text_indices(columns: Sequence[str], texts: Sequence[str]) -> tuple[int, ...]:
-    """The numbers of the columns of text, in the order of the table."""
-    return tuple(index for index, name in enumerate(columns) if name in texts)
-
-
 def parts(rows: NDArray[np.float64], texts: Texts) -> Iterator[tuple[NDArray[np.float64], Texts]]:
     """Rows, shape (k, columns of numbers), and their texts in parts of bounded size."""
     begin = 0

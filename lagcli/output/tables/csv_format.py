@@ -22,7 +22,7 @@ from lagcli.output.tables.table_format import (
     CheckSize,
     Floats,
     Make,
-    Provenance,
+    TableHead,
     as_text,
     bad,
     column_indices,
@@ -31,28 +31,26 @@ from lagcli.output.tables.table_format import (
 MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
 
 
-def writer(path: Path, provenance: Provenance) -> Make:
+def writer(path: Path) -> Make:
     """See `TableFormat`."""
     return CsvWriter
 
 
 class CsvText:
-    """The lines of a table; `texts`: names of columns of text, `delimiter`: between two values, a comma or a tab."""
+    """The lines of a table; `delimiter`: between two values, a comma or a tab."""
 
-    def __init__(self, columns: Sequence[str], texts: Sequence[str] = (), delimiter: str = ",") -> None:
-        self._columns, self._delimiter = tuple(columns), delimiter
-        self._at = cell_text.text_indices(columns, texts)
-        self._numbers = [name for index, name in enumerate(columns) if index not in self._at]
+    def __init__(self, head: TableHead, delimiter: str = ",") -> None:
+        self._head, self._delimiter, self._at = head, delimiter, head.text_indices
 
     def header(self) -> bytes:
         """The header line; names with a delimiter, a quote or a line break are quoted."""
         line = io.StringIO()
-        csv.writer(line, delimiter=self._delimiter, lineterminator="\n").writerow(self._columns)
+        csv.writer(line, delimiter=self._delimiter, lineterminator="\n").writerow(self._head.columns)
         return line.getvalue().encode()
 
     def lines(self, rows: Floats, texts: cell_text.Texts = ()) -> Iterator[bytes | memoryview]:
         """The lines of ``rows``, shape (k, columns of numbers), in parts of bounded size; ValueError for infinity."""
-        cell_text.require_no_infinity(rows, self._numbers)
+        cell_text.require_no_infinity(rows, self._head.numbers)
         return self._lines(rows, texts)
 
     def _lines(self, rows: Floats, texts: cell_text.Texts) -> Iterator[bytes | memoryview]:
@@ -71,10 +69,8 @@ class CsvText:
 class CsvWriter:
     """Writes a table to ``path`` as its rows arrive."""
 
-    def __init__(
-        self, path: Path, columns: Sequence[str], texts: Sequence[str] = (), delimiter: str = ","
-    ) -> None:
-        self._text = CsvText(columns, texts, delimiter)
+    def __init__(self, path: Path, head: TableHead, delimiter: str = ",") -> None:
+        self._text = CsvText(head, delimiter)
         self._file = blocks.BlockFile(path, self._text.header())
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:

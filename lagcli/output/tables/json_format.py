@@ -5,7 +5,6 @@ Behind the rows ``"provenance"``, where it is known.
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ from lagcli.output.tables.table_format import (
     CheckSize,
     Floats,
     Make,
-    Provenance,
+    TableHead,
     UnreadableTable,
     as_text,
     bad,
@@ -28,29 +27,22 @@ from lagcli.output.tables.table_format import (
 MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
 
 
-def writer(path: Path, provenance: Provenance) -> Make:
+def writer(path: Path) -> Make:
     """See `TableFormat`."""
-    return functools.partial(JsonWriter, provenance=provenance)
+    return JsonWriter
 
 
 class JsonWriter:
     """Writes a table to ``path`` as its rows arrive."""
 
-    def __init__(
-        self,
-        path: Path,
-        columns: Sequence[str],
-        texts: Sequence[str] = (),
-        provenance: Provenance = None,
-    ) -> None:
+    def __init__(self, path: Path, head: TableHead) -> None:
         self._end = b"\n]}\n"
-        if provenance is not None:
-            text = json.dumps(provenance, ensure_ascii=False, allow_nan=False)
+        if head.provenance is not None:
+            text = json.dumps(head.provenance, ensure_ascii=False, allow_nan=False)
             self._end = f'\n], "provenance": {text}}}\n'.encode()
-        self._at = cell_text.text_indices(columns, texts)
-        self._numbers = [name for index, name in enumerate(columns) if index not in self._at]
+        self._at, self._numbers = head.text_indices, head.numbers
         self._separator = b"\n"
-        names = json.dumps(list(columns), ensure_ascii=False)
+        names = json.dumps(list(head.columns), ensure_ascii=False)
         self._file = blocks.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:

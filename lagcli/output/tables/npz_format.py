@@ -26,7 +26,7 @@ from lagcli.output.tables.table_format import (
     CheckSize,
     Floats,
     Make,
-    Provenance,
+    TableHead,
     UnreadableTable,
     bad,
     parsed_provenance,
@@ -38,26 +38,18 @@ MOST_HEADER = 4096  # bytes of the header of an array
 NUMBERS, TEXTS = "[<>|=]?[fiu][1248]", r"[<>=]U\d{1,4}"
 
 
-def writer(path: Path, provenance: Provenance) -> Make:
+def writer(path: Path) -> Make:
     """See `TableFormat`."""
-    return functools.partial(NpzWriter, provenance=provenance)
+    return NpzWriter
 
 
 class NpzWriter:
     """Writes a table to ``path`` once all its rows have arrived."""
 
-    def __init__(
-        self,
-        path: Path,
-        columns: Sequence[str],
-        texts: Sequence[str] = (),
-        provenance: Provenance = None,
-    ) -> None:
-        self._comment = _comment(provenance) if provenance is not None else b""
-        self._path = path
-        self._columns = tuple(columns)
-        self._width = len(columns) - len(texts)
-        self._texts: dict[str, list[str]] = {name: [] for name in columns if name in texts}
+    def __init__(self, path: Path, head: TableHead) -> None:
+        self._comment = _comment(head.provenance) if head.provenance is not None else b""
+        self._path, self._columns, self._width = path, head.columns, len(head.numbers)
+        self._texts: dict[str, list[str]] = {head.columns[index]: [] for index in head.text_indices}
         self._buffer = blocks.BufferedRows(self._width, self._store)
         self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
             max_size=_BYTES_IN_MEMORY, dir=str(path.parent)

@@ -4,7 +4,6 @@ format is known by its file where there is none."""
 from __future__ import annotations
 
 import contextlib
-import functools
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ from lagcli.output.tables.table_format import (
     Floats,
     Make,
     MissingExtra,
-    Provenance,
+    TableHead,
     as_text,
     bad,
     parsed_provenance,
@@ -31,11 +30,11 @@ if TYPE_CHECKING:
 _BATCH = 1 << 15  # rows read at a time
 
 
-def writer(path: Path, provenance: Provenance) -> Make:
+def writer(path: Path) -> Make:
     """See `TableFormat`."""
     with needing_pyarrow(path):
         import pyarrow.parquet  # noqa: F401 (it is there)
-    return functools.partial(ParquetTableWriter, provenance=provenance)
+    return ParquetTableWriter
 
 
 @contextlib.contextmanager
@@ -58,23 +57,18 @@ class ParquetTableWriter:
     """Writes a table of float64 columns, and string ones, without nulls to ``path`` as its rows arrive; the metadata of
     its schema hold ``provenance`` as JSON."""
 
-    def __init__(
-        self,
-        path: Path,
-        columns: Sequence[str],
-        texts: Sequence[str] = (),
-        provenance: Provenance = None,
-    ) -> None:
+    def __init__(self, path: Path, head: TableHead) -> None:
         import pyarrow.parquet
 
-        kinds = {name: pyarrow.string() if name in texts else pyarrow.float64() for name in columns}
+        kinds = {name: pyarrow.string() if name in head.texts else pyarrow.float64() for name in head.columns}
         fields = [pyarrow.field(name, kind, nullable=False) for name, kind in kinds.items()]
-        metadata = None if provenance is None else {"provenance": json.dumps(provenance, allow_nan=False)}
+        origin = head.provenance
+        metadata = None if origin is None else {"provenance": json.dumps(origin, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
-        self._texts: dict[int, list[str]] = {index: [] for index in cell_text.text_indices(columns, texts)}
-        self._buffer = blocks.BufferedRows(len(columns) - len(texts), self._store)
+        self._texts: dict[int, list[str]] = {index: [] for index in head.text_indices}
+        self._buffer = blocks.BufferedRows(len(head.numbers), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
-        words = list(texts) or False
+        words = list(head.texts) or False
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:

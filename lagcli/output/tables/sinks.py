@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lagcli.output.files import atomic_file, formats
 from lagcli.output.tables import cell_text, csv_format, table_format
-from lagcli.output.tables.table_format import Make
+from lagcli.output.tables.table_format import Make, TableHead
 
 
 class Sink(abc.ABC):
@@ -25,8 +25,8 @@ class Sink(abc.ABC):
     before. All methods let OSError pass; a commit or keep_partial that fails has discarded.
     """
 
-    def __init__(self, columns: Sequence[str], texts: Sequence[str]) -> None:
-        self._width, self._texts = len(columns) - len(texts), len(texts)
+    def __init__(self, head: TableHead) -> None:
+        self._width, self._texts = len(head.numbers), len(head.texts)
         self._ended = False
         self._rows = 0
 
@@ -105,24 +105,25 @@ def open_sink(
     """
     if len(set(columns)) < len(columns):
         raise ValueError("two columns of one name")
+    head = TableHead(tuple(columns), tuple(texts), provenance)
     if not isinstance(target, str | os.PathLike):
         if fmt not in (None, "csv"):
             raise formats.UnknownFormat(f"a stream as {fmt}", ("csv",))
-        return _StreamSink(target, columns, texts)
+        return _StreamSink(target, head)
     path = Path(target)
     if fmt is None:
         fmt = formats.of(path, formats.TABLES)
     if fmt not in formats.TABLES:
         raise formats.UnknownFormat(path.name, formats.TABLES)
-    return _FileSink(path, columns, texts, table_format.of(fmt).writer(path, provenance))
+    return _FileSink(path, head, table_format.of(fmt).writer(path))
 
 
 class _FileSink(Sink):
-    def __init__(self, path: Path, columns: Sequence[str], texts: Sequence[str], make: Make) -> None:
-        super().__init__(columns, texts)
+    def __init__(self, path: Path, head: TableHead, make: Make) -> None:
+        super().__init__(head)
         self._temporary = atomic_file.PendingFile(path)
         with atomic_file.undone_by(self._temporary.discard):
-            self._writer = make(self._temporary.path, columns, texts)
+            self._writer = make(self._temporary.path, head)
         self._is_finished = False
 
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
@@ -169,9 +170,9 @@ class _FileSink(Sink):
 
 
 class _StreamSink(Sink):
-    def __init__(self, stream: BinaryIO | TextIO, columns: Sequence[str], texts: Sequence[str]) -> None:
-        super().__init__(columns, texts)
-        self._table = csv_format.CsvText(columns, texts)
+    def __init__(self, stream: BinaryIO | TextIO, head: TableHead) -> None:
+        super().__init__(head)
+        self._table = csv_format.CsvText(head)
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
         self._header = self._table.header()
         self._text: TextIO | None = None

@@ -15,6 +15,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.frozen import frozen_value
 from lagcli.output.files import formats
 from lagcli.output.tables import cell_text
 
@@ -64,14 +65,33 @@ class TableWriter(Protocol):
         """Close the file, which will not be kept."""
 
 
-# Of the file to be written, all columns and those of text.
-Make = Callable[[Path, Sequence[str], Sequence[str]], TableWriter]
+@frozen_value
+class TableHead:
+    """The head of a table that is written: the names of all columns and of those of text, and where it comes from."""
+
+    columns: tuple[str, ...]
+    texts: tuple[str, ...] = ()
+    provenance: Provenance = None
+
+    @property
+    def text_indices(self) -> tuple[int, ...]:
+        """The indices of the columns of text, in the order of the table."""
+        return tuple(index for index, name in enumerate(self.columns) if name in self.texts)
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The columns of numbers, in the order of the table."""
+        return tuple(name for name in self.columns if name not in self.texts)
+
+
+# Begins the file of this path.
+Make = Callable[[Path, TableHead], TableWriter]
 
 
 class TableFormat(Protocol):
     """The functions that the file of a format has."""
 
-    def writer(self, path: Path, provenance: Provenance) -> Make:
+    def writer(self, path: Path) -> Make:
         """The function that begins a file. path: of the table, for messages. Raises `MissingExtra`."""
 
     def reader(self, path: Path, check_size: CheckSize) -> ReadTable:

@@ -6,10 +6,10 @@ import functools
 from pathlib import Path
 
 from lagcli.output.tables import csv_format
-from lagcli.output.tables.table_format import Make, Provenance
+from lagcli.output.tables.table_format import Make
 
 
-def writer(path: Path, provenance: Provenance) -> Make:
+def writer(path: Path) -> Make:
     """See `TableFormat`."""
     return functools.partial(csv_format.CsvWriter, delimiter="\t")
 
