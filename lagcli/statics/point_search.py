@@ -460,7 +460,10 @@ def _nearest_zero(
     zero = precise_zeros.nearest(equations, x)
     if zero is None:
         # Where the balance is rounding, and many digits lead nowhere, multipliers grow without bound.
-        return (None if is_rounding and precise_zeros.is_known(equations, x) else found), False
+        is_none = precise_zeros.is_known(equations, x) and (
+            is_rounding or precise_zeros.is_away(equations, x)
+        )
+        return (None if is_none else found), False
     if equations(zero) is None:
         return None, True  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
     again = refine.settled(equations, newton.NewtonEnd(zero, 0.0, 0.0))

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.linear import decompositions, rank
-from lagcli.statics import flat_directions, refine
+from lagcli.statics import flat_directions, precise_zeros, refine
 from lagcli.statics.flat_directions import FlatVerdict
 from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import Scales
+from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -115,14 +115,16 @@ def classify(
     bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
     signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.no_force * floor)
-    doubtful = ways[:, is_doubtful], along
-    verdict = _of_doubtful(problem, bare, scales, doubtful, signs[is_doubtful], is_exact)
+    doubtful, sure = (ways[:, is_doubtful], along), curvatures[~is_doubtful]
+    exact = _of_digits(problem, bare, scales, along) if is_doubtful.any() else None
+    verdict = exact or _of_doubtful(problem, bare, scales, doubtful, signs[is_doubtful], is_exact)
     if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
         verdict = _of_signs(bare, signs[is_doubtful])
     if idle and verdict.is_odd:  # along one of two opposite directions a contact is in the way
         verdict = dataclasses.replace(verdict, rises=False, falls=False)
-    sure = curvatures[~is_doubtful]
-    up, down = int((sure > 0).sum()) + verdict.up, int((sure < 0).sum()) + verdict.down
+    up, down = verdict.up, verdict.down
+    if exact is None:
+        up, down = int((sure > 0).sum()) + up, int((sure < 0).sum()) + down
     walls = bool((push[is_carrying] > 0).any()), bool((push[is_carrying] < 0).any())
     weak = decompositions.unit(values.G[idle]) @ Z / units
     if len(idle) < 2 or not np.isfinite(weak).all():  # one may be left along a direction or against it
@@ -133,6 +135,18 @@ def classify(
         kind, index = _kind_on_cone((H + H.T) / 2, weak, (up, down), walls)
     found = dataclasses.replace(plain, kind=kind, index=index, is_regular=not (verdict.flat or along.size))
     return found, dataclasses.replace(verdict.point, closed=point.closed)
+
+
+def _of_digits(
+    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, along: Floats
+) -> FlatVerdict | None:
+    """The verdict on all directions beside those of a continuum (n, d) by many digits, where these decide."""
+    equations = RestEquations(problem, point.closed, scales)
+    found = precise_zeros.signs(
+        equations,
+        np.concatenate([point.q, point.lam[[*range(problem.C), *(problem.C + k for k in point.closed)]]]),
+    )
+    return None if found is None or found[2] != along.shape[1] else FlatVerdict(point, *found[:2])
 
 
 def _of_doubtful(

@@ -19,7 +19,7 @@ from lagcli.compiled.program import Program
 from lagcli.contact.least_distance import EPS
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
-from lagcli.statics import polynomial_equations
+from lagcli.statics import flat_directions, polynomial_equations
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_problem import StaticProblem
 
@@ -47,6 +47,9 @@ class PreciseZeroParameters:
     most: int = 12
     """Unknowns: time grows with the cube of their number. `test_equations_of_twelve_unknowns_have_many_digits` fails at
     1 and 120."""
+    digits_of_signs: int = 60
+    """Digits of the arithmetic in which signs of curvatures are looked for, twenty of them rounding: no zero has to be
+    found there that is degenerate. `test_a_curvature_of_twenty_digits_less_has_a_sign` fails at 30."""
     doubtful: float = 1e-3
     """Gradients that are dependent but for this part may be so at the zero, and then it is known to a part of its
     digits. `test_a_zero_is_doubtful_where_a_curvature_is_a_thousandth` fails at 1e-4 and 1e-2."""
@@ -71,7 +74,7 @@ def is_known(equations: RestEquations, x: Floats) -> bool:
     if len(equations.problem.times) > 1 or x.size > PARAMETERS.most or equations.closed is None:
         return False
     try:
-        multiprecision.require_known(equations.problem.precise_program(equations.closed))
+        multiprecision.require_known(equations.precise_program)
     except multiprecision.Unknown:
         return False
     return True
@@ -80,10 +83,10 @@ def is_known(equations: RestEquations, x: Floats) -> bool:
 def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     """The zero (k,) of the equations that Newton's steps from x come to, as doubles; None where they come to none near
     by, and where the equations are large, hold t or a function that is not known in many digits."""
-    if not is_known(equations, x) or equations.closed is None:
+    if not is_known(equations, x):
         return None
     problem = equations.problem
-    found = _approached(problem, problem.precise_program(equations.closed), x, equations.scales.length)
+    found = _approached(problem, equations.precise_program, x, equations.scales.length)
     if found is None:
         return None
     # What is below the rounding of lengths is zero.
@@ -112,26 +115,79 @@ def _approached(problem: StaticProblem, program: Program, x: Floats, length: flo
     """The zero (k,) near x of the values of a program, which are followed by their gradients; None where Newton's steps
     come to none."""
     with decimal.localcontext(prec=PARAMETERS.digits):
-        numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
-        size = Decimal(length)
-        count = program.results // (x.size + 1)
-        begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
-
-        def at(x: Point) -> _InDigits | None:
-            if max(map(abs, x[: problem.n] - begun[: problem.n])) > Decimal(PARAMETERS.far) * size:
-                return None  # along a tail steps go on for ever
-            try:
-                values = multiprecision.run(program, [list(x), numbers], number)
-            except multiprecision.NotFinite:
-                return None
-            rows = [values[count + i :: count] for i in range(count)]
-            return _InDigits(values[:count], rows, size)
-
-        end = surface.approach(at, begun, steps=PARAMETERS.steps)
+        at = _AtPoint(problem, program, x, length, PARAMETERS.arrived)
+        end = surface.approach(at, at.begun, steps=PARAMETERS.steps)
         arrived = None if end is None else at(end.x)
         if end is None or arrived is None or not arrived.is_there:
             return None
         return np.array([float(value) for value in end.x])
+
+
+def is_away(equations: RestEquations, x: Floats) -> bool:
+    """True if Newton's first step from x in many digits leaves its neighbourhood: beside terms of 1e14 doubles see no
+    force, and no zero is near."""
+    with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
+        length = equations.scales.length
+        at = _AtPoint(equations.problem, equations.precise_program, x, length, PARAMETERS.arrived)
+        begun = at(at.begun)
+        return begun is not None and begun.distance > flat_directions.PARAMETERS.near
+
+
+def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
+    """How many curvatures of the function, on what rows and closed contacts leave at the zero next to x, are positive,
+    negative and zero. None where Newton's steps do not square their length, as beside a zero that is degenerate, or
+    where a number of the equations is not exact: a curvature might be its rounding."""
+    if not is_known(equations, x) or not _is_exact(equations.problem, equations.precise_program):
+        return None
+    n = equations.problem.n
+    with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
+        length = equations.scales.length
+        at = _AtPoint(equations.problem, equations.precise_program, x, length, _rounding())
+        end = surface.approach(at, at.begun)
+        there = at(end.x) if end is not None and end.is_met else None
+        if there is None:
+            return None
+        free = _null_basis([row[:n] for row in there.gradients[n:]], n)
+        K = [row[:n] for row in there.gradients[:n]]
+        bent = [[_product(row, along) for row in K] for along in free]
+        H = [[-_product(along, each) for along in free] for each in bent]
+        return _inertia(H, _largest(K))
+
+
+def _is_exact(problem: StaticProblem, program: Program) -> bool:
+    """True if all numbers of a problem are as they were written."""
+    constants = (value for name, *_, value in program.steps if name == "const")
+    try:
+        for value in (problem.t, *problem.p.tolist(), *constants):
+            polynomial_equations.exact(value)
+    except polynomial_equations.NotPolynomial:
+        return False
+    return True
+
+
+class _AtPoint:
+    """The values of a program, which are followed by their gradients, at a point (k,) of `Decimal`, in the digits of
+    the context; None where there are none, and far from x."""
+
+    def __init__(
+        self, problem: StaticProblem, program: Program, x: Floats, length: float, arrived: Decimal
+    ) -> None:
+        self._program, self._n = program, problem.n
+        self._numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
+        self._length, self._arrived = Decimal(length), arrived
+        self._count = program.results // (x.size + 1)
+        self.begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
+
+    def __call__(self, x: Point) -> _InDigits | None:
+        way = max(map(abs, x[: self._n] - self.begun[: self._n]))
+        if way > Decimal(PARAMETERS.far) * self._length:
+            return None  # along a tail steps go on for ever
+        try:
+            values = multiprecision.run(self._program, [list(x), self._numbers], number)
+        except multiprecision.NotFinite:
+            return None
+        rows = [values[self._count + i :: self._count] for i in range(self._count)]
+        return _InDigits(values[: self._count], rows, self._length, self._arrived)
 
 
 @memory.remembered(4096)
@@ -147,12 +203,13 @@ def number(value: float) -> Decimal:
 class _InDigits:
     """Equations f (m,) with gradients (m, k) at a point, in many digits."""
 
-    def __init__(self, f: Numbers, gradients: list[Numbers], length: Decimal) -> None:
+    def __init__(self, f: Numbers, gradients: list[Numbers], length: Decimal, arrived: Decimal) -> None:
+        self.gradients = gradients
         self._step, left = _solved(gradients, f)
         steepest = _largest(gradients)
         longest = max(map(abs, self._step), default=ZERO)
         # Of a degenerate zero the steps fall and not the forces: those of a steep direction cancel the others before.
-        self.distance, self.is_there = float(longest / length), longest <= PARAMETERS.arrived * length
+        self.distance, self.is_there = float(longest / length), longest <= arrived * length
         # What no step changes is no zero, but where it is of the second order of the step.
         self.is_there &= left <= steepest * (longest + length * _rounding())
 
@@ -170,12 +227,11 @@ def _rounding() -> Decimal:
     return Decimal(10) ** (20 - decimal.getcontext().prec)
 
 
-def _solved(rows: list[Numbers], f: Numbers) -> tuple[Numbers, Decimal]:
-    """x (k,) with f + rows x = 0 by elimination with the largest pivots, 0 of unknowns that are left free; and the
-    largest |f + rows x| of the rows that are left over."""
-    left = [[*row, -value] for row, value in zip(rows, f, strict=True)]
-    k = len(rows[0])
-    nothing = _largest(rows) * _rounding()
+def _eliminated(rows: list[Numbers], k: int) -> tuple[list[tuple[int, Numbers]], list[Numbers]]:
+    """Rows with a pivot each in one of the first k columns, the largest that was left, with zeros in those of the rows
+    above; and the rows that are left over."""
+    left = [list(row) for row in rows]
+    nothing = _largest([row[:k] for row in rows]) * _rounding()
     done: list[tuple[int, Numbers]] = []
     free = list(range(k))
     while free and left:
@@ -189,9 +245,59 @@ def _solved(rows: list[Numbers], f: Numbers) -> tuple[Numbers, Decimal]:
         for row in left:
             if row[j]:
                 factor = row[j] / pivot[j]
-                for column in (*free, k):
+                for column in (*free, *range(k, len(row))):
                     row[column] -= factor * pivot[column]
-    x = [ZERO] * k
-    for j, row in reversed(done):
-        x[j] = (row[k] - sum((row[i] * x[i] for i in range(k) if x[i] and i != j), ZERO)) / row[j]
+                row[j] = ZERO
+    return done, left
+
+
+def _with_pivots(done: list[tuple[int, Numbers]], x: Numbers, right: Numbers) -> Numbers:
+    """x (k,) with rows x = right (pivots,): the unknowns with a pivot follow from the others."""
+    for (j, row), value in reversed(list(zip(done, right, strict=True))):
+        x[j] = (value - sum((row[i] * x[i] for i in range(len(x)) if x[i] and i != j), ZERO)) / row[j]
+    return x
+
+
+def _solved(rows: list[Numbers], f: Numbers) -> tuple[Numbers, Decimal]:
+    """x (k,) with f + rows x = 0 by elimination with the largest pivots, 0 of unknowns that are left free; and the
+    largest |f + rows x| of the rows that are left over."""
+    k = len(rows[0])
+    done, left = _eliminated([[*row, -value] for row, value in zip(rows, f, strict=True)], k)
+    x = _with_pivots(done, [ZERO] * k, [row[k] for _, row in done])
     return x, max((abs(row[k]) for row in left), default=ZERO)
+
+
+def _null_basis(rows: list[Numbers], k: int) -> list[Numbers]:
+    """Vectors (k,) that span what rows leave."""
+    done, _ = _eliminated(rows, k)
+    taken = {j for j, _ in done}
+    units = [[Decimal(i == j) for i in range(k)] for j in range(k) if j not in taken]
+    return [_with_pivots(done, unit, [ZERO] * len(done)) for unit in units]
+
+
+def _product(a: Numbers, b: Numbers) -> Decimal:
+    return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
+
+
+def _inertia(H: list[Numbers], unit: Decimal) -> tuple[int, int, int]:
+    """The numbers of positive, negative and zero eigenvalues of a symmetric matrix (k, k) whose entries have a size."""
+    H, up, down = [list(row) for row in H], 0, 0
+    nothing = unit * _rounding()
+    while H:
+        places = [(i, j) for i in range(len(H)) for j in range(i + 1)]
+        i, j = max(places, key=lambda at: (abs(H[at[0]][at[1]]), at[0] == at[1]))
+        if abs(H[i][j]) <= nothing:
+            break
+        if i != j:  # along x_i = +-x_j, one of the two, there is more
+            sign = 1 if (H[i][i] + H[j][j]) * H[i][j] >= 0 else -1
+            H[i] = [a + sign * b for a, b in zip(H[i], H[j], strict=True)]
+            for row in H:
+                row[i] += sign * row[j]
+        pivot = H.pop(i)
+        up, down = up + (pivot[i] > 0), down + (pivot[i] < 0)
+        for row in H:
+            factor = row[i] / pivot[i]
+            for column in range(len(pivot)):
+                row[column] -= factor * pivot[column]
+            del row[i]
+    return up, down, len(H)

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.compiled.program import Program
 from lagcli.contact.least_distance import EPS
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.errors import diagnostics
@@ -50,6 +51,13 @@ class RestEquations:
         self.acting = list(range(problem.K)) if closed is None else list(closed)
         self.rows = problem.C + len(self.acting)
         self.size = problem.n + self.rows * len(problem.times)
+
+    @property
+    def precise_program(self) -> Program:
+        """The equations with their gradient, as they are computed in many digits; not where contacts are not told
+        apart."""
+        assert self.closed is not None
+        return self.problem.precise_program(self.closed)
 
     def all_multipliers(self, multipliers: Floats) -> Floats:
         """lambda of all rows (C + K,) from those of the rows that act."""

@@ -56,3 +56,25 @@ def test_a_continuum_has_a_zero_at_each_of_its_points() -> None:
     assert found is not None
     assert np.abs(found - at).max() < 1e-3
     assert abs(found[0] - 2 * found[1] + 1.1) < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("of", "expected"),
+    [
+        (lambda q: q[0] ** 2 - 1e-20 * q[1] ** 2 + 3 * q[0] * q[2], (1, 2, 0)),
+        (lambda q: q[0] * q[1] - 2 * q[0] * q[2] + q[1] * q[2] * 1e-20, (2, 1, 0)),
+        (lambda q: (q[0] - 2 * q[1]) ** 2 - q[2] ** 2, (1, 1, 1)),
+        (lambda q: q[0] ** 2 - q[1] ** 2 + q[2] ** 4, (1, 1, 1)),
+    ],
+)
+def test_a_curvature_of_twenty_digits_less_has_a_sign(of: Build, expected: tuple[int, int, int]) -> None:
+    assert precise_zeros.signs(equations(of, 3), np.zeros(3)) == expected
+
+
+def test_beside_a_degenerate_zero_no_sign_is_told() -> None:
+    assert precise_zeros.signs(equations(lambda q: (q - 0.3) ** 4), np.array([0.3 + 1e-6])) is None
+
+
+def test_a_number_that_nobody_wrote_gives_no_sign() -> None:
+    of = lambda q: q**3 / 3 - np.sqrt(2) * q**2 + 2 * q  # noqa: E731
+    assert precise_zeros.signs(equations(of), np.array([np.sqrt(2)])) is None
