@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
 import os
 import pathlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -65,69 +65,21 @@ def animate(
     The page on standard output without -o. A model is simulated with its own settings. Exit 3 where the run stops
     before its end: the page of what there is stands in FILE.partial, and FILE is as it was.
     """
-    options = AnimateOptions(source, output, model, tuple(changes or ()), quiet, verbose)
-    options.require({**run_settings, "from": begin})
-    carry_out(options, run_settings, begin)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class AnimateOptions:
-    """Options of `animate` besides the settings of the run; source: MODEL or FILE."""
-
-    source: str
-    output: str | None
-    model: str | None
-    changes: tuple[str, ...]
-    quiet: bool
-    verbose: bool
-
-    @property
-    def is_table(self) -> bool:
-        """True if the source is a table by its ending."""
-        return formats.is_table(self.source)
-
-    @property
-    def file(self) -> str | None:
-        """The file that is written; None for standard output."""
-        return None if self.output in (None, "-") else self.output
-
-    def require(self, given: dict[str, object]) -> None:
-        """Refuse what cannot be done. Raises `exits.UsageError`, `write_guard.WriteError`."""
-        if not self.is_table and self.model is not None:
-            raise exits.UsageError(f"--model is of a table, and {self.source} is a model")
-        if self.is_table:
-            own = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
-            if own:
-                raise exits.UsageError(f"{own[0]} is of a run, and {self.source} is the table of one")
-            if self.changes and self.model is None:
-                raise exits.UsageError("--set is of a model; give that of the table with --model")
-        model_reading.require_models([self.source, *([self.model] if self.model else [])])
-        if self.file is None and sys.stdout.isatty():
-            raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
-        if self.file is not None:
-            read = [("MODEL", self.source), ("MODEL", self.model or None)]
-            file_requests.require(read, ("--output", self.file, formats.ANIMATIONS))
-
-
-def carry_out(options: AnimateOptions, given: RunSettings, row: str | None) -> None:
-    """Make the scene and write it. Raises `exits.Exit` with 3 where the run stopped before its end."""
-    from lagcli.output.animation.point_tracks import NothingToShow
-    from lagcli.running.trajectory import SimulationStopped
-
-    write = writer(options.file)
-    try:
-        scene, reason = _of_table(options) if options.is_table else _of_model(options, given, row)
-    except NothingToShow as error:
-        raise exits.UsageError(str(error)) from None
-    except SimulationStopped as stopped:
-        exits.print_err(f"lagcli: {stopped.reason}; there is no row to show")
-        raise exits.Exit(exits.STOPPED) from None
-    target = pathlib.Path(options.file) if options.file is not None else None
+    is_table, file = formats.is_table(source), None if output == "-" else output
+    _require(source, file, model, changes, {**run_settings, "from": begin})
+    write = _writer(file)
+    if is_table:
+        scene, reason = _of_table(source, model, changes), ""
+    else:
+        scene, reason = _of_model(source, changes, verbose, run_settings, begin)
+    target = pathlib.Path(file) if file is not None else None
     if reason and target is not None:
         target = atomic_file.partial_of(target)
     write(target, scene)
-    if not options.quiet:
-        print_report(target, scene)
+    exits.print_notes(scene.notes, quiet)
+    if target is not None and not quiet:
+        size = os.path.getsize(target)
+        exits.print_err(f"done: {target}, {size / 1e6:.2f} MB, {len(scene.t)} instants")
     if reason:
         if target is not None:
             exits.print_err(f"lagcli: what there is of the run is in {target}")
@@ -135,15 +87,26 @@ def carry_out(options: AnimateOptions, given: RunSettings, row: str | None) -> N
         raise exits.Exit(exits.STOPPED)
 
 
-def print_report(target: pathlib.Path | None, scene: Scene) -> None:
-    """The account of what was written."""
-    exits.print_err_all(f"note: {note}" for note in scene.notes)
-    if target is not None:
-        size = os.path.getsize(target)
-        exits.print_err(f"done: {target}, {size / 1e6:.2f} MB, {len(scene.t)} instants")
+def _require(
+    source: str, file: str | None, model: str | None, changes: list[str] | None, given: dict[str, object]
+) -> None:
+    """Refuse what cannot be done with this MODEL or FILE. Raises `exits.UsageError`, `write_guard.WriteError`."""
+    if not formats.is_table(source):
+        if model is not None:
+            raise exits.UsageError(f"--model is of a table, and {source} is a model")
+    elif of_runs := [name.replace("_", "-") for name, value in given.items() if value is not None]:
+        raise exits.UsageError(f"--{of_runs[0]} is of a run, and {source} is the table of one")
+    elif changes and model is None:
+        raise exits.UsageError("--set is of a model; give that of the table with --model")
+    model_reading.require_models([source, *([model] if model else [])])
+    if file is None and sys.stdout.isatty():
+        raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
+    if file is not None:
+        read = [("MODEL", source), ("MODEL", model or None)]
+        file_requests.require(read, ("--output", file, formats.ANIMATIONS))
 
 
-def writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
+def _writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
     """The function that writes a scene, by the ending; it is known before any work whether a film can be written.
     Raises `exits.UsageError`."""
     fmt = formats.of(pathlib.Path(file), formats.ANIMATIONS) if file is not None else "html"
@@ -175,23 +138,31 @@ def _write_page(path: pathlib.Path | None, scene: Scene) -> None:
         page.write(path, scene)
 
 
-def _of_table(options: AnimateOptions) -> tuple[Scene, str]:
-    from lagcli.api import animate as animating
-    from lagcli.output.tables import read_table
+@contextlib.contextmanager
+def _showing() -> Iterator[None]:
+    """Around what makes a scene: where there is nothing to show that is refused."""
+    from lagcli.output.animation.point_tracks import NothingToShow
 
-    model = model_reading.load(options.model, list(options.changes)) if options.model is not None else None
     try:
-        return animating.of_file(options.source, model), ""
-    except read_table.UNREADABLE as error:
+        yield
+    except NothingToShow as error:
         raise exits.UsageError(str(error)) from None
-    except OSError as error:
-        raise exits.UsageError(f"cannot read {options.source}: {error.strerror or error}") from None
 
 
-def _of_model(options: AnimateOptions, given: RunSettings, row: str | None) -> tuple[Scene, str]:
+def _of_table(source: str, model: str | None, changes: list[str] | None) -> Scene:
     from lagcli.api import animate as animating
 
-    model = model_reading.load(options.source, list(options.changes))
-    if options.verbose:
-        exits.print_err_all(warning.render() for warning in model.warnings)
-    return animating.as_far(model, given, row)
+    read = model_reading.load(model, changes) if model is not None else None
+    with _showing(), model_reading.reading(source):
+        return animating.of_file(source, read)
+
+
+def _of_model(
+    source: str, changes: list[str] | None, verbose: bool, given: RunSettings, row: str | None
+) -> tuple[Scene, str]:
+    """The scene of a run, and why it stopped before its end, or nothing."""
+    from lagcli.api import animate as animating
+
+    model = model_reading.read(source, changes, False, verbose)
+    with _showing(), model_reading.stops("show"):
+        return animating.as_far(model, given, row)

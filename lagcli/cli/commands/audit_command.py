@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import textwrap
 from typing import TYPE_CHECKING, Annotated
@@ -17,8 +16,6 @@ from lagcli.output.files import file_requests, formats, json_text, write_guard
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit, Check
-    from lagcli.model.model import Model
-    from lagcli.output.tables.incident_table import IncidentTable
 
 
 LEAST_WHERE = 12  # columns of the terminal for the location of the worst entry
@@ -54,105 +51,63 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    has_rows = any(run_settings.get(name) is not None for name in ("duration", "samples", "output_step"))
-    asked = AuditOptions(run, events, plot, digits, as_json, quiet, verbose, has_rows)
-    asked.require(model)
+    _require(model, run, events, plot, run_settings)
     read = model_reading.read(model, changes, as_json)
-    model_reading.reported(lambda: carry_out(read, run_settings, asked), as_json)
+    from lagcli.api import audit as auditing
+    from lagcli.auditing.evidence.table_input import TableError
+    from lagcli.output.tables import incident_table
 
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class AuditOptions:
-    """Options of `audit` besides the settings of the run; `has_rows`: those that say where its rows are are given."""
-
-    table: str | None
-    events: str | None
-    plot: str | None
-    digits: bool
-    as_json: bool
-    quiet: bool
-    verbose: bool
-    has_rows: bool
-
-    def require(self, model: str) -> None:
-        """Refuse what cannot be done with this MODEL."""
-        file_requests.require_endings((self.plot, formats.FIGURES), (self.table, formats.TABLES))
-        if self.table is not None and not os.path.exists(self.table):
-            raise exits.UsageError(f"--run: there is no file {self.table}")
-        if self.events is not None:
-            file_requests.require_endings((self.events, formats.TABLES))
-            if self.table is None:
-                raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
-            if not os.path.exists(self.events):
-                raise exits.UsageError(f"--events: there is no file {self.events}")
-        if self.plot is not None:
-            read = [("MODEL", model), ("--run", self.table), ("--events", self.events)]
-            file_requests.require(read, ("--plot", self.plot, formats.FIGURES))
-        if self.table is not None and self.has_rows:
-            raise exits.UsageError(
-                "--run: the table has its own rows; --duration, --samples and --output-step are of a new run"
-            )
-
-
-def carry_out(model: Model, given: RunSettings, options: AuditOptions) -> None:
-    """Audit and print the report. Raises `exits.Exit` with 1 where a check fails, with 3 where the run stopped before
-    its end."""
-    found = _audited(model, given, options)
-    if options.plot is not None:
-        with write_guard.drawing(options.plot):
+    incidents = None
+    if events is not None:
+        with model_reading.reading(events, "--events"):
+            incidents = incident_table.read(events)
+    with (
+        model_reading.refusals(as_json),
+        model_reading.stops("audit"),
+        model_reading.reading(str(run), "--run"),
+    ):
+        try:
+            found = auditing.audit(read, run, digits=digits, events=incidents, **run_settings)
+        except TableError as error:
+            raise exits.UsageError(f"--run {run}: {error}") from None
+    if plot is not None:
+        with write_guard.drawing(plot):
             from lagcli.output.figures import audit_figure, figure_page
 
-            figure_page.write(options.plot, audit_figure.compose(found, model.units.time))
-    if options.as_json:
+            figure_page.write(plot, audit_figure.compose(found, read.units.time))
+    if as_json:
         print(json_text.text(found.as_json()))
     else:
-        _print_report(found, options)
-    if not options.quiet:
-        exits.print_err_all(f"note: {note}" for note in found.notes)
+        _print_report(found, verbose)
+    exits.print_notes(found.notes, quiet)
     if not found.passed:
         raise exits.Exit(exits.INVALID)
     if not found.complete:
         raise exits.Exit(exits.STOPPED)
 
 
-def _audited(model: Model, given: RunSettings, options: AuditOptions) -> Audit:
-    """The audit. Raises `exits.UsageError` for a table that is none, or not of this model, `exits.Exit` with 3 where
-    the run stopped before its first row."""
-    from lagcli.api import audit as auditing
-    from lagcli.auditing.evidence.table_input import TableError
-    from lagcli.output.tables import read_table
-    from lagcli.running.trajectory import SimulationStopped
-
-    try:
-        return auditing.audit(model, options.table, digits=options.digits, events=_events(options), **given)
-    except OSError as error:
-        raise exits.UsageError(f"--run: cannot read {options.table}: {error.strerror}") from None
-    except read_table.UNREADABLE as error:
-        raise exits.UsageError(f"--run: {error}") from None
-    except SimulationStopped as stopped:
-        exits.print_err(f"lagcli: {stopped.reason}; there is no row to audit")
-        raise exits.Exit(exits.STOPPED) from None
-    except TableError as error:
-        raise exits.UsageError(f"--run {options.table}: {error}") from None
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
+def _require(model: str, run: str | None, events: str | None, plot: str | None, given: RunSettings) -> None:
+    """Refuse what cannot be done with this MODEL. Raises `exits.UsageError`, `write_guard.WriteError`."""
+    file_requests.require_endings((plot, formats.FIGURES), (run, formats.TABLES))
+    if run is not None and not os.path.exists(run):
+        raise exits.UsageError(f"--run: there is no file {run}")
+    if events is not None:
+        file_requests.require_endings((events, formats.TABLES))
+        if run is None:
+            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
+        if not os.path.exists(events):
+            raise exits.UsageError(f"--events: there is no file {events}")
+    if plot is not None:
+        read = [("MODEL", model), ("--run", run), ("--events", events)]
+        file_requests.require(read, ("--plot", plot, formats.FIGURES))
+    has_rows = any(given.get(name) is not None for name in ("duration", "samples", "output_step"))
+    if run is not None and has_rows:
+        raise exits.UsageError(
+            "--run: the table has its own rows; --duration, --samples and --output-step are of a new run"
+        )
 
 
-def _events(options: AuditOptions) -> IncidentTable | None:
-    """The incidents in the file of `--events`. Raises `exits.UsageError` for one that is none."""
-    from lagcli.output.tables import incident_table, read_table
-
-    if options.events is None:
-        return None
-    try:
-        return incident_table.read(options.events)
-    except OSError as error:
-        raise exits.UsageError(f"--events: cannot read {options.events}: {error.strerror}") from None
-    except read_table.UNREADABLE as error:
-        raise exits.UsageError(f"--events: {error}") from None
-
-
-def _print_report(found: Audit, options: AuditOptions) -> None:
+def _print_report(found: Audit, verbose: bool) -> None:
     """The report: a table of checks, what fails by name, and what the rows determine uniquely."""
     from lagcli.auditing import audit_lines
     from lagcli.output.figures import labels
@@ -165,9 +120,7 @@ def _print_report(found: Audit, options: AuditOptions) -> None:
     )
     print(
         "\n"
-        + "\n".join(
-            diagnostics.printable(line) for line in _table_of(found.checks, report.rows, options.verbose)
-        )
+        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, report.rows, verbose))
         + "\n"
     )
     for head, faults, others in report.failures:

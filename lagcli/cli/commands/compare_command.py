@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +14,6 @@ from lagcli.output.files import file_requests, json_text
 
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Comparison
-    from lagcli.model.model import Model
 
 OtherArgument = Annotated[
     str | None,
@@ -90,14 +89,17 @@ def compare(
     for option, value in (("--mu", mu), ("--output", output), ("--plot", plot)):
         if value and not vakonomic:
             raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
-    read = model_reading.reported(lambda: [model_reading.load(path, changes) for path in paths], as_json)
-    given: dict[str, object] = {
-        **run_settings, "columns": columns or "*", "tolerance": tolerance, "vakonomic": vakonomic
-    }  # fmt: skip
+    with model_reading.json_errors(as_json):
+        read = [model_reading.load(path, changes) for path in paths]
     if verbose:
-        exits.print_err_all(warning.render() for one in read for warning in one.warnings)
-    given["mu"] = _initial_multipliers(mu or ())
-    found = model_reading.reported(lambda: _compared(read, given, (output, plot)), as_json)
+        exits.print_warnings(warning for one in read for warning in one.warnings)
+    given: options.Keywords = {"columns": columns or "*", "tolerance": tolerance, "vakonomic": vakonomic}
+    given |= {**run_settings, "mu": _initial_multipliers(mu or ())}
+    from lagcli.api import compare_to_files
+
+    with model_reading.refusals(as_json):
+        found, lines = compare_to_files.compare_to_files(read, given, output, plot)
+    exits.print_err_all(lines)
     _print_report(found, output == "-", as_json, quiet)
 
 
@@ -116,20 +118,6 @@ def _initial_multipliers(given: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _compared(
-    models: Sequence[Model], given: Mapping[str, object], files: tuple[str | None, str | None]
-) -> Comparison:
-    """The answer, the table and the figure of which are written. Raises `exits.UsageError`."""
-    from lagcli.api import compare_to_files
-
-    try:
-        found, lines = compare_to_files.compare_to_files(models, given, *files)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
-    exits.print_err_all(lines)
-    return found
-
-
 def _print_report(found: Comparison, is_stdout_taken: bool, as_json: bool, quiet: bool) -> None:
     """Print the answer. Raises `exits.Exit` where formulations disagree or a run stopped."""
     from lagcli.formulations import comparison_lines
@@ -144,8 +132,7 @@ def _print_report(found: Comparison, is_stdout_taken: bool, as_json: bool, quiet
         for sentence in filter(None, (lines.agreement, lines.principles)):
             print()
             console.paragraph(sentence, "    ")
-    if not quiet:
-        exits.print_err_all(f"note: {note}" for note in found.notes)
+    exits.print_notes(found.notes, quiet)
     if lines.disagreement:
         exits.print_err(f"lagcli: {lines.disagreement}")
         raise exits.Exit(exits.INVALID)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,11 +13,6 @@ from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.output.files import json_text
-
-if TYPE_CHECKING:
-    from lagcli.derivation import Derivation
-    from lagcli.model.model import Model
-
 
 # Text is at least and at most so wide on a terminal, and WIDTH where there is none.
 NARROW, WIDE, WIDTH = 60, 140, 100
@@ -68,32 +63,13 @@ def derive(
     if fragment and form != "latex":
         raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
     names = [name.strip() for name in values.split(",") if name.strip()]
-    given: options.Keywords = {
-        "solve": solve, "everything": everything, "values": names, "limit": limit,
-    }  # fmt: skip
     read = model_reading.read(model, changes, form == "json")
     began = time.perf_counter()
-    page = model_reading.reported(lambda: _derived(read, given), form == "json")
-    _print(page, form, fragment)
-    if not quiet:
-        exits.print_err_all(warning.render() for warning in (read.warnings if verbose else ()))
-    if verbose:
-        exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
-
-
-def _derived(model: Model, given: options.Keywords) -> Derivation:
-    """The derivation. Raises `exits.UsageError` for values of parameters there are not, `ModelError`."""
     from lagcli.api import derive as deriving
 
-    try:
-        return deriving.derive(model, **given)
-    except ValueError as error:
-        raise exits.UsageError(f"--values: {error}") from None
-
-
-def _print(page: Derivation, chosen: str, fragment: bool) -> None:
-    """Print it."""
-    match chosen:
+    with model_reading.refusals(form == "json", "--values: {}".format):
+        page = deriving.derive(read, solve=solve, everything=everything, values=names, limit=limit)
+    match form:
         case "latex":
             print(page.latex(fragment))
         case "markdown":
@@ -104,6 +80,9 @@ def _print(page: Derivation, chosen: str, fragment: bool) -> None:
             print(json_text.text(page.as_json()))
         case _:
             print(page.text(_width()))
+    if verbose:
+        exits.print_warnings(() if quiet else read.warnings)
+        exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
 
 
 def _width() -> int:

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from lagcli.analysis.contact_directions import ContactCondition
     from lagcli.analysis.displacement_set import Components, Displacements
     from lagcli.analysis.internal_forces import Internal
-    from lagcli.model.model import Model
 
 
 MOST_COLUMNS, MOST_LINES = 8, 40  # of a basis, as fit a terminal; and its lines
@@ -47,62 +46,56 @@ def displacements(
     Exit 3 where the motion stops before T.
     """
     read = model_reading.read(model, changes, as_json)
-    model_reading.reported(lambda: carry_out(read, at, run_settings, as_json, quiet), as_json)
-
-
-def carry_out(model: Model, at: float | None, given: RunSettings, as_json: bool, quiet: bool) -> None:
-    """Run to the time and print the displacements. Raises `exits.UsageError`, `exits.Exit` where the motion does not
-    get there."""
     from lagcli.api import find_displacements
-    from lagcli.running.trajectory import SimulationStopped
 
-    try:
-        found = find_displacements.displacements(model, at, **given)
-    except ValueError as error:
-        raise exits.UsageError(f"--{error}" if str(error).startswith("at: ") else str(error)) from None
-    except SimulationStopped as stop:
-        exits.print_err(f"lagcli: {stop}")
-        raise exits.Exit(exits.STOPPED) from None
+    with (
+        model_reading.refusals(as_json, lambda text: f"--{text}" if text.startswith("at: ") else text),
+        model_reading.stops(),
+    ):
+        found = find_displacements.displacements(read, at, **run_settings)
     if as_json:
         print(json_text.text(found.as_json()))
     else:
-        bases, parts = found.bases, found.components
-        n = len(parts.names)
-        label = "3N" if n == 3 * len(found.particles) else "n"
-        console.paragraph(
-            f"t = {found.t:.9g}: {_number(n, 'coordinate')}, {_number(bases.rows, 'row')} of rank {bases.rank};"
-            f" {label} - rank = {n} - {bases.rank} = {_number(bases.dimension, 'virtual displacement')}",
-            "    ",
-        )
-        print()
-        _table(found)
-        print()
-        console.paragraph(
-            f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
-        )
-        console.paragraph(_allowed(found), "    ")
-        console.paragraph(
-            f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
-            "    ",
-        )
-        if bases.dimension > MOST_COLUMNS:
-            console.paragraph(
-                f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    "
-            )
-        print()
-        if found.contacts.contacts:
-            _contacts(found)
-            print()
-        _components(parts)
-        print()
-        _internal(found.internal)
-    if quiet:
-        return
-    exits.print_err_all(found.assembled.lines(model.units) if found.assembled else ())
-    exits.print_err_all(f"note: {note}; displacements do not depend on velocities" for note in found.notes)
-    exits.print_err_all(f"note: {note}" for note in found.contacts.notes)
+        _print_report(found)
+    if not quiet:
+        exits.print_err_all(found.assembled.lines(read.units) if found.assembled else ())
+    exits.print_notes((f"{note}; displacements do not depend on velocities" for note in found.notes), quiet)
+    exits.print_notes(found.contacts.notes, quiet)
     if not found.bases.is_certain:
-        exits.print_err("note: the rows are nearly dependent here; the lower of the possible ranks is taken")
+        exits.print_notes(
+            ["the rows are nearly dependent here; the lower of the possible ranks is taken"], quiet
+        )
+
+
+def _print_report(found: Displacements) -> None:
+    bases, parts = found.bases, found.components
+    n = len(parts.names)
+    label = "3N" if n == 3 * len(found.particles) else "n"
+    console.paragraph(
+        f"t = {found.t:.9g}: {_number(n, 'coordinate')}, {_number(bases.rows, 'row')} of rank {bases.rank};"
+        f" {label} - rank = {n} - {bases.rank} = {_number(bases.dimension, 'virtual displacement')}",
+        "    ",
+    )
+    print()
+    _table(found)
+    print()
+    console.paragraph(
+        f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
+    )
+    console.paragraph(_allowed(found), "    ")
+    console.paragraph(
+        f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
+        "    ",
+    )
+    if bases.dimension > MOST_COLUMNS:
+        console.paragraph(f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    ")
+    print()
+    if found.contacts.contacts:
+        _contacts(found)
+        print()
+    _components(parts)
+    print()
+    _internal(found.internal)
 
 
 def _allowed(found: Displacements) -> str:

@@ -33,17 +33,17 @@ def dof(
     from lagcli.api import count_dof
 
     read = model_reading.read(model, changes, as_json)
-    counted = model_reading.reported(lambda: count_dof.dof(read, limit=limit), as_json)
+    with model_reading.json_errors(as_json):
+        counted = count_dof.dof(read, limit=limit)
     if as_json:
         print(json_text.text(counted.as_json()))
     elif explain:
         print("\n".join(_lines(counted)))
     elif counted.configuration_dof is not None:
         print(counted.configuration_dof)
-    if not quiet and not explain:
-        exits.print_err_all(f"note: {note}" for note in counted.notes)
+    exits.print_notes(counted.notes, quiet or explain)
     if verbose:
-        exits.print_err_all(warning.render() for warning in read.warnings)
+        exits.print_warnings(read.warnings)
         exits.print_err_all(() if explain else _lines(counted))
     if counted.configuration_dof is None:
         low, high = counted.bounds

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from lagcli.cli.commands import options, static_points_text
+from lagcli.cli.commands import model_reading, options, static_points_text
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
-
-if TYPE_CHECKING:
-    from lagcli.model.model import Model
-    from lagcli.statics.static_report import StaticReport
+from lagcli.output.files import file_requests
 
 
 @exits.command
@@ -30,11 +25,10 @@ def equilibrium(
 
     With lambda, R, the effective potential and the type by the bordered Hessian. Exit 4 where none is found.
     """
+    from lagcli.api import equilibrium as finding
 
-    def find(read: Model) -> StaticReport:
-        from lagcli.api import equilibrium as finding
-
-        return finding.equilibrium(read, starts=starts, seed=seed, limit=limit)
-
-    asked = static_points_text.PointOptions(output, as_json, quiet)
-    static_points_text.answer(model, changes, verbose, asked, find)
+    file_requests.require_outputs(model, output, None, as_json)
+    read = model_reading.read(model, changes, as_json, verbose)
+    with model_reading.refusals(as_json, "--{}".format):
+        found = finding.equilibrium(read, starts=starts, seed=seed, limit=limit)
+    static_points_text.print_report(read, found, output, as_json, quiet)

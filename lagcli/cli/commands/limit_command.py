@@ -13,7 +13,6 @@ from lagcli.output.files import file_requests, json_text
 
 if TYPE_CHECKING:
     from lagcli.formulations.stiff_ladder import StiffLimit
-    from lagcli.model.model import Model
 
 
 @exits.command
@@ -62,37 +61,26 @@ def limit(
     model_reading.require_models([model])
     file_requests.require_outputs(model, output, plot, as_json)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: options.Keywords = {
-        "constraint": constraint, "unprestressed": unprestressed, "ramp": ramp, **run_settings
-    }  # fmt: skip
+    given: options.Keywords = {"constraint": constraint, "unprestressed": unprestressed, "ramp": ramp}
+    given |= run_settings
     if stiffness:
         given["stiffness"] = stiffness
     if not quiet:
         given["told"] = lambda sentence: exits.print_err(f"note: {sentence}")
-    found = model_reading.reported(lambda: _followed(read, given, (output, plot)), as_json)
+    from lagcli.api import limit as limiting
+
+    with model_reading.refusals(as_json, lambda text: f"--{text}" if text.startswith("constraint") else text):
+        found, lines = limiting.limit_to_files(read, given, output, plot)
+    exits.print_err_all(lines)
     if as_json:
         print(json_text.text(found.as_json()))
     elif output != "-":
         _print_report(found)
-    if not quiet:
-        exits.print_err_all(f"note: {note}" for note in found.notes)
-        if found.ended:
-            exits.print_err(f"note: the ladder ends there: {found.ended}")
+    ended = (f"the ladder ends there: {found.ended}",) if found.ended else ()
+    exits.print_notes((*found.notes, *ended), quiet)
     if found.stopped:
         exits.print_err(f"lagcli: {found.stopped}")
         raise exits.Exit(exits.STOPPED)
-
-
-def _followed(model: Model, given: options.Keywords, files: tuple[str | None, str | None]) -> StiffLimit:
-    """The answer, the table and the figure of which are written. Raises `exits.UsageError`."""
-    from lagcli.api import limit as limiting
-
-    try:
-        found, lines = limiting.limit_to_files(model, given, *files)
-    except ValueError as error:
-        raise exits.UsageError(f"--{error}" if str(error).startswith("constraint") else str(error)) from None
-    exits.print_err_all(lines)
-    return found
 
 
 def _print_report(found: StiffLimit) -> None:

@@ -1,10 +1,11 @@
-"""MODEL of a command line, read with its changes, and its errors where they are asked for."""
+"""MODEL of a command line, read with its changes, and what is refused about it and what is asked of it."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
@@ -12,8 +13,6 @@ from lagcli.output.files import json_text
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
-
-T = TypeVar("T")
 
 
 def missing(path: str) -> exits.UsageError:
@@ -30,7 +29,7 @@ def missing(path: str) -> exits.UsageError:
     return exits.UsageError(f"there is no file {path}; the gallery has a model of this name: `{copy}`")
 
 
-def require_models(paths: list[str]) -> None:
+def require_models(paths: Sequence[str]) -> None:
     """Report a MODEL that does not exist before the others are worked on. Raises `exits.UsageError`."""
     for path in paths:
         if path != "-" and not os.path.exists(path):
@@ -59,17 +58,19 @@ def load(path: str, changes: list[str] | None) -> Model:
 
 
 def read(path: str, changes: list[str] | None, as_json: bool, verbose: bool = False) -> Model:
-    """The model as `load` gives it; its errors are reported as by `reported`, its warnings where `verbose`."""
-    found = reported(lambda: load(path, changes), as_json)
+    """The model as `load` gives it; its errors are JSON where that is asked for, its warnings printed if `verbose`."""
+    with json_errors(as_json):
+        model = load(path, changes)
     if verbose:
-        exits.print_err_all(warning.render() for warning in found.warnings)
-    return found
+        exits.print_warnings(model.warnings)
+    return model
 
 
-def reported(compute: Callable[[], T], as_json: bool) -> T:
-    """The value of `compute`; an invalid model is reported on stdout where JSON was asked for."""
+@contextlib.contextmanager
+def json_errors(as_json: bool) -> Iterator[None]:
+    """Inside the block an invalid model is reported on stdout where JSON was asked for."""
     try:
-        return compute()
+        yield
     except diagnostics.ModelError as error:
         if as_json:
             print(json_text.text(errors(error)))
@@ -77,6 +78,46 @@ def reported(compute: Callable[[], T], as_json: bool) -> T:
         raise
 
 
+@contextlib.contextmanager
+def refusals(as_json: bool = False, worded: Callable[[str], str] = str) -> Iterator[None]:
+    """Around a function of the Python interface: what it refuses is wrong on the command line, with exit 2.
+
+    worded: makes the message for the command line of its own; as_json: as of `json_errors`.
+    """
+    with json_errors(as_json):
+        try:
+            yield
+        except ValueError as error:
+            raise exits.UsageError(worded(str(error))) from None
+
+
+@contextlib.contextmanager
+def stops(rows_are_for: str = "") -> Iterator[None]:
+    """Around what needs rows: a run that stopped without them ends the command with exit 3, and says for what."""
+    from lagcli.running.trajectory import SimulationStopped
+
+    try:
+        yield
+    except SimulationStopped as stopped:
+        end = f"; there is no row to {rows_are_for}" if rows_are_for else ""
+        exits.print_err(f"lagcli: {stopped.reason}{end}")
+        raise exits.Exit(exits.STOPPED) from None
+
+
+@contextlib.contextmanager
+def reading(name: str, option: str = "") -> Iterator[None]:
+    """Around what reads the table `name`: one that cannot be read, or is none, is refused; option: what named it."""
+    from lagcli.output.tables import read_table
+
+    label = f"{option}: " if option else ""
+    try:
+        yield
+    except OSError as error:
+        raise exits.UsageError(f"{label}cannot read {name}: {error.strerror or error}") from None
+    except read_table.UNREADABLE as error:
+        raise exits.UsageError(f"{label}{error}") from None
+
+
 def errors(error: diagnostics.ModelError) -> dict[str, object]:
     """The JSON of an invalid model."""
-    return {"errors": [found.as_json() for found in error.diagnostics]}
+    return {"errors": [diagnostic.as_json() for diagnostic in error.diagnostics]}

@@ -57,11 +57,16 @@ def modes(
     page, figure = ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)
     file_requests.require([("MODEL", model)], page, figure)
     read = model_reading.read(model, changes, as_json, verbose)
-    given: options.Keywords = {
-        "about": about, "assemble": True if assemble else None, "limit": limit,
-        "lowest": lowest,
-    }  # fmt: skip
-    found = model_reading.reported(lambda: _found(read, given), as_json)
+    from lagcli.api import find_modes
+
+    with model_reading.refusals(as_json), model_reading.stops():
+        try:
+            found = find_modes.modes(
+                read, about=about, assemble=True if assemble else None, limit=limit, lowest=lowest
+            )
+        except find_modes.NoEquilibriumError as error:
+            exits.print_err(f"lagcli: {error}")
+            raise exits.Exit(exits.UNDECIDED) from None
     if plot is not None:
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         with write_guard.drawing(plot):
@@ -75,25 +80,7 @@ def modes(
         print(json_text.text(found.as_json()))
     elif plot is None and animate is None:
         _print_report(found)
-    if not quiet:
-        exits.print_err_all(f"note: {note}" for note in found.notes)
-
-
-def _found(model: Model, given: options.Keywords) -> Modes:
-    """The modes. Raises `exits.UsageError`, `exits.Exit` where there is no equilibrium."""
-    from lagcli.api import find_modes
-    from lagcli.running.trajectory import SimulationStopped
-
-    try:
-        return find_modes.modes(model, **given)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
-    except find_modes.NoEquilibriumError as error:
-        exits.print_err(f"lagcli: {error}")
-        raise exits.Exit(exits.UNDECIDED) from None
-    except SimulationStopped as stop:
-        exits.print_err(f"lagcli: {stop}")
-        raise exits.Exit(exits.STOPPED) from None
+    exits.print_notes(found.notes, quiet)
 
 
 def _animate(found: Modes, model: Model, path: str) -> None:

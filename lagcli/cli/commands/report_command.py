@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import pathlib
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from lagcli.cli.commands import model_reading
 from lagcli.cli.commands.options import (
     DebugOption,
-    Keywords,
     LimitOption,
     ModelArgument,
     QuietOption,
@@ -23,10 +22,6 @@ from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, write_guard
-
-if TYPE_CHECKING:
-    from lagcli.model.model import Model
-    from lagcli.reporting.report_page import ReportPage
 
 
 @exits.command
@@ -69,8 +64,10 @@ def report(
     model_reading.require_models([model])
     _require(model, output, pdf)
     read = model_reading.read(model, changes, False, verbose)
-    given: Keywords = {**run_settings, "title": title, "digits": digits, "limit": limit}
-    page = _page(read, given)
+    from lagcli.api import report as reporting
+
+    with model_reading.refusals(), model_reading.stops("report"):
+        page = reporting.report(read, title=title, digits=digits, limit=limit, **run_settings)
     if output == "-":
         print(page.html(), end="")
     else:
@@ -88,20 +85,6 @@ def report(
         raise exits.Exit(exits.INVALID)
     if page.stopped is not None:
         raise exits.Exit(exits.STOPPED)
-
-
-def _page(model: Model, given: Keywords) -> ReportPage:
-    """The page. Raises `exits.UsageError`, and `exits.Exit` with 3 where the run stopped before its first row."""
-    from lagcli.api import report as reporting
-    from lagcli.running.trajectory import SimulationStopped
-
-    try:
-        return reporting.report(model, **given)
-    except ValueError as error:
-        raise exits.UsageError(str(error)) from None
-    except SimulationStopped as stopped:
-        exits.print_err(f"lagcli: {stopped.reason}; there is no row to report")
-        raise exits.Exit(exits.STOPPED) from None
 
 
 def _require(model: str, output: str, pdf: str | None) -> None:

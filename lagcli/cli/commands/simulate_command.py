@@ -89,9 +89,8 @@ def simulate(
     )  # fmt: skip
     asked.require(model)
     read = model_reading.read(model, changes, as_json)
-    written = model_reading.reported(
-        lambda: simulate_to_files.begin(read, run_settings, asked, begin), as_json
-    )
+    with model_reading.json_errors(as_json):
+        written = simulate_to_files.begin(read, run_settings, asked, begin)
     carry_out(written, asked)
 
 
@@ -114,8 +113,8 @@ def carry_out(written: WrittenRun, request: RunRequest) -> None:
 
 def _print_end(end: RunEnding, quiet: bool) -> None:
     exits.print_err_all(warning.text for warning in end.stats.warnings)
+    exits.print_notes(end.notes, quiet)
     if not quiet:
-        exits.print_err_all(f"note: {note}" for note in end.notes)
         _print_account(end)
     if end.reason:
         exits.print_err(f"lagcli: {end.reason}")

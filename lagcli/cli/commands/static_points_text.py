@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from lagcli.cli.commands import model_reading
 from lagcli.cli.terminal import console, exits
-from lagcli.output.files import file_requests, json_text, write_guard
+from lagcli.output.files import json_text, write_guard
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -18,61 +15,31 @@ if TYPE_CHECKING:
 MOST_COLUMNS, MOST_ROWS = 12, 60  # what fits a screen; -o has all
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class PointOptions:
-    """Options of `stationary` and `equilibrium`."""
-
-    output: str | None
-    as_json: bool
-    quiet: bool
-
-
-def answer(
-    path: str,
-    changes: list[str] | None,
-    verbose: bool,
-    options: PointOptions,
-    find: Callable[[Model], StaticReport],
-) -> None:
-    """Read the MODEL, find its points and print them. Raises `exits.UsageError`, `exits.Exit`."""
-    file_requests.require_outputs(path, options.output, None, options.as_json)
-    model = model_reading.read(path, changes, options.as_json, verbose)
-    try:
-        found = model_reading.reported(lambda: find(model), options.as_json)
-    except ValueError as error:
-        raise exits.UsageError(f"--{error}") from None
-    print_report(model, found, options)
-
-
-def print_report(model: Model, found: StaticReport, options: PointOptions) -> None:
+def print_report(model: Model, found: StaticReport, output: str | None, as_json: bool, quiet: bool) -> None:
     """Write the points where they are asked for. Raises `exits.Exit` with 4 where there are none."""
-    if options.output is not None and found.points:
+    if output is not None and found.points:
         from lagcli.output.tables import provenance, sinks
 
-        assert options.output is not None
         numbers, types = found.table()
-        target = sys.stdout.buffer if options.output == "-" else options.output
-        name = "standard output" if options.output == "-" else options.output
+        target = sys.stdout.buffer if output == "-" else output
+        name = "standard output" if output == "-" else output
         whence = provenance.of(model).as_json()
         with (
             write_guard.writing(name),
             sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
         ):
             sink.write(numbers, [types])
-    if options.as_json:
+    if as_json:
         print(json_text.text(found.as_json()))
-    elif options.output != "-":
+    elif output != "-":
         _print_report(found)
-    if not options.quiet:
-        exits.print_err_all(f"note: {note}" for note in found.notes)
+    exits.print_notes(found.notes, quiet)
     if not found.points:
-        best = (
-            ""
-            if found.best_residual is None or found.best_residual == float("inf")
-            else (f"; the least residual met is {found.best_residual:.6g}")
-        )
+        best = ""
         if found.complete:
             best = "; it is proved that there is none"
+        elif found.best_residual is not None and found.best_residual != float("inf"):
+            best = f"; the least residual met is {found.best_residual:.6g}"
         what = "stationary point" if found.called == "value" else "point of rest"
         exits.print_err(f"lagcli: no {what} was found from {_starts(found)}{best}")
         raise exits.Exit(exits.UNDECIDED)

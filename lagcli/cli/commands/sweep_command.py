@@ -131,7 +131,9 @@ def sweep(
     )  # fmt: skip
     read = model_reading.read(models[0], changes, as_json)
     steps = sweep_to_files.steps(read, computed, request)
-    _end(model_reading.reported(lambda: _followed(steps, quiet), as_json), quiet)
+    with model_reading.json_errors(as_json):
+        ending = _followed(steps, quiet)
+    _end(ending, quiet)
 
 
 def _followed(steps: Iterator[SweepStep], quiet: bool) -> SweepEnding:

@@ -46,6 +46,16 @@ def print_err_all(texts: Iterable[str]) -> None:
         print_err(text)
 
 
+def print_warnings(warnings: Iterable[diagnostics.Diagnostic]) -> None:
+    """Warnings on stderr, with their places."""
+    print_err_all(warning.render() for warning in warnings)
+
+
+def print_notes(notes: Iterable[str], quiet: bool) -> None:
+    """Notes on stderr, none of a quiet command."""
+    print_err_all(f"note: {note}" for note in (() if quiet else notes))
+
+
 def of(error: diagnostics.ModelError) -> int:
     """The code for an invalid model; where all that is wrong stands in an option, it is the command line's."""
     ours = all(found.location.path.startswith(OPTIONS) for found in error.diagnostics)
