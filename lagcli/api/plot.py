@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
 from lagcli.api.models.load import Path
-from lagcli.api.runs import run_settings
+from lagcli.api.runs import run_settings as model_settings
 from lagcli.api.simulate import as_far, simulate
 from lagcli.model.model import Model
 from lagcli.output.files import formats
@@ -57,21 +57,6 @@ def plot(
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class AskedChart:
-    """The options of `lagcli plot` that say what is drawn, as they are written; run, begin: the settings of the runs of
-    models and the row that they start from."""
-
-    y: tuple[str, ...]
-    x: str | None
-    xy: tuple[str, ...]
-    events: str | None
-    log: bool
-    title: str | None
-    run: Mapping[str, object]
-    begin: str | None
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
 class DrawnRuns:
     """A chart, and why the runs in it stopped before their ends; is_empty: none of them has a row."""
 
@@ -80,10 +65,17 @@ class DrawnRuns:
     is_empty: bool
 
 
-def steps(sources: Iterable[BinaryIO | str | Model], asked: AskedChart) -> Iterator[str | DrawnRuns]:
+def steps(
+    sources: Iterable[BinaryIO | str | Model],
+    choice: ChartChoice,
+    events: str | None,
+    run_settings: Mapping[str, object],
+    begin: str | None,
+) -> Iterator[str | DrawnRuns]:
     """Read tables, on a stream as CSV or in files, and simulate models: yields notes on runs, and last the chart.
 
-    Raises `BadRequest`, worded for the options of the command, and `ModelError`.
+    run_settings, begin: the settings of the runs of models and the row that they start from. Raises `BadRequest`,
+    worded for the options of the command, and `ModelError`.
     """
     # Other functions draw no charts.
     from lagcli.output.charts import chart_table, compose
@@ -95,36 +87,28 @@ def steps(sources: Iterable[BinaryIO | str | Model], asked: AskedChart) -> Itera
             for source in sources:
                 if isinstance(source, Model):
                     # With the rows before and after incidents, so that jumps are upright.
-                    model = run_settings.of_options(source, asked.run, asked.begin)
+                    model = model_settings.of_options(source, run_settings, begin)
                     run, reason = as_far(model, event_rows=True)
                     stopped += [reason] if reason else []
                     yield from run.notes
                     tables.append(chart_table.of_run(run, source.path))
                 elif isinstance(source, str):
-                    tables.append(_in_file(source))
+                    with _reading():
+                        tables.append(chart_table.of_file(source))
                 else:
                     tables.append(stack.enter_context(chart_table.of_stream(source, "<stdin>")))
-            found = _asked_chart(tables, asked)
+            with _reading():
+                drawn = chart(marked(tables, events), choice)
         except (*read_table.UNREADABLE, compose.UndrawableColumns) as error:
             raise BadRequest(str(error)) from None
-    yield DrawnRuns(found, stopped, bool(stopped) and all(table.length == 0 for table in tables))
+    yield DrawnRuns(drawn, stopped, bool(stopped) and all(table.length == 0 for table in tables))
 
 
-def _in_file(path: str) -> ChartTable:
-    from lagcli.output.charts import chart_table
-
+@contextlib.contextmanager
+def _reading() -> Iterator[None]:
+    """Surround what reads tables. Raises `BadRequest` for what the system refuses."""
     try:
-        return chart_table.of_file(path)
-    except OSError as error:
-        raise BadRequest(f"cannot read {path}: {error.strerror}") from None
-
-
-def _asked_chart(tables: Sequence[ChartTable], asked: AskedChart) -> ChartData:
-    from lagcli.output.charts import compose
-
-    choice = compose.chosen(asked.y, x=asked.x, xy=asked.xy, is_log=asked.log, title=asked.title)
-    try:
-        return chart(marked(tables, asked.events), choice)
+        yield
     except OSError as error:
         raise BadRequest(f"cannot read {error.filename or 'a table'}: {error.strerror}") from None
 

@@ -23,8 +23,9 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import file_requests, formats, write_guard
 
 if TYPE_CHECKING:
-    from lagcli.api.plot import AskedChart, DrawnRuns
+    from lagcli.api.plot import DrawnRuns
     from lagcli.model.model import Model
+    from lagcli.output.charts.compose import ChartChoice
 
 
 FilesArgument = Annotated[
@@ -95,11 +96,13 @@ def plot(
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn; without one no figure is made.
     """
-    from lagcli.api import plot as plotting
     from lagcli.cli.terminal import watching
+    from lagcli.output.charts import compose
 
-    asked = plotting.AskedChart(tuple(y or ()), x, tuple(xy or ()), events, log, title, run_settings, begin)
-    options = PlotOptions(tuple(files), asked, output, show, tuple(changes or ()), quiet)
+    choice = compose.chosen(y or (), x=x, xy=xy or (), is_log=log, title=title)
+    options = PlotOptions(
+        tuple(files), choice, events, run_settings, begin, output, show, tuple(changes or ()), quiet
+    )
     options.require()
     if watch:
         watching.follow(options.read, lambda: carry_out(options), quiet)
@@ -108,10 +111,14 @@ def plot(
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class PlotOptions:
-    """Options of `plot`: which files, what of them and of models with `changes` (`--set`) is drawn, and where."""
+    """Options of `plot`: which files, what of them and of models with `changes` (`--set`) is drawn, and where; run,
+    begin: the settings of the runs of models and the row that they start from."""
 
     files: tuple[str, ...]
-    asked: AskedChart
+    choice: ChartChoice
+    events: str | None
+    run: RunSettings
+    begin: str | None
     output: str | None
     show: bool
     changes: tuple[str, ...]
@@ -120,7 +127,7 @@ class PlotOptions:
     @property
     def read(self) -> tuple[str, ...]:
         """The files that are read, but that of `--from`, which is where a run begins."""
-        return (*self.files, *([self.asked.events] if self.asked.events is not None else []))
+        return (*self.files, *([self.events] if self.events is not None else []))
 
     @property
     def is_shown(self) -> bool:
@@ -129,24 +136,23 @@ class PlotOptions:
 
     def require(self) -> None:
         """Refuse what cannot be done for these files."""
-        events = self.asked.events
         model_reading.require_models(list(self.files))
         if self.output is not None:
             file_requests.require_endings((self.output, formats.FIGURES))
         elif not self.show and not sys.stdout.isatty():
             raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
-        if events is not None:
-            file_requests.require_endings((events, formats.TABLES))
-            if not os.path.exists(events):
-                raise exits.UsageError(f"--events: there is no file {events}")
-        given = {**self.asked.run, "from": self.asked.begin, "set": self.changes or None}
+        if self.events is not None:
+            file_requests.require_endings((self.events, formats.TABLES))
+            if not os.path.exists(self.events):
+                raise exits.UsageError(f"--events: there is no file {self.events}")
+        given = {**self.run, "from": self.begin, "set": self.changes or None}
         options = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
         if options and not any(map(_is_model, self.files)):
             raise exits.UsageError(
                 f"{options[0]} is for a MODEL that is simulated, and there are tables alone"
             )
         if self.output is not None:
-            read = [*(("MODEL", name) for name in self.files), ("--events", events)]
+            read = [*(("MODEL", name) for name in self.files), ("--events", self.events)]
             file_requests.require(read, ("--output", self.output, formats.FIGURES))
 
 
@@ -191,7 +197,8 @@ def _drawn(options: PlotOptions) -> DrawnRuns:
         return sys.stdin.buffer if name == "-" else name
 
     found: DrawnRuns | None = None
-    for step in plotting.steps(map(source, options.files), options.asked):
+    sources = map(source, options.files)
+    for step in plotting.steps(sources, options.choice, options.events, options.run, options.begin):
         if not isinstance(step, str):
             found = step
         elif not options.quiet:
