@@ -31,12 +31,6 @@ class SpecialPointParameters:
 
     __slots__ = ()
 
-    still: float = 1e-9
-    """A coordinate stands still where it differs by less than this part of its size, at least 1: a start is declared in
-    decimals. `test_a_coordinate_that_differs_in_the_ninth_place_stands_still` fails at 1e-10 and at 1e-8."""
-    part_of_pi: float = 1e-12
-    """A value is a multiple of pi/12 where it differs by less than this part of its size: the doubles of pi/3 do by
-    1e-16. `test_values_near_parts_of_pi_are_spelled_so` fails at 1e-13 and at 1e-11."""
     near: float = 1e-9
     """At a point of doubles an expression may be zero below this part of what its value would change by with its
     coordinates: `test_an_expression_vanishes_below_the_round_off_of_its_point` fails at 1e-10 and at 1e-8."""
@@ -46,8 +40,6 @@ class SpecialPointParameters:
 
 
 PARAMETERS = SpecialPointParameters()
-# Angles are declared in such parts of pi: 15 degrees.
-PARTS_OF_PI = 12
 Doubles = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
 Symbol: TypeAlias = sympy.Symbol
@@ -127,20 +119,6 @@ def of(divisors: Iterable[sympy.Expr | None], points: Sequence[SpecialPoint]) ->
     return found
 
 
-def still(
-    block: PfaffianBlock, points: Sequence[SpecialPoint], written: Mapping[sympy.Symbol, sympy.Expr]
-) -> list[sympy.Expr]:
-    """Equations of coordinates that have one value on all points, that which is `written` where it is known."""
-    found = []
-    for x in block.variables:
-        values = [one.doubles[x] for one in points]
-        if x.name != elimination.TIME and max(values) - min(values) <= PARAMETERS.still * max(
-            1.0, *map(abs, values)
-        ):
-            found.append(x - written.get(x, _intended_number(values[0])))
-    return [e for e in found if vanishes(e, points[:1])]
-
-
 def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:
     """Each of some expressions once, whatever its sign."""
     found: dict[sympy.Expr, None] = {}
@@ -171,16 +149,6 @@ def on_side(expression: sympy.Expr, here: SpecialPoint) -> sympy.Expr:
 def is_positive(u: sympy.Expr, here: SpecialPoint) -> bool:
     """True if an expression is positive at a point, in doubles."""
     return float(u.xreplace({x: sympy.Float(v) for x, v in here.doubles.items()})) > 0
-
-
-def _intended_number(value: float) -> sympy.Expr:
-    """The number that is meant by a double: a multiple of pi/12, or the shortest decimal."""
-    twelfths = round(value / math.pi * PARTS_OF_PI)
-    if abs(value) <= PARAMETERS.still:
-        return sympy.Integer(0)
-    if twelfths and abs(twelfths * math.pi / PARTS_OF_PI - value) <= PARAMETERS.part_of_pi * abs(value):
-        return sympy.Rational(twelfths, PARTS_OF_PI) * sympy.pi
-    return sympy.Rational(repr(value))
 
 
 def _sized(expression: sympy.Expr, point: SpecialPoint) -> term_sizes.Pair:

@@ -379,3 +379,25 @@ def test_a_side_of_a_kink_is_that_of_the_start_though_numbers_go_on_beyond_it(y:
     found = counted({"x": "3", "y": y}, ["d(x) - max(1000*x + y, 0)*d(z)"])
     assert found.configuration_dof == truth
     assert any("keep to 1000*x + y < 0" in note for note in found.notes) == (truth == 4)
+
+
+@pytest.mark.parametrize(
+    ("values", "rows", "truth"),
+    [
+        # sin(p) = 0 is kept, though the row multiplies a rounding of p by a factor that grows with exp(1000 b).
+        ({"p": "0"}, ["d(p) - 1000*(x + 1)*sin(p)*d(u)"], 5),
+        ({"p": "1e-30"}, ["d(p) - 1000*(x + 1)*sin(p)*d(u)"], 6),
+        # y = 0 is kept where z = 0 is.
+        ({"y": "0", "p": "0"}, ["d(y) - z*d(x)", "d(z) - y*d(x)", "d(w) - y*u*d(p)"], 3),
+        ({"y": "0", "z": "0.5", "p": "0"}, ["d(y) - z*d(x)", "d(z) - y*d(x)", "d(w) - y*u*d(p)"], 4),
+        # Of two places one is kept.
+        ({"y": "0", "z": "0", "p": "0"}, ["d(y) - y*d(x)", "d(w) - y*z*d(p)"], 4),
+        ({"y": "1", "z": "0", "p": "0"}, ["d(y) - y*d(x)", "d(w) - y*z*d(p)"], 5),
+    ],
+)
+def test_algebra_alone_says_whether_motions_keep_to_a_place(
+    values: dict[str, str], rows: list[str], truth: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numbers that a flow carries are not asked."""
+    monkeypatch.delattr("lagcli.analysis.classification.case.Case.flag")
+    assert counted(values, rows).configuration_dof == truth

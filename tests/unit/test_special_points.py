@@ -1,8 +1,7 @@
-"""Where numbers count as equal, zero or parts of pi at the start and at other points of a run."""
+"""Where numbers count as zero at the start and at other points of a run."""
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 
 import pytest
@@ -19,28 +18,6 @@ BLOCK = PfaffianBlock(("row",), (x, y), ((y, x),))
 
 def points(*places: dict[sympy.Symbol, float]) -> list[SpecialPoint]:
     return [SpecialPoint(place) for place in places]
-
-
-@pytest.mark.parametrize(("difference", "stands"), [(3e-10, True), (3e-9, False)])
-def test_a_coordinate_that_differs_in_the_ninth_place_stands_still(difference: float, stands: bool) -> None:
-    found = special_points.still(BLOCK, points({x: 0.5, y: 0.0}, {x: 0.5 + difference, y: 1.0}), {})
-    assert found == ([x - sympy.Rational(1, 2)] if stands else [])
-
-
-@pytest.mark.parametrize(("off", "is_part"), [(3e-13, True), (3e-12, False)])
-def test_values_near_parts_of_pi_are_spelled_so(off: float, is_part: bool) -> None:
-    value = math.pi / 3 * (1 + off)
-    (equation,) = special_points.still(BLOCK, points({x: value, y: 0.0}, {x: value, y: 1.0}), {})
-    assert (equation == x - sympy.pi / 3) == is_part
-
-
-def test_a_coordinate_stands_still_at_what_is_written() -> None:
-    start = SpecialPoint({x: 1 / 3, y: 0.0}, {x: Fraction(1, 3), y: Fraction(0)})
-    there = SpecialPoint({x: 1 / 3, y: 1.0})
-    assert special_points.still(BLOCK, [start, there], {x: sympy.Rational(1, 3)}) == [
-        x - sympy.Rational(1, 3)
-    ]
-    assert special_points.still(BLOCK, [start, there], {}) == []
 
 
 @pytest.mark.parametrize(("rest", "is_zero"), [(3e-10, True), (3e-9, False)])

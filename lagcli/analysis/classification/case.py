@@ -51,12 +51,12 @@ class Case:
         """True if time is a coordinate of the forms."""
         return pattern.depends_on_time(self.system)
 
-    @property
-    def orbits(self) -> tuple[Orbit, ...]:
-        """The groups whose motions from the start were followed."""
+    def orbits(self, deadline: float) -> tuple[Orbit, ...]:
+        """The groups whose motions from the start can be followed before a deadline of `progress.after`."""
+        flags = [(group, self.flag(group, deadline)) for group in self.groups]
         return tuple(
             Orbit(group.rows, found.states)
-            for group, found in self._flags.items()
+            for group, found in flags
             if found.is_certain and len(found.states) > 1
         )
 

@@ -9,7 +9,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from lagcli.analysis.classification import locality
+from lagcli.analysis.classification import by_numbers, locality
 from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import (
     Condition,
@@ -55,33 +55,20 @@ class Classifier:
         if declared is not None:
             self._locality = locality.Locality(self._case, group, declared, self._translation, self._deadline)
         block, flagged = self._flagged(group, declared, PROMPT)
-        is_regular = flagged is not None and self._locality.is_regular(flagged)
-        numbers = None if is_regular else self._case.flag(group, self._deadline)
+        settled = self._settled(block, flagged)
+        numbers = None if settled is not None else self._case.flag(group, self._deadline)
         single = [self._alone(name) for name in names]
         solved: tuple[FirstIntegral, ...] = ()
         if numbers is not None and block is not None and flagged is None:
             solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
             if not numbers.is_certain or len(solved) < numbers.extra[-1]:
                 block, flagged = self._flagged(group, block, PATIENT)
-        if (
-            block is not None
-            and flagged is not None
-            and (
-                numbers is None
-                or (
-                    (locality.agree(flagged, numbers) or self._locality.is_left(flagged, numbers))
-                    and not self._locality.is_carried_off(block, flagged, numbers)
-                )
-            )
-        ):
-            together = self._exact(block, flagged, single)
+                settled = self._settled(block, flagged)
+        if block is not None and settled is not None:
+            together = self._by_algebra(block, settled, single)
         else:
             assert numbers is not None
-            together = self._numeric(names, numbers, single, solved)
-            if block is not None and self._is_local(block, flagged, numbers):
-                together = self._locality.with_passing(together, block, flagged, numbers, single)
-            elif block is not None and numbers.is_certain:
-                together = self._locality.without_vanishing(together, block, numbers)
+            together = self._by_numbers(names, block, flagged, numbers, single, solved)
         if block is not declared:
             together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
         if declared is not None:
@@ -89,13 +76,40 @@ class Classifier:
             together = dataclasses.replace(together, lost=lost) if lost else together
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
-    def _is_local(self, block: PfaffianBlock, flagged: joint.Flagged | None, numbers: NumericFlag) -> bool:
-        """True if what numbers found need not hold elsewhere: exact algebra differs, or there are other pieces."""
-        if not numbers.is_certain:
-            return False
-        if flagged is not None or numbers.on_piece:
-            return True
-        return numbers.extra[-1] > 0 and self._locality.has_sheets(block, numbers)
+    def _settled(self, block: PfaffianBlock | None, flagged: joint.Flagged | None) -> locality.Settled | None:
+        return None if block is None or flagged is None else self._locality.settled(block, flagged)
+
+    def _by_algebra(
+        self,
+        block: PfaffianBlock,
+        settled: locality.Settled,
+        single: list[frobenius.FormVerdict | None],
+    ) -> JointVerdict:
+        """The joint verdict where algebra says where motions from the start stay."""
+        if settled.is_general:
+            return self._exact(block, settled.flagged, single)
+        return self._locality.on_place(block, settled, self._integrals_alone(block.names, single), single)
+
+    def _by_numbers(
+        self,
+        names: tuple[str, ...],
+        block: PfaffianBlock | None,
+        flagged: joint.Flagged | None,
+        numbers: NumericFlag,
+        single: list[frobenius.FormVerdict | None],
+        solved: tuple[FirstIntegral, ...],
+    ) -> JointVerdict:
+        """The joint verdict where algebra does not settle it. `solved`: all integrals that the rows have, if known."""
+        if block is None or not numbers.is_certain:
+            return self._numeric(names, numbers, single, solved)
+        if flagged is not None:
+            if locality.agree(flagged, numbers):
+                return self._exact(block, flagged, single)
+            return JointVerdict(
+                names, (), (), frozenset(), (), (), "none", reason=self._locality.open_reason(flagged)
+            )
+        together = self._numeric(names, numbers, single, solved)
+        return by_numbers.of_motions(together, block, numbers, single, self._locality, self._deadline)
 
     def _alone(self, name: str) -> frobenius.FormVerdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
@@ -264,9 +278,7 @@ class Classifier:
             )
         inside = _picked(names, numbers.inside)
         integrals = solved or tuple(
-            translate.first_integral(one.integral, (name,), self._translation.values)
-            for name, one in zip(names, single, strict=True)
-            if name in inside and one is not None and one.integral is not None
+            one for one in self._integrals_alone(names, single) if inside.issuperset(one.rows)
         )
         remark = (
             f"proved by numbers of {numbers.digits} digits on the surface: what counts as zero is below"
@@ -276,6 +288,16 @@ class Classifier:
             remark += f", all else above {numbers.least:.0e}"
         return JointVerdict(
             names, numbers.extra, numbers.growth, inside, integrals, (), "numeric", remarks=(remark,)
+        )
+
+    def _integrals_alone(
+        self, names: tuple[str, ...], single: list[frobenius.FormVerdict | None]
+    ) -> tuple[FirstIntegral, ...]:
+        """The integrals of rows that are integrable alone."""
+        return tuple(
+            translate.first_integral(one.integral, (name,), self._translation.values)
+            for name, one in zip(names, single, strict=True)
+            if one is not None and one.integral is not None
         )
 
 

@@ -7,7 +7,7 @@ them nearest to what is written, found to 50 digits too.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from fractions import Fraction
 from functools import cached_property
 
@@ -57,15 +57,6 @@ class ExactStart:
         size = initial.size(self._case.begin.q)
         moving = (x for x in self._block.variables if x != notation.TIME)
         return dataclasses.replace(self.doubles(state), sizes=dict.fromkeys(moving, size))
-
-    def written(self, variables: Iterable[Symbol]) -> dict[Symbol, Expression]:
-        """The declared values of coordinates as they are written, of those that are where they were declared."""
-        begin, found = self._case.begin, {}
-        for x in variables:
-            k = self._numbers.get(x.name)
-            if k is not None and begin.q[k] == self._declared.q[k]:
-                found[x] = self._as_written(x)
-        return found
 
     @cached_property
     def _declared(self) -> State:

@@ -60,7 +60,7 @@ def _at(orbits: tuple[Orbit, ...], p: Floats) -> tuple[Orbit, ...]:
 def _searched(case: Case, built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
     try:
         if classify.certainly_nonholonomic(case):
-            return KnownIntegrals(orbits=case.orbits)
+            return KnownIntegrals(orbits=case.orbits(progress.after(limit)))
     except diagnostics.ModelError as error:
         if not classify.is_conflict(error):
             raise
@@ -69,7 +69,7 @@ def _searched(case: Case, built: system.System, numeric: NumericSystem, limit: f
 
 def _classified(built: system.System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
     whole = classify.classified(built, numeric, limit)
-    orbits = whole.case.orbits if not whole.conditions else ()
+    orbits = whole.case.orbits(progress.after(limit)) if not whole.conditions else ()
     return KnownIntegrals(whole.found.integrals, _notes(whole.found), whole.conditions, orbits)
 
 

@@ -186,22 +186,10 @@ class _FlagSearch:
 
     def _pairs(self, here: SolvedForms, first: SolvedForms) -> list[tuple[Row, Row]]:
         """Pairs of a frame of ker `first` with one of ker `here`; each pair once where they are one."""
-        frame = self._frame(here)
+        frame = self._field.frame(here)
         if here is first:
             return list(combinations(frame, 2))
-        return [(X, Y) for X in self._frame(first) for Y in frame if X != Y]
-
-    def _frame(self, here: SolvedForms) -> list[Row]:
-        """X_j for every free j."""
-        n = len(self._block.variables)
-        found = []
-        for j in (k for k in range(n) if k not in here.pivots):
-            X = [self._field.zero] * n
-            X[j] = self._field.one
-            for p, row in zip(here.pivots, here.rows, strict=True):
-                X[p] = -row[j]
-            found.append(X)
-        return found
+        return [(X, Y) for X in self._field.frame(first) for Y in frame if X != Y]
 
     def _raw_curl(self, theta: Sequence[FracElement], X: Row, Y: Row) -> FracElement:
         """d theta(X, Y) = sum_k X(theta_k) Y_k - Y(theta_k) X_k."""

@@ -6,8 +6,9 @@ f holds it.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import sympy
@@ -149,20 +150,43 @@ class FunctionField:
             return any(abs(v) > enclosure.ZERO for v in enclosure.values_on(expression, self._block.surface))
         return zero_test.is_zero(expression, self._deadline).truth is zero_test.Truth.NO
 
-    def solved(self, rows: Sequence[Sequence[FracElement]], last: int = -1) -> SolvedForms:
-        """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last."""
+    def frame(self, solved: SolvedForms) -> list[Row]:
+        """The fields X_j of the kernel of solved forms, for every free j."""
+        found = []
+        for j in (k for k in range(len(self._block.variables)) if k not in solved.pivots):
+            X = [self.zero] * len(self._block.variables)
+            X[j] = self.one
+            for p, row in zip(solved.pivots, solved.rows, strict=True):
+                X[p] = -row[j]
+            found.append(X)
+        return found
+
+    def solved(
+        self,
+        rows: Sequence[Sequence[FracElement]],
+        last: int = -1,
+        vanishes: Callable[[sympy.Expr], bool] | None = None,
+    ) -> SolvedForms:
+        """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last.
+
+        vanishes: at a point of the surface, where no pivot may do so; the forms are as many as are independent there.
+        """
         left = [list(row) for row in rows]
         done: list[Row] = []
         pivots: list[int] = []
         while left:
             time_limit.check(self._deadline)
             indices = [(i, k) for i, row in enumerate(left) for k in range(len(row)) if row[k]]
+            indices.sort(key=lambda index: (index[1] == last, *_weight(left, *index)))
+            if vanishes is not None:
+                regular = (one for one in indices if not vanishes(self.expression(left[one[0]][one[1]])))
+                indices = list(itertools.islice(regular, 1))
             if not indices:
                 break
-            i, k = min(indices, key=lambda index: (index[1] == last, *_weight(left, *index)))
+            i, k = indices[0]
             if k == last:
                 self.remainders = tuple(self.checked(row[k]) for row in left if row[k])
-            self.require_regular(self.checked(left[i][k]))
+            self.require_regular(left[i][k] if vanishes is not None else self.checked(left[i][k]))
             pivot = left.pop(i)
             scale = self.one / pivot[k]
             pivot = [self.sum([(scale, a)]) for a in pivot]

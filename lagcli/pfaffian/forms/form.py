@@ -97,6 +97,11 @@ class PfaffianBlock:
     parameters: tuple[sympy.Symbol, ...] = ()
     surface: tuple[sympy.Expr, ...] = ()
 
+    @property
+    def has_kinks(self) -> bool:
+        """True if |u| occurs, as it does in plain rows for min, max and sign too."""
+        return any(has_kinks(a) for row in (*self.rows, self.surface) for a in row)
+
     def form(self, i: int) -> Form:
         """The form of row i."""
         return Form(self.names[i], self.variables, self.rows[i], self.parameters)
@@ -117,6 +122,11 @@ def partial(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         derivative = derivative.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
         derivative = derivative.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
     return derivative
+
+
+def has_kinks(expression: sympy.Expr) -> bool:
+    """True if |u| occurs in a plain expression."""
+    return bool(expression.has(sympy.Abs))
 
 
 def plain(coefficient: sympy.Expr) -> sympy.Expr:
