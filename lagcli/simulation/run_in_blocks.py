@@ -139,5 +139,5 @@ class RunInBlocks:
             largest_penetration=max(run.contacts.deepest, extremes.penetration),
             complete=self._run.complete,
             accuracy=again.accuracy if again else None,
-            rank_margin=run.watch.rank_margin[0],
+            rank_margin=run.rank_margin[0],
         )

@@ -11,6 +11,7 @@ from lagcli.simulation.events import events_of_run
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 MODEL = """\
@@ -35,15 +36,13 @@ class Watched(Event):
         cls.asked = []
         return cls(stepper)
 
-    def passes(self) -> bool:
+    def passes(self) -> None:
         self.asked.append("passes")
-        return False
 
-    def cut(self) -> None:
-        found = self._stepper.found
-        assert found.is_open
-        self.asked.append("still" if found.is_still else "cut")
-        if found.reached >= 2:
+    def found(self, step: FoundStep) -> None:
+        assert step is self._stepper.found
+        self.asked.append("still" if step.is_still else "cut")
+        if step.reached >= 2:
             raise StepFailure("a wall is there", "singular")
 
 

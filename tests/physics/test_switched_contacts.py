@@ -589,7 +589,7 @@ def test_a_root_of_a_distance_has_a_plain_reason() -> None:
 
 
 def test_a_closed_contact_that_pulls_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ContactChanges, "at_switch", lambda self, side, events: events)
+    monkeypatch.setattr(ContactChanges, "at_switch", lambda self, side, taken, events: events)
     with pytest.raises(lagcli.SimulationStopped, match=r"the closed contacts `f` would pull there") as stop:
         moving("[0, 0, sign(t - 1)]", "a.z >= 0")
     assert stop.value.t == pytest.approx(1, abs=1e-12)

@@ -645,7 +645,7 @@ def a_run(angle):
     return SimpleNamespace(
         bound=SimpleNamespace(project=project, y=y, k=y.copy(), rhs=None),
         control=SimpleNamespace(step=0.0),
-        statistics=SimpleNamespace(evaluations=0),
+        count=lambda evaluations: None,
         tolerance=np.zeros(6),
         method=SimpleNamespace(order=8),
         watch=SingularityMonitor(),

@@ -26,7 +26,7 @@ BESIDE = 1e-4
 
 def is_near(run: Stepper) -> bool:
     """True where rows are close to dependent ones."""
-    return run.watch.rank_margin[0] < NEAR
+    return run.rank_margin[0] < NEAR
 
 
 def predict(run: Stepper) -> None:
@@ -42,7 +42,7 @@ def predict(run: Stepper) -> None:
         return
     offset = BESIDE * run.control.step
     _, _, status, *_ = bound.projected_at(run.t + offset, bound.y + offset * bound.k)
-    run.statistics.evaluations += 1
+    run.count(1)
     watch = run.watch.after(run.t + offset, float(status[1]), float(status[2]))
     if watch.foreseen.is_any:
         watch = watch._replace(foreseen=watch.foreseen._replace(step=run.control.step))
@@ -68,7 +68,7 @@ def stop(run: Stepper, what: str) -> StepFailure:
     system = run.bound.enforced.system
     names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows)
     return StepFailure(
-        f"{what}: the rows {names} are within {run.watch.rank_margin[0]:.1g} of dependent ones there, a singular"
+        f"{what}: the rows {names} are within {run.rank_margin[0]:.1g} of dependent ones there, a singular"
         " configuration, at which rounding is amplified",
         run_stop.SINGULAR,
     )

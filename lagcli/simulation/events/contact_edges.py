@@ -13,12 +13,13 @@ import numpy.typing as npt
 from lagcli.compiled import force_switches
 from lagcli.compiled.contact_values import ROUNDINGS
 from lagcli.contact.least_distance import EPS
-from lagcli.simulation.events import step_watch, switch_event
+from lagcli.simulation.events import switch_event
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import FEW
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.simulation.stepping import sticking, timetable
+from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness import named_functions, sides
 
@@ -53,34 +54,34 @@ class EdgeEvent(Event):
         contacts, function = force_switches.at_contacts(self._system)
         return np.array(contacts, dtype=np.intp), function
 
-    def passes(self) -> bool:
+    def passes(self) -> FoundStep | None:
         """See `Event`; a step that comes close to an edge is shortened."""
         run, watched = self._run, self._watched()
         if not watched.any():
-            return False
+            return None
         times, blurred = self._times(watched)
         time = float(times.min(initial=np.inf))
         if not time <= run.control.step:
-            return False
+            return None
         is_near = times <= np.maximum(self._nearest(time), blurred)
         if not is_near.any():
             self._wished = max(self._wished, run.control.step)
             run.control.step = time * (1.0 - BEFORE)
-            return False
+            return None
         return self._crosses(2 * max(float(times[is_near].max()), math.ulp(run.t)), is_near)
 
-    def leaves(self) -> bool:
+    def leaves(self) -> FoundStep | None:
         """See `Event`: a start on a switch of a force, at rest there or not, goes to the side to which it is led."""
         run, watched = self._run, self._watched()
         if not watched[-1]:
-            return False
+            return None
         u, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
         is_on = self._of_forces & (np.abs(u) <= EPS * sizes)
         if not is_on.any():
-            return False
+            return None
         moving = is_on & (rates != 0.0)
-        if moving.any() and self._crosses(2 * math.ulp(run.t), moving):
-            return True
+        if moving.any() and (step := self._crosses(2 * math.ulp(run.t), moving)):
+            return step
         # The first time at which positions are told apart from those on the switch, by accelerations soon after it.
         dt = math.ulp(run.t + run.grid.step)
         while dt < run.grid.step / 2:
@@ -92,7 +93,7 @@ class EdgeEvent(Event):
                 # No time is lost in which forces are not those of the side.
                 return self._steps_to(2 * math.ulp(run.t), led, self._beside(y, np.where(led, beside, 0.0)))
             dt *= 2
-        return False
+        return None
 
     def _led(self, dt: float) -> Floats:
         """The state to which accelerations a time later lead, (2n + 1,)."""
@@ -144,7 +145,7 @@ class EdgeEvent(Event):
         return found
 
     def _rate(self, t: float, y: Floats) -> Floats:
-        self._run.statistics.evaluations += 1
+        self._run.count(1)
         return np.array(self._run.bound.numeric.rhs(t, y, self._run.bound.p)).ravel()
 
     def _require_no_return(self, dt: float, ahead: Floats, led: Flags) -> None:
@@ -158,30 +159,31 @@ class EdgeEvent(Event):
         if returns.any():
             raise StepFailure(sticking.at_rest(self._system, run.bound.y), STICKS)
 
-    def cut(self) -> None:
+    def found(self, step: FoundStep) -> Cut | None:
         """See `Event`: a step in which a force switches unforeseen ends before it."""
-        run, found = self._run, self._run.found
-        if not self._kinked[-1] or found.is_still or not found.is_open or found.singular_step is not None:
-            return
+        run, found = self._run, step
+        if not self._kinked[-1] or not step.is_ordinary:
+            return None
         are_watched = self._watched()[self._switches[0]] & self._of_forces
         if not are_watched.any():
-            return
+            return None
         begin, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
         are_watched &= (np.abs(begin) > EPS * sizes) | (begin * rates > 0)
         part = 1.0
         while found.taken > self._nearest(found.taken):
-            crossed = self._first_crossing(np.where(are_watched, begin, 0.0))
+            crossed = self._first_crossing(found, np.where(are_watched, begin, 0.0))
             if crossed is None or (found.barrier is not None and found.barrier.part < crossed):
-                return
-            self._wished, found.barrier = max(self._wished, run.control.step), None
-            step_watch.take_again(run, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
+                break
+            self._wished = max(self._wished, run.control.step)
+            found = run.again(found, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
             part /= 2
+        return None if found is step else Cut(found)
 
-    def _first_crossing(self, begin: Floats) -> float | None:
+    def _first_crossing(self, step: FoundStep, begin: Floats) -> float | None:
         """The part of the step that was found at which a switch leaves the side of its value at the begin (U,)."""
 
         def is_before(part: Floats) -> bool:
-            return not self._has_left(begin, float(part))
+            return not self._has_left(step, begin, float(part))
 
         low = 0.0
         for high in FEW[1:].tolist():
@@ -190,11 +192,11 @@ class EdgeEvent(Event):
             low = high
         return None
 
-    def _has_left(self, begin: Floats, x: float) -> bool:
+    def _has_left(self, step: FoundStep, begin: Floats, x: float) -> bool:
         """True where a switch has left the side of its value at the begin (U,) at a part of the step that was found: on
         the cubic through its ends, and on its dense output, which knows motions of higher powers of the time."""
         run = self._run
-        bound, h = run.bound, run.found.taken
+        bound, h = run.bound, step.taken
         ahead = bound.new - bound.y
         bends = h * ((1 - x) * bound.k - x * bound.k_new) + (2 * x - 1) * ahead
         left = self._at(run.t + x * h, bound.y + x * ahead + x * (1 - x) * bends, bound.k)[0] * begin < 0.0
@@ -241,28 +243,25 @@ class EdgeEvent(Event):
         """The switches (U,) that are those of forces."""
         return np.asarray(self._switches[0] == self._kinked.size - 1)
 
-    def _crosses(self, dt: float, which: Flags) -> bool:
-        """Find the step across some of the switches (U,); False where the motion turns round at one of a force."""
+    def _crosses(self, dt: float, which: Flags) -> FoundStep | None:
+        """The step across some of the switches (U,); None where the motion turns round at one of a force."""
         run = self._run
         if (which & self._of_forces).any():
             self._require_no_stick(dt)
             dt = self._beyond(dt, which)
             if dt >= run.control.step:
-                return False
+                return None
         return self._steps_to(dt, which, self._ahead(dt))
 
-    def _steps_to(self, dt: float, which: Flags, y: Floats) -> bool:
-        """Find the step of a time to a state (2n + 1,) beyond some of the switches (U,), or beside them."""
-        run, bound, found = self._run, self._run.bound, self._run.found
-        found.reached = run.t + dt
+    def _steps_to(self, dt: float, which: Flags, y: Floats) -> FoundStep:
+        """The step of a time to a state (2n + 1,) beyond some of the switches (U,), or beside them."""
+        run, reached = self._run, self._run.t + dt
         if self._of_forces[which].all():
-            bound.new[:], bound.k_new[:], *_ = bound.projected_at(found.reached, y)
+            new, rate, *_ = run.bound.projected_at(reached, y)
         else:
-            bound.new[:], bound.k_new[:] = switch_event.opened(run, found.reached, y)
-        found.is_open = found.is_still = True
-        found.taken, found.proposed = found.reached - run.t, max(self._wished, run.control.step)
-        self._wished = 0.0
-        return True
+            new, rate = switch_event.opened(run, reached, y)
+        wished, self._wished = max(self._wished, run.control.step), 0.0
+        return run.still(reached, new, rate)._replace(proposed=wished)
 
     def _ahead(self, dt: float) -> Floats:
         """The state on a parabola of the time."""

@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +21,9 @@ from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
-from lagcli.simulation.events.contact_changes import ContactChanges, SwitchSide
+from lagcli.simulation.events.contact_changes import ContactChanges
+from lagcli.simulation.events.contact_decision import SwitchSide
+from lagcli.simulation.events.declared_events import EventSizes
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import InstantLines
 from lagcli.simulation.events.singular_step_watch import SingularStepWatch
@@ -27,7 +33,7 @@ from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
-from lagcli.simulation.singularity.singularity_step import SingularStep
+from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -46,27 +52,40 @@ NOISE = 64 * float(np.finfo(float).eps)
 LEAST = 1e-3
 
 
+class Met(NamedTuple):
+    """What the watched functions meet in a step that was found.
+
+    step: it, as it ends there; hits: numbers of rows, and of declared events after all rows, whose functions cross zero
+    at its end, and ahead: a state beyond it, by which contacts are judged; extents: of gaps at its begin, as
+    `ContactInstant.lowest` (K,), where they were looked at; sizes: of declared events in it, likewise.
+    at_end: declared events at its end, where no search ends it; touched: those at zero at a switch, where they are
+    decided; before: the near side of a switch of functions of t, beyond which the contacts are decided anew; crossed:
+    declared events that cross zero in the step, with the rounding of their values.
+    """
+
+    step: FoundStep
+    hits: tuple[int, ...] = ()
+    ahead: StateAhead | None = None
+    extents: Floats | None = None
+    sizes: EventSizes | None = None
+    at_end: tuple[int, ...] = ()
+    touched: tuple[int, ...] = ()
+    before: SwitchSide | None = None
+    crossed: Mapping[int, float] = MappingProxyType({})
+
+
 class ContactEvent(Event):
     """The zeros of the watched functions."""
 
     looks_ahead: bool = True
+    keeps_stages: bool = True
 
     def __init__(self, stepper: Stepper) -> None:
         self._stepper = stepper
         self._system = stepper.bound.enforced.system
         self._changes = ContactChanges(stepper)
-        stepper.found.keeps_stages = True
         self._functions: dict[NumericSystem, WatchFunctions] = {}
         self._watch: StepWatch | None = None
-        # Of the step that was found: functions that cross zero at its end, a state beyond it.
-        self._hits: tuple[int, ...] = ()
-        self._ahead: StateAhead | None = None
-        # Declared events at its end, where no search ends it, and those at zero at a switch, where they are decided.
-        self._at_end, self._touched = list[int](), list[int]()
-        # The near side of a switch of functions of t, beyond which the contacts are decided anew.
-        self._before: SwitchSide | None = None
-        # Declared events that cross zero in the step, with the rounding of their values.
-        self._crossed: dict[int, float] = {}
         self._current()
 
     def begin(self) -> None:
@@ -81,108 +100,108 @@ class ContactEvent(Event):
         run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
         run.settle()
 
-    def cut(self) -> None:
+    def found(self, step: FoundStep) -> Cut | None:
         """See `Event`."""
-        run, found = self._stepper, self._stepper.found
-        self._hits, self._ahead, self._at_end, self._crossed = (), None, [], {}
-        self._before = None
-        if not found.is_open:
-            return
-        if found.is_still:
-            self._switch()
-            return
-        if found.singular_step is not None:
-            self._cross(found.singular_step)
-            return
-        watch = self._current()
-        ending = run.contacts.ending
-        limit = min(t for _, t in ending) if ending else math.inf
+        run = self._stepper
+        if step.is_still:
+            return self._cut(self._met_at_switch(step))
+        if step.crossing is not None:
+            return self._cut(self._met_across(step))
+        watch, contacts = self._current(), run.contacts
+        limit = min(t for _, t in contacts.ending) if contacts.ending else math.inf
         # What arrives at zero at the end of the run to rounding may look clear.
-        is_last = found.reached == run.grid.end and bool(self._system.model.events)
-        if watch.is_clear() and not run.contacts.unarmed and not is_last:
-            if limit <= found.reached:
-                self._end_series_at(limit)
-            elif watch.deepest > run.contacts.deepest:
-                run.contacts = dataclasses.replace(run.contacts, deepest=watch.deepest)
-            return
+        is_last = step.reached == run.grid.end and bool(self._system.model.events)
+        if watch.is_clear() and not contacts.unarmed and not is_last:
+            if limit <= step.reached:
+                return self._cut(Met(self._ended_at(step, limit)))
+            deeper = step._replace(deepest=watch.deepest) if watch.deepest > contacts.deepest else step
+            return self._cut(Met(deeper)) if contacts.again else None if deeper is step else Cut(deeper)
         run.make_dense()
-        self._hits = self._changes.sinking()
-        if self._hits:
-            self._ahead = Ahead(run, BEYOND * FARTHER**run.contacts.again)
-            self._act_here()
-            return
-        self._search(watch, (limit - run.t) / found.taken)
-        if not self._hits and limit <= found.reached:
-            self._end_series_at(limit)
+        if hits := self._changes.sinking(step.taken):
+            ahead = Ahead(run, step, BEYOND * FARTHER**contacts.again)
+            return self._here(Met(step, hits, ahead))
+        met = self._search(watch, step, (limit - run.t) / step.taken)
+        if isinstance(met, Cut):
+            return met
+        if not met.hits and limit <= met.step.reached:
+            met = met._replace(step=self._ended_at(met.step, limit))
+        return self._cut(met)
 
-    def _switch(self) -> None:
-        """Look at what functions of t make jump at a switch: declared events, and walls, which may not.
+    def _cut(self, met: Met) -> Cut:
+        """The step that ends at what is met, with what is to be done there."""
+        return Cut(met.step, partial(self._act, met), partial(self._changes.events.report, met.at_end))
+
+    def _here(self, met: Met) -> Cut:
+        """The step is given up, for what it meets is where the run stands."""
+        return Cut(None, partial(self._act_here, met))
+
+    def _ended_at(self, step: FoundStep, t: float) -> FoundStep:
+        """The step ended at a time at which rebounds of a contact come to their end."""
+        return self._stepper.again(step, t)._replace(is_jump=True)
+
+    def _met_at_switch(self, step: FoundStep) -> Met:
+        """What functions of t make jump at a switch: declared events, and walls, which may not.
 
         Forces, and velocities of walls, may: which contacts press is decided beyond it.
         """
-        run, watch = self._stepper, self._current()
-        before, after, crossed = watch.begin(), watch.end(run.found.reached), list[int]()
+        watch, met = self._current(), Met(step)
+        before, after, crossed = watch.begin(), watch.end(step.reached), list[int]()
         if E := self._system.event_values.numel():
-            sides = before[-E:], after[-E:]
-            crossed, touched = declared_events.at_switch(watch, sides, self._changes.events.jumped)
-            self._at_end = sorted({*self._changes.events.jumped(*sides), *crossed})
-            self._touched = [watch.functions.kinds.first_event + number for number in touched]
-        if self._system.contacts.count:
-            self._changes.require_open(watch, after)
-            self._before = SwitchSide(
-                self._changes.log.line(), before[before.size - E :].copy(), tuple(crossed)
+            sides, jumped = (before[-E:], after[-E:]), self._changes.events.jumped
+            crossed, touched = declared_events.at_switch(watch, step, sides, jumped)
+            first = watch.functions.kinds.first_event
+            met = met._replace(
+                at_end=tuple(sorted({*jumped(*sides), *crossed})),
+                touched=tuple(first + number for number in touched),
             )
-            run.found.is_jump = True
+        if not self._system.contacts.count:
+            return met
+        self._changes.require_open(watch, step, after)
+        events = before[before.size - E :].copy()
+        side = SwitchSide(self._changes.log.line(), events, tuple(crossed))
+        return met._replace(step=step._replace(is_jump=True), before=side)
 
-    def _end_series_at(self, t: float) -> None:
-        """End the step at a time at which rebounds of a contact come to their end."""
-        step_watch.take_again(self._stepper, t)
-        self._stepper.found.is_jump, self._stepper.found.barrier = True, None
-
-    def end(self) -> None:
-        """See `Event`."""
-        at_end, self._at_end = self._at_end, []
-        if at_end:
-            self._changes.events.report(at_end)
-
-    def act(self) -> None:
-        """See `Event`."""
+    def _act_here(self, met: Met) -> None:
         run = self._stepper
-        self._changes.log.is_switched = self._before is not None
-        if self._before is not None:
-            self._at_end = self._changes.at_switch(self._before, self._at_end)
+        run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
+        self._act(met)
+
+    def _act(self, met: Met) -> None:
+        """Act where the run stands, at the end of a step or where one was given up."""
+        run, changes, at_end = self._stepper, self._changes, met.at_end
+        changes.log.is_switched = met.before is not None
+        changes.events.known = met.sizes or changes.events.known
+        if met.before is not None:
+            at_end = tuple(changes.at_switch(met.before, met.step.taken, list(at_end)))
             run.settle()
-        self.end()
-        hits, self._hits = self._hits, ()
-        crossed, self._crossed = self._crossed, {}
-        if hits:
-            self._changes.at(hits, self._ahead)
+        changes.events.report(at_end)
+        if met.hits:
+            changes.at(met.hits, met.ahead, met.step.taken, met.extents)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
-            self._changes.end_series()
-        elif run.contacts.again or run.contacts.unarmed or self._touched:
-            run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=tuple(self._touched))
-            self._touched = []
-        elif not crossed:
+            changes.end_series()
+        elif run.contacts.again or run.contacts.unarmed or met.touched:
+            run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=met.touched)
+        elif not met.crossed:
             return
-        if crossed:
-            watch = self._current()
-            unarmed = {*run.contacts.unarmed, *declared_events.still(watch, crossed)}
+        if met.crossed:
+            unarmed = {*run.contacts.unarmed, *declared_events.still(self._current(), met.crossed)}
             run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
         run.settle()
 
-    def _cross(self, singular_step: SingularStep) -> None:
-        """Look at the step across a singular configuration: it ends where a contact closes, or a stop event is."""
-        run, found, watch = self._stepper, self._stepper.found, self._current()
+    def _met_across(self, step: FoundStep) -> Met:
+        """What a step across a singular configuration meets: it ends where a contact closes, or a stop event is."""
+        run, watch, singular_step = self._stepper, self._current(), step.singular_step
+        assert singular_step is not None, "there is a step across"
         kinds, curve = watch.functions.kinds, SingularStepWatch(watch.functions, run, singular_step)
         # Multipliers may have a pole at the instant: contacts that are released are looked for beside it.
         are_watched = kinds.is_event.copy()
         are_watched[: watch.is_open.size] = watch.is_open
         indices = np.flatnonzero(are_watched)
-        rounding = self._changes.noise(watch)
+        rounding, extents = self._changes.noise(watch, step)
         lift_off = singular_step_watch.first_lift_off(curve, np.flatnonzero(~watch.is_open), rounding)
         noise = rounding[indices]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
-        rounding = np.maximum(NOISE * sizes, watch.rounding())[indices]
+        rounding = np.maximum(NOISE * sizes, watch.rounding(step))[indices]
         noise[kinds.is_event[indices]] = rounding[kinds.is_event[indices]]
         x, armed = 0.0, ~np.isin(kinds.numbers[indices], run.contacts.unarmed)
         limit = 1.0 if lift_off is None else lift_off.x
@@ -193,21 +212,21 @@ class ContactEvent(Event):
             x += crossing.x * (limit - x)
             rows = indices[list(crossing.rows)]
             if not kinds.records[rows].all():
-                self._hits, self._ahead = tuple(kinds.numbers[rows].tolist()), None
-                if not curve.end_at(x):
+                ended = curve.ended_at(step, x)
+                if ended is None:
                     raise StepFailure(
                         "a contact closes where a singular configuration is passed", run_stop.CONTACT
                     )
-                return
+                return Met(ended, tuple(kinds.numbers[rows].tolist()), None, extents)
             armed = np.ones(indices.size, dtype=bool)
             armed[list(crossing.rows)] = False
-            for index in rows.tolist():
-                found.within.append(curve.event(x, kinds.names[index], self._changes.log))
-        if lift_off is not None:
-            self._hits, self._ahead = (
-                tuple(kinds.numbers[lift_off.indices].tolist()),
-                singular_step_watch.end_at_lift_off(curve, lift_off),
-            )
+            events = (curve.event(x, kinds.names[index], self._changes.log) for index in rows.tolist())
+            step = step._replace(within=(*step.within, *events))
+        if lift_off is None:
+            return Met(step)
+        hits = tuple(kinds.numbers[lift_off.indices].tolist())
+        ended, ahead = singular_step_watch.ended_at_lift_off(curve, step, lift_off)
+        return Met(ended, hits, ahead, extents)
 
     def _current(self) -> StepWatch:
         run = self._stepper
@@ -218,32 +237,20 @@ class ContactEvent(Event):
             self._watch = StepWatch(self._functions[numeric.stepped], run)
         return self._watch
 
-    def _search(self, watch: StepWatch, limit: float) -> None:
-        """Find the first incident that ends the step, and the events before it that are recorded."""
-        run, found, kinds = self._stepper, self._stepper.found, watch.functions.kinds
+    def _search(self, watch: StepWatch, step: FoundStep, limit: float) -> Met | Cut:
+        """The first incident that ends a step, up to a part of it, with the events before it that are recorded."""
+        run, kinds = self._stepper, watch.functions.kinds
         indices = watch.doubtful()
-        is_last = found.reached == run.grid.end
+        is_last = step.reached == run.grid.end
         if is_last and kinds.has_events:
             indices = np.union1d(indices, np.flatnonzero(kinds.is_event))
-        noise = self._changes.noise(watch)[indices]
-        numbers = kinds.numbers[indices]
-        limit = min(limit, found.barrier.part if found.barrier is not None else 1.0)
+        noise, extents = self._changes.noise(watch, step)
         if not indices.size:
-            return
-        begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
-        step_watch.require_pushes(watch, indices[begin[indices] < -PARAMETERS.clearly * noise])
-        # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
-        gaps = watch.are_gaps[indices]
-        moved = NOISE * np.abs(end - begin)[indices]
-        noise[gaps] = np.maximum(noise, np.where(np.isfinite(moved), moved, 0.0))[gaps]
-        if kinds.is_event[indices].any():
-            begin, end = np.abs(begin), np.abs(end)
-            sizes, is_event = np.maximum(begin, end), kinds.is_event[indices]
-            # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
-            rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding())
-            noise[is_event] = rounding[indices][is_event]
-            reported = self._changes.events
-            reported.sizes, reported.rounding = sizes[kinds.is_event], rounding[kinds.is_event]
+            return Met(step)
+        limit = min(limit, step.barrier.part if step.barrier is not None else 1.0)
+        numbers = kinds.numbers[indices]
+        noise, sizes = self._rounded(watch, step, limit, (indices, noise[indices]))
+        met = Met(step, extents=extents, sizes=sizes)
         turned = kinds.direction[indices] if kinds.has_events else zero_search.DOWN
         unarmed = run.contacts.unarmed
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
@@ -251,26 +258,54 @@ class ContactEvent(Event):
         while x < limit:
             crossing = self._crossing(watch, indices, (x, limit), (noise, turned, armed))
             if crossing.unresolved:
-                self._shorten(x + crossing.clear * (limit - x))
-                return
+                return met._replace(step=self._shortened(met.step, x + crossing.clear * (limit - x)))
             if crossing.x is None:
                 if limit == 1.0 and is_last:
-                    self._at_end = declared_events.arriving(watch)
-                return
+                    met = met._replace(at_end=tuple(declared_events.arriving(watch, met.step)))
+                return met
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
-            self._crossed |= declared_events.crossed(watch, x, (indices[rows], noise[rows]))
+            crossed = declared_events.crossed(watch, step, x, (indices[rows], noise[rows]))
+            met = met._replace(crossed={**met.crossed, **crossed})
             if not kinds.records[indices[rows]].all():
-                self._end_at(watch, x, indices[rows])
-                return
-            if run.t + x * found.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
+                if LEAST < x < 0.5 / FARTHER and (~watch.are_gaps & ~kinds.is_event)[indices[rows]].any():
+                    # What was met before a contact that soon lets go is met again in the shorter step.
+                    shorter = self._shortened(step, FARTHER * x)
+                    run.make_dense()
+                    return self._search(watch, shorter, 1.0)
+                return self._met_at(watch, met, x, indices[rows])
+            if run.t + x * step.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
                 # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
-                return
+                return met
             armed = np.ones(indices.size, dtype=bool)
             armed[rows] = False
-            found.within += [
-                self._event(watch, x, index, kinds.names[index]) for index in indices[rows].tolist()
-            ]
+            events = (self._event(watch, step, x, index) for index in indices[rows].tolist())
+            met = met._replace(step=met.step._replace(within=(*met.step.within, *events)))
+        return met
+
+    def _rounded(
+        self, watch: StepWatch, step: FoundStep, limit: float, asked: tuple[Indices, Floats]
+    ) -> tuple[Floats, EventSizes | None]:
+        """The noise of some functions, by their indices (k,) and the noise of what they are made of, in a step up to a
+        part of it; and the sizes of declared events, if any is among them.
+
+        Raises `StepFailure` where a closed contact pulls at its begin.
+        """
+        kinds, (indices, noise) = watch.functions.kinds, asked
+        begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
+        step_watch.require_pushes(watch, indices[begin[indices] < -PARAMETERS.clearly * noise])
+        # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
+        gaps = watch.are_gaps[indices]
+        moved = NOISE * np.abs(end - begin)[indices]
+        noise[gaps] = np.maximum(noise, np.where(np.isfinite(moved), moved, 0.0))[gaps]
+        is_event = kinds.is_event[indices]
+        if not is_event.any():
+            return noise, None
+        begin, end = np.abs(begin), np.abs(end)
+        # A function may grow beyond all bounds within the step, whose rounding says nothing of its zeros.
+        rounding = np.maximum(NOISE * np.minimum(begin, end), watch.rounding(step))
+        noise[is_event] = rounding[indices][is_event]
+        return noise, EventSizes(np.maximum(begin, end)[kinds.is_event], rounding[kinds.is_event])
 
     def _crossing(
         self,
@@ -288,48 +323,35 @@ class ContactEvent(Event):
 
         return zero_search.first_crossing(values, *asked)
 
-    def _shorten(self, x: float) -> None:
-        """End the step before what cannot be told apart in it."""
-        run, found = self._stepper, self._stepper.found
+    def _shortened(self, step: FoundStep, x: float) -> FoundStep:
+        """The step ended before what cannot be told apart in it."""
+        run = self._stepper
         if x < LEAST:
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
-        step_watch.take_again(run, run.t + x * found.taken)
-        found.barrier, found.proposed = None, min(found.proposed, found.taken)
+        shorter = run.again(step, run.t + x * step.taken)
+        return shorter._replace(proposed=min(step.proposed, shorter.taken))
 
-    def _event(self, watch: StepWatch, x: float, index: int, name: str) -> Incident:
-        t, state = declared_events.within(watch, x, index)
-        line = self._changes.log.line_of(t, state)
+    def _event(self, watch: StepWatch, step: FoundStep, x: float, index: int) -> Incident:
+        t, state = declared_events.within(watch, step, x, index)
+        line, name = self._changes.log.line_of(t, state), watch.functions.kinds.names[index]
         return self._changes.log.incident(t, "event", name, InstantLines(line, line))
 
-    def _act_here(self) -> None:
-        """Give up the step, for what it meets is where the run stands."""
-        run = self._stepper
-        run.found.is_open = False
-        run.statistics.steps -= 1
-        run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
-        self.act()
-
-    def _end_at(self, watch: StepWatch, x: float, rows: Indices) -> None:
-        """End the step where watched functions cross zero."""
-        run, found, bound = self._stepper, self._stepper.found, self._stepper.bound
-        if LEAST < x < 0.5 / FARTHER and (~watch.are_gaps & ~watch.functions.kinds.is_event)[rows].any():
-            self._shorten(FARTHER * x)
-            run.make_dense()
-            self._search(watch, 1.0)
-            return
-        taken, found.barrier = found.taken, None
-        slopes = watch.inside(x)[1][rows] / taken
-        self._ahead = Ahead(run, min(1.0, x + BEYOND * FARTHER**run.contacts.again))
-        self._hits = tuple(watch.functions.kinds.numbers[rows].tolist())
+    def _met_at(self, watch: StepWatch, met: Met, x: float, rows: Indices) -> Met | Cut:
+        """The step ended where watched functions cross zero."""
+        run, step, bound = self._stepper, met.step, self._stepper.bound
+        slopes = watch.inside(x)[1][rows] / step.taken
+        met = met._replace(
+            ahead=Ahead(run, step, min(1.0, x + BEYOND * FARTHER**run.contacts.again)),
+            hits=tuple(watch.functions.kinds.numbers[rows].tolist()),
+        )
         steepest = int(np.argmax(np.abs(slopes)))
         index, slope = int(rows[steepest]), float(slopes[steepest])
-        tau, best = float(x) * taken, math.inf
+        tau, best = float(x) * step.taken, math.inf
         for _ in range(declared_events.REFINED):
             reached = run.t + tau
             if not reached > run.t:
-                self._act_here()
-                return
-            step_watch.take_again(run, reached)
+                return self._here(met)
+            step = run.again(step, reached)
             left = float(watch.end(reached)[index])
             if not abs(left) < best / 2 or slope == 0:
                 break
@@ -339,10 +361,10 @@ class ContactEvent(Event):
                 break
             tau -= correction
         end = run.grid.end
-        if found.reached != end and abs(found.reached - end) <= declared_events.AT_END * math.ulp(end):
+        if step.reached != end and abs(step.reached - end) <= declared_events.AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
-            step_watch.take_again(run, end)
-        if bound.status[7] > COARSE_WORK and run.statistics.is_balanced:
-            run.find_work(found.taken)
-        found.is_jump = True
-        found.proposed = min(found.proposed, LONGER * (found.reached - run.contacts.last))
+            step = run.again(step, end)
+        if bound.status[7] > COARSE_WORK:
+            step = run.with_work(step)
+        proposed = min(step.proposed, LONGER * (step.reached - run.contacts.last))
+        return met._replace(step=step._replace(is_jump=True, proposed=proposed))

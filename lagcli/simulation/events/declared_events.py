@@ -4,7 +4,8 @@ zeros within a step, at a switch of a function of t, at the end of the run, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StepWatch
 from lagcli.simulation.events.watch_functions import DIRECTIONS
 from lagcli.simulation.scheme.bound_scheme import BoundStep
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -33,24 +35,31 @@ IN_TIME = 4.0
 AT_END = 8.0
 
 
+class EventSizes(NamedTuple):
+    """Sizes and rounding of the values of events (E,) in a step."""
+
+    sizes: Floats
+    rounding: Floats
+
+
 class EventValues:
-    """All E events of a run; sizes, rounding (E,): of their values in the step behind, where it was looked at."""
+    """All E events of a run; known: of their values in the last step that was taken and looked at, None before."""
 
     def __init__(self, run: Stepper, log: IncidentLog) -> None:
         self._run, self._log = run, log
         self._events = run.bound.enforced.system.model.events
-        self.sizes = self.rounding = np.zeros(0)
+        self.known: EventSizes | None = None
         self._t = np.zeros(1)
-        self._known: tuple[BoundStep, BoundFunction] | None = None
+        self._values: tuple[BoundStep, BoundFunction] | None = None
 
     def now(self) -> Floats:
         """`when` (E,) where the run stands."""
         run, bound = self._run, self._run.bound
         if not self._events:
             return np.zeros(0)
-        if self._known is None or self._known[0] is not bound:
-            self._known = bound, BoundFunction(bound.numeric.events_at, [self._t, bound.y, bound.p])
-        values = self._known[1]
+        if self._values is None or self._values[0] is not bound:
+            self._values = bound, BoundFunction(bound.numeric.events_at, [self._t, bound.y, bound.p])
+        values = self._values[1]
         self._t[0] = run.origin + run.t
         values.trigger()
         return values.results[0].copy()
@@ -58,8 +67,8 @@ class EventValues:
     def jumped(self, before: Floats, after: Floats) -> list[int]:
         """The events that jump over zero in their direction, by their values before and after (E,)."""
         least = JUMPED * np.maximum(np.abs(before), np.abs(after))
-        if self.sizes.size:
-            least = np.maximum(least, np.maximum(JUMPED * self.sizes, self.rounding))
+        if self.known is not None:
+            least = np.maximum(least, np.maximum(JUMPED * self.known.sizes, self.known.rounding))
         ways = np.where((before < -least) & (after > least), 1, 0) - ((before > least) & (after < -least))
         wanted = [DIRECTIONS[event.direction] for event in self._events]
         return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]
@@ -77,7 +86,10 @@ class EventValues:
 
 
 def at_switch(
-    watch: StepWatch, sides: tuple[Floats, Floats], jumped: Callable[[Floats, Floats], list[int]]
+    watch: StepWatch,
+    step: FoundStep,
+    sides: tuple[Floats, Floats],
+    jumped: Callable[[Floats, Floats], list[int]],
 ) -> tuple[list[int], list[int]]:
     """The events that cross zero, of those that are at zero on both sides, and all these, by their numbers.
 
@@ -86,21 +98,21 @@ def at_switch(
     """
     run, (before, after) = watch.run, sides
     E = before.size
-    rounding, values = watch.rounding()[-E:], np.maximum(np.abs(before), np.abs(after))
+    rounding, values = watch.rounding(step)[-E:], np.maximum(np.abs(before), np.abs(after))
     at_zero = np.flatnonzero(values <= TOUCHED * rounding)
     if not at_zero.size:
         return [], []
     offset = OFFSET * min(run.control.step, run.grid.end - run.grid.start)
-    beside = watch.beside(run.found.reached, offset)[:, -E:]
+    beside = watch.beside(step.reached, offset)[:, -E:]
     # At a pole there is nothing but rounding, and it shrinks with the distance.
     found = at_zero[(values <= np.abs(beside).max(axis=0))[at_zero]].tolist()
     crosses = jumped(*np.where(np.abs(beside) <= TOUCHED * rounding, 0.0, beside))
     return [number for number in crosses if number in found], found
 
 
-def arriving(watch: StepWatch) -> list[int]:
-    """The events, by their numbers, that go through zero at the end of the run, to rounding of its time."""
-    run, found, kinds = watch.run, watch.run.found, watch.functions.kinds
+def arriving(watch: StepWatch, found: FoundStep) -> list[int]:
+    """The events, by their numbers, that go through zero at the end of the last step, to rounding of its time."""
+    run, kinds = watch.run, watch.functions.kinds
     begin = watch.inside(0.0)[0].copy()
     end, slope = watch.inside(1.0)
     room = np.abs(slope) / found.taken * AT_END * math.ulp(found.reached)
@@ -112,17 +124,17 @@ def arriving(watch: StepWatch) -> list[int]:
     return [int(kinds.numbers[i]) - kinds.first_event for i in indices if kinds.names[i] not in reported]
 
 
-def within(watch: StepWatch, x: float, index: int) -> tuple[float, Floats]:
+def within(watch: StepWatch, found: FoundStep, x: float, index: int) -> tuple[float, Floats]:
     """The time of a zero of a watched function within a step, by its index among them, and the state there: from the
     part x of the step on, by a step of its own up to there."""
-    run, found, bound = watch.run, watch.run.found, watch.run.bound
+    run, bound = watch.run, watch.run.bound
     step = bound.enforced.functions.scheme(run.method).step
     _, _, y, k, tolerance, p = bound.step.arguments
     slope = float(watch.inside(x)[1][index]) / found.taken
     tau, best = x * found.taken, math.inf
     for _ in range(REFINED):
         state = np.array(step(run.t, tau, y, k, tolerance, p)[0]).ravel()
-        run.statistics.evaluations += run.method.evaluations
+        run.count(run.method.evaluations)
         values = watch.functions.watched(run.origin + run.t + tau, state, p)
         left = float(np.array(values).ravel()[index])
         if not abs(left) < best / 2 or slope == 0:
@@ -135,19 +147,21 @@ def within(watch: StepWatch, x: float, index: int) -> tuple[float, Floats]:
     return run.t + tau, state
 
 
-def crossed(watch: StepWatch, x: float, crossing: tuple[Indices, Floats]) -> dict[int, float]:
+def crossed(
+    watch: StepWatch, step: FoundStep, x: float, crossing: tuple[Indices, Floats]
+) -> dict[int, float]:
     """The declared events, by their numbers, among functions that cross zero at the part x of a step, with what their
     values there may be: their noise, and what the rounding of the time makes. crossing: indices and noise (k,)."""
     run, kinds, (indices, noise) = watch.run, watch.functions.kinds, crossing
     chosen = kinds.is_event[indices]
     if not chosen.any():
         return {}
-    slopes = np.abs(watch.inside(x)[1][indices]) / run.found.taken
-    known = noise + IN_TIME * math.ulp(run.t + run.found.taken) * slopes
+    slopes = np.abs(watch.inside(x)[1][indices]) / step.taken
+    known = noise + IN_TIME * math.ulp(run.t + step.taken) * slopes
     return dict(zip(kinds.numbers[indices[chosen]].tolist(), known[chosen].tolist(), strict=True))
 
 
-def still(watch: StepWatch, known: dict[int, float]) -> list[int]:
+def still(watch: StepWatch, known: Mapping[int, float]) -> list[int]:
     """The events among `crossed` that are at zero where the run stands, as where an impact follows at once:
     they do not cross there again."""
     if not known:

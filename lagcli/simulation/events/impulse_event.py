@@ -13,11 +13,13 @@ import numpy.typing as npt
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.scheme.method import Method
+from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
     from lagcli.equations.energy_jumps import Crossings, Way
+    from lagcli.simulation.singularity.singularity_step import SingularStep
 
 Floats = npt.NDArray[np.float64]
 # A function on arrays, with what it writes.
@@ -164,8 +166,8 @@ def _bound(function: ca.Function, arguments: list[Floats]) -> _Bound:
 class SingularStepCurve:
     """The `Way` of a step across a singular configuration."""
 
-    def __init__(self, crossings: Crossings, run: Stepper) -> None:
-        self._crossings, self._run = crossings, run
+    def __init__(self, crossings: Crossings, run: Stepper, curve: SingularStep) -> None:
+        self._crossings, self._run, self._step = crossings, run, curve.step
 
     def switches(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
@@ -176,12 +178,9 @@ class SingularStepCurve:
         return np.array(self._crossings.values(*self._inputs_at(part))).ravel().tolist()
 
     def _inputs_at(self, x: float) -> tuple[float, Floats, Floats, Floats]:
-        run = self._run
-        singular_step = run.found.singular_step
-        assert singular_step is not None, "there is a step across"
-        state = singular_step.step.state(x)
+        run, state = self._run, self._step.state(x)
         n = state.size // 2
-        return run.origin + run.t + x * run.found.taken, state[:n], state[n : 2 * n], run.bound.enforced.p
+        return run.origin + run.t + x * self._step.h, state[:n], state[n : 2 * n], run.bound.enforced.p
 
 
 class ImpulseEvent(Event):
@@ -192,24 +191,21 @@ class ImpulseEvent(Event):
         self._functions = CurveFunctions(crossings, stepper.method)
         self._curve = StepCurve(self._functions, stepper)
 
-    def cut(self) -> None:
+    def found(self, step: FoundStep) -> Cut | None:
         """See `Event`."""
-        run, found = self._stepper, self._stepper.found
-        if found.is_still:
-            return
+        run, curve = self._stepper, step.singular_step
+        if step.is_still:
+            return None
         if not self._curve.is_of(run):
             self._curve = StepCurve(self._functions, run)
-        if found.singular_step is None and not found.has_dense:
+        if curve is None and not run.has_dense:
             if not self._curve.is_crossed():
-                return
+                return None
             run.bound.staged.trigger()
-            run.statistics.evaluations += run.method.evaluations
+            run.count(run.method.evaluations)
             run.make_dense()
-        found.barrier = self._crossings.first(self._way(), PARTS)
-        if found.barrier is not None:
-            found.reached = run.t + found.barrier.part * found.taken
-
-    def _way(self) -> Way:
-        if self._stepper.found.singular_step is not None:
-            return SingularStepCurve(self._crossings, self._stepper)
-        return self._curve
+        way: Way = self._curve if curve is None else SingularStepCurve(self._crossings, run, curve)
+        barrier = self._crossings.first(way, PARTS)
+        if barrier is None:
+            return None
+        return Cut(step._replace(barrier=barrier, reached=run.t + barrier.part * step.taken))

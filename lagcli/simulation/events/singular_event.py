@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -12,10 +11,10 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
-from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import SINGULAR, StepFailure
 from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
 
 if TYPE_CHECKING:
@@ -28,22 +27,19 @@ class SingularEvent(Event):
 
     def __init__(self, stepper: Stepper) -> None:
         self._stepper, self._log = stepper, IncidentLog(stepper)
-        # The crossing of the step that was found.
-        self._crossed: Crossing | None = None
 
-    def passes(self) -> bool:
+    def passes(self) -> FoundStep | None:
         """See `Event`."""
         run = self._stepper
         predicted = run.watch.foreseen
         if predicted is NEVER or not predicted.is_any:
-            return False
+            return None
         if predicted.is_here:
-            self._leave()
-            return True
+            return self._leave()
         if not predicted.is_near(run.t, run.control.step, run.tolerance[0], run.method.order):
-            return False
+            return None
         if predicted.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
-            return False
+            return None
         bound = run.bound
         from lagcli.simulation.singularity import singularity_step
 
@@ -53,33 +49,27 @@ class SingularEvent(Event):
             run.bind(bound.enforced.keeping(found))
             run.watch = SingularityMonitor()
         elif found is not None:
-            self._cross(found)
+            return self._across(found)
         elif bound.enforced.is_any:
-            return self._pass_without_integrals()
-        return isinstance(found, singularity_step.Crossing)
+            return self._passes_without_integrals()
+        return None
 
-    def act(self) -> None:
-        """See `Event`."""
-        run, crossed = self._stepper, self._crossed
-        self._crossed = None
-        if crossed is not None and crossed.singular_step.instant > run.t:
-            # The step has ended before.
-            run.statistics.crossings = run.statistics.crossings[:-1]
-            run.watch = SingularityMonitor()
-            run.settle()
-
-    def _incidents(self, crossed: Crossing) -> list[Incident]:
-        """The incidents of a crossing, one for each row that takes part; none where the run begins."""
+    def _across(self, crossed: Crossing) -> FoundStep:
+        """The step across, with an incident for each row that takes part; none where the run begins."""
         run, singular_step = self._stepper, crossed.singular_step
+        step = run.across(crossed)
         if singular_step.is_start:
-            return []
+            return step
         from lagcli.simulation.stepping import interpolate_rows
 
         interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
         names = [row.name for row in run.bound.enforced.system.multiplier_rows]
         lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
-        rows = crossed.loss.participants
-        return [self._log.incident(singular_step.instant, "crossing", names[row], lines) for row in rows]
+        incidents = (
+            self._log.incident(singular_step.instant, "crossing", names[row], lines)
+            for row in crossed.loss.participants
+        )
+        return step._replace(within=tuple(incidents))
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
@@ -88,7 +78,7 @@ class SingularEvent(Event):
         def square(h: float) -> float:
             bound.h[0] = h
             bound.step.trigger()
-            run.statistics.evaluations += run.method.evaluations
+            run.count(run.method.evaluations)
             _, _, _, residual, *there, _, _ = bound.status
             return there[component - 1] if residual <= MOST_RESIDUAL else math.nan
 
@@ -96,7 +86,7 @@ class SingularEvent(Event):
             square, run.watch.seen[component], run.watch.foreseen.instant - run.t
         )
 
-    def _pass_without_integrals(self) -> bool:
+    def _passes_without_integrals(self) -> FoundStep | None:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
 
         Those that hold beyond it are retained, else they are released.
@@ -109,19 +99,18 @@ class SingularEvent(Event):
         plain = enforced.functions.numeric
         project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), enforced.parameters])
         found = singularity_step.across(plain, project, self._point, run.watch.foreseen)
-        run.statistics.evaluations += project.used
+        run.count(project.used)
         if not isinstance(found, singularity_step.Crossing):
-            return False
+            return None
         step = found.singular_step.step
         reached, new = step.t + step.h, step.state(1.0)
         if collocation.projected(bound.scratch, reached, new) is not None:
-            self._cross(found)
-            return True
+            return self._across(found)
         run.let_go(reached, new)
         return self.passes()
 
-    def _leave(self) -> None:
-        """Take the first step from a singular configuration."""
+    def _leave(self) -> FoundStep:
+        """The first step from a singular configuration."""
         from lagcli.simulation.singularity import singularity_step
 
         run, bound = self._stepper, self._stepper.bound
@@ -131,7 +120,7 @@ class SingularEvent(Event):
             from lagcli.simulation.stepping import stop_diagnosis
 
             raise StepFailure(stop_diagnosis.NO_BRANCH, SINGULAR)
-        self._cross(found)
+        return self._across(found)
 
     @property
     def _point(self) -> Point:
@@ -139,19 +128,3 @@ class SingularEvent(Event):
 
         run, bound = self._stepper, self._stepper.bound
         return Point(run.t, bound.y, bound.k, bound.enforced.p, run.tolerance)
-
-    def _cross(self, crossing: Crossing) -> None:
-        """Make a step across the step just found."""
-        run, bound = self._stepper, self._stepper.bound
-        step = crossing.singular_step.step
-        reached = step.t + step.h
-        projected, rate, status, _ = bound.projected_at(reached, step.state((reached - step.t) / step.h))
-        bound.new[:], bound.k_new[:] = projected, rate
-        run.watch = run.watch.after(reached, status[1], status[2])
-        run.statistics.steps += 1
-        run.statistics.crossings += (dataclasses.replace(crossing.loss, t=run.origin + crossing.loss.t),)
-        self._crossed = crossing
-        found = run.found
-        found.is_open, found.singular_step = True, crossing.singular_step
-        found.reached, found.taken, found.proposed = reached, step.h, run.control.step
-        found.within += self._incidents(crossing)

@@ -17,6 +17,7 @@ from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping import interpolate_rows
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -58,25 +59,25 @@ class SingularStepWatch:
         step = self._step_across.step
         return FixedAhead(step.t + x * step.h, step.state(x), before)
 
-    def end_at_instant(self) -> Floats:
-        """The line of the table there, where the step is made to end; the rows have no projection there, and those that
-        go on have one."""
-        run, found, singular_step = self._run, self._run.found, self._step_across
+    def ended_at_instant(self, found: FoundStep) -> tuple[FoundStep, Floats]:
+        """The step ended there, and the line of the table: the rows have no projection there, and those that go on have
+        one."""
+        run, singular_step = self._run, self._step_across
         interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
-        run.bound.new[:], run.bound.k_new[:] = singular_step.middle, singular_step.step.slope(self.instant)
-        found.reached, found.taken, found.is_jump = singular_step.instant, singular_step.instant - run.t, True
-        return run.rows.line.copy()
+        run.put_end(singular_step.middle, singular_step.step.slope(self.instant))
+        return self._ended(found, singular_step.instant), run.rows.line.copy()
 
-    def end_at(self, x: float) -> bool:
-        """End the step at the fraction x; False where the state there cannot be found on the constraints."""
-        run, found, step = self._run, self._run.found, self._step_across.step
-        reached = step.t + x * step.h
-        if collocation.projected(run.bound.scratch, reached, step.state(x)) is None:
-            return False
-        projected, rate, *_ = run.bound.projected_at(reached, step.state(x))
-        run.bound.new[:], run.bound.k_new[:] = projected, rate
-        found.reached, found.taken, found.is_jump = reached, reached - run.t, True
-        return True
+    def ended_at(self, found: FoundStep, x: float) -> FoundStep | None:
+        """The step ended at the fraction x; None where the state there cannot be found on the constraints."""
+        run, step = self._run, self._step_across.step
+        reached, state = step.t + x * step.h, step.state(x)
+        if collocation.projected(run.bound.scratch, reached, state) is None:
+            return None
+        run.project_end(reached, state)
+        return self._ended(found, reached)
+
+    def _ended(self, found: FoundStep, reached: float) -> FoundStep:
+        return found._replace(reached=reached, taken=reached - self._run.t, is_jump=True)
 
 
 class LiftOff(NamedTuple):
@@ -108,14 +109,18 @@ def first_lift_off(curve: SingularStepWatch, indices: Indices, rounding: Floats)
     return None
 
 
-def end_at_lift_off(curve: SingularStepWatch, lift_off: LiftOff) -> FixedAhead:
-    """End the step at a lift; the state behind it. Raises `StepFailure` where there is no state on the constraints."""
-    before = None
+def ended_at_lift_off(
+    curve: SingularStepWatch, found: FoundStep, lift_off: LiftOff
+) -> tuple[FoundStep, FixedAhead]:
+    """The step ended at a lift, and the state behind it. Raises `StepFailure` where there is no state on the
+    constraints."""
     if lift_off.x == curve.instant:
-        before = curve.end_at_instant()
-    elif not curve.end_at(lift_off.x):
+        step, before = curve.ended_at_instant(found)
+        return step, curve.ahead(lift_off.beyond, before)
+    ended = curve.ended_at(found, lift_off.x)
+    if ended is None:
         raise StepFailure("a contact opens where a singular configuration is passed", run_stop.CONTACT)
-    return curve.ahead(lift_off.beyond, before)
+    return ended, curve.ahead(lift_off.beyond, None)
 
 
 def _between(

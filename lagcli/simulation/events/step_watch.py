@@ -1,4 +1,4 @@
-"""The step that a run has just found: the watched functions on it, states within it, and that step taken again."""
+"""The step that a run has just found: the watched functions on it, and states within it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -138,17 +139,17 @@ class StepWatch:
             found.append(at.results[0].copy())
         return np.array(found)
 
-    def rounding(self) -> Floats:
-        """Rounding of w (W,) by that of the state, in the step that was found: the middle one of what it is at its
+    def rounding(self, step: FoundStep) -> Floats:
+        """Rounding of w (W,) by that of the state, in a step: the middle one of what it is at its
         ends and between them, for it may be nothing at one point and grow beyond all bounds at another."""
         run, bound = self.run, self._bound
-        begin, end = (run.t, bound.y), (run.found.reached, bound.new)
-        middle = (run.t + run.found.reached) / 2, (bound.y + bound.new) / 2
-        return np.median([self._rounding_at(*state) for state in (begin, middle, end)], axis=0)
+        begin, end = (run.t, bound.y), (step.reached, bound.new)
+        middle = (run.t + step.reached) / 2, (bound.y + bound.new) / 2
+        h = step.reached - run.t
+        return np.median([self._rounding_at(*state, h) for state in (begin, middle, end)], axis=0)
 
-    def _rounding_at(self, when: float, y: Floats) -> Floats:
-        run, n = self.run, (y.size - 1) // 2
-        h, t = run.found.reached - run.t, run.origin + when
+    def _rounding_at(self, when: float, y: Floats, h: float) -> Floats:
+        n, t = (y.size - 1) // 2, self.run.origin + when
         at, q, velocity, _ = self._sizes.arguments
         at[0], q[:], velocity[:] = t, y[:n], y[n : 2 * n]
         self._sizes.trigger()
@@ -189,8 +190,8 @@ class Ahead:
 
     before: Floats | None = None
 
-    def __init__(self, run: Stepper, x: float) -> None:
-        self._method, self._x, self.t = run.method, x, run.t + x * run.found.taken
+    def __init__(self, run: Stepper, step: FoundStep, x: float) -> None:
+        self._method, self._x, self.t = run.method, x, run.t + x * step.taken
         self._begin, self._coefficients = run.bound.y.copy(), run.rows.dense.results[0].copy()
 
     @property
@@ -201,15 +202,6 @@ class Ahead:
 
 
 StateAhead = Ahead | FixedAhead
-
-
-def take_again(run: Stepper, reached: float) -> None:
-    """Take the step that was found again, up to a time within it."""
-    found, bound = run.found, run.bound
-    found.reached, found.taken, found.has_dense, found.work = reached, reached - run.t, False, None
-    bound.h[0] = found.taken
-    bound.staged.trigger()
-    run.statistics.evaluations += run.method.evaluations
 
 
 def require_pushes(watch: StepWatch, pulling: Numbers) -> None:

@@ -9,6 +9,7 @@ from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.compiled.force_switches import ForceSwitches
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.stepping import sticking
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 
@@ -27,10 +28,10 @@ class StickingEvent(Event):
         self._drawn = BoundFunction(drawn, [np.zeros(1), h, y, k, bound.new, bound.k_new, p])
         self._t = cells(self._drawn.arguments[0])
 
-    def cut(self) -> None:
+    def found(self, step: FoundStep) -> None:
         """See `Event`."""
-        run, found = self._stepper, self._stepper.found
-        if found.is_still or found.singular_step is not None:
+        run = self._stepper
+        if not step.is_ordinary:
             return
         if run.bound is not self._bound:
             self._bind()

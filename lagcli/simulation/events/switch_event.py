@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
 from lagcli.simulation.stepping import stop_diagnosis
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.start.initial import State
 
@@ -28,18 +29,15 @@ class SwitchEvent(Event):
     def begin(self) -> None:
         """A start with contacts that stands at a switch is taken on its other side: there they are decided."""
         run = self._stepper
-        if run.bound.enforced.system.contacts.count and self.passes():
-            found, bound = run.found, run.bound
-            found.is_open = found.is_still = False
-            bound.t[0] = run.t = found.reached
-            bound.y[:], bound.k[:] = bound.new, bound.k_new
+        if run.bound.enforced.system.contacts.count and (step := self.passes()):
+            run.stand(step.reached, run.bound.new, run.bound.k_new)
 
-    def passes(self) -> bool:
+    def passes(self) -> FoundStep | None:
         """See `Event`."""
         run = self._stepper
         found = None if run.watch.foreseen.is_here else run.timetable.switch(run.t)
         if found is None:
-            return False
+            return None
         middle, after = (min(t, run.grid.end) for t in found)
         bound, dt = run.bound, after - run.t
         y, k = bound.y, bound.k
@@ -56,11 +54,8 @@ class SwitchEvent(Event):
             if self._jumps(here, beside) or not _is_same((y, k), (projected, rate), dt, acceleration):
                 raise stop_diagnosis.impact(bound.enforced, here, beside)
         ahead = y + (middle - run.t) * k + (after - middle) * rate
-        bound.new[:], bound.k_new[:], *_ = project(after, ahead)
-        step = run.found
-        step.is_open = step.is_still = True
-        step.reached, step.taken, step.proposed = after, dt, run.control.step
-        return True
+        new, rate, *_ = project(after, ahead)
+        return run.still(after, new, rate)
 
     def _jumps(self, here: State, beyond: State) -> bool:
         """True where the wall of a closed contact is on the wrong side beyond, however fast it may be."""
@@ -79,7 +74,7 @@ class SwitchEvent(Event):
         rates = [
             np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
         ]
-        run.statistics.evaluations += len(rates)
+        run.count(len(rates))
         return stop_diagnosis.is_pole(rates, acceleration)
 
 
@@ -90,7 +85,7 @@ def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:
     rows = len(bound.enforced.system.rows.rows)
     enforced = bound.enforced.keeping(bound.enforced.selection.opened(rows))
     found = enforced.functions.numeric.project(t, y, enforced.parameters)[:2]
-    run.statistics.evaluations += 1
+    run.count(1)
     return [np.array(each).ravel() for each in found]
 
 

@@ -20,6 +20,7 @@ from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import RunStop, StepFailure, Stop
 from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -59,6 +60,7 @@ class Run:
         self._row, self.skipped_rows = row, skipped_rows
         self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
+        stepper.keeps_stages = any(event.keeps_stages for event in self._events)
         enforced = stepper.bound.enforced
         self._gaps = RowGaps(enforced.system, enforced.plain.functions.numeric, enforced.p)
         # A row at an incident is to be written once the run is beyond it.
@@ -119,33 +121,27 @@ class Run:
 
     def _fill(self, until: float) -> bool:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
-        stepper, writer = self.stepper, self._writer
-        found, has_advanced = stepper.found, False
+        stepper, writer, has_advanced = self.stepper, self._writer, False
         self._start()
         while True:
             if self._is_due and not self._put_state():
                 return False
-            if self.statistics.ended_by or (writer.is_done and not found.is_open):
+            if self.statistics.ended_by or (writer.is_done and stepper.found is None):
                 return True
-            if not found.is_open:
+            if stepper.found is None:
                 # Behind the row of an incident, and never without a step.
                 if has_advanced and time.perf_counter() > until:
                     return False
                 self._find_step()
                 continue
-            if not writer.put_rows():
+            if not writer.put_rows(stepper.found):
                 return False
             if writer.is_done:
-                stepper.t = self.grid.end
-                stepper.report_within()
-                for event in self._events:
-                    event.end()
+                stepper.finish()
                 return True
-            self._is_due = found.is_jump
+            self._is_due = stepper.found.is_jump
             stepper.accept()
             has_advanced = True
-            for event in self._events:
-                event.act()
 
     def _start(self) -> None:
         """Begin, where that is still to be done."""
@@ -154,11 +150,12 @@ class Run:
         if self._begin():
             for event in self._events:
                 event.begin()
-            if any(event.leaves() for event in self._events):
-                self._cut()
-                self.stepper.accept()
-                for event in self._events:
-                    event.act()
+            for event in self._events:
+                step = event.leaves()
+                if step is not None:
+                    self._take(step)
+                    self.stepper.accept()
+                    break
             self._writer.put_begin()
         self._begin = None
 
@@ -172,46 +169,42 @@ class Run:
         return not self._is_due
 
     def _find_step(self) -> None:
-        self.stepper.found.within = []
+        stepper, end = self.stepper, self.grid.end
         for event in self._events:
-            if event.passes():
-                self._cut()
+            step = event.passes()
+            if step is not None:
+                self._take(step)
                 return
-        stepper = self.stepper
-        if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= self.grid.end:
+        if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= end:
             # What happens before the end is found in the step of a run that goes on.
-            take_back = _unfound(stepper)
             try:
                 stepper.advance(beyond=True)
-                self._cut()
+                self._ask()
             except StepFailure:
-                take_back()
+                stepper.forget()
             else:
-                if not stepper.found.is_open or stepper.found.reached <= self.grid.end:
+                if stepper.found is None or stepper.found.reached <= end:
                     return
-                take_back()
+                stepper.forget()
         stepper.advance()
-        self._cut()
+        self._ask()
 
-    def _cut(self) -> None:
+    def _take(self, step: FoundStep) -> None:
+        """Take a step that an event has found."""
+        self.stepper.take(step)
+        self._ask()
+
+    def _ask(self) -> None:
+        """Ask all events what they make of the step that was found, each of it as those before have left it."""
+        stepper = self.stepper
         for event in self._events:
-            event.cut()
+            if stepper.found is None:
+                return
+            cut = event.found(stepper.found)
+            if cut is not None:
+                stepper.cut(cut)
 
     def _stopped(self, failure: StepFailure) -> Stop:
         t = self.origin + self.stepper.t
         where = f"stopped at t = {t:.9g} (after row {self._writer.complete} of {self.grid.count})"
         return Stop(t, f"{where}: {failure.reason}", failure.code)
-
-
-def _unfound(stepper: Stepper) -> Callable[[], None]:
-    """A call that takes back the step that is found next."""
-    statistics, watch = stepper.statistics, stepper.watch
-    counted = statistics.steps, statistics.rejected
-
-    def take_back() -> None:
-        statistics.steps, statistics.rejected = counted
-        stepper.watch = watch
-        stepper.found.is_open, stepper.found.is_jump, stepper.found.barrier = False, False, None
-        stepper.found.within = []
-
-    return take_back

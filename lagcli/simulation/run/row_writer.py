@@ -11,6 +11,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.simulation.events.declared_events import AT_END
+from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.start.initial import State
 
@@ -104,51 +105,50 @@ class RowWriter:
         run.row_time = run.t
         self.put_begin()
 
-    def put_rows(self) -> bool:
+    def put_rows(self, step: FoundStep) -> bool:
         """Write the rows of the grid within the step that was found; False where the block is full before.
 
         A row at an incident is that of the state after it, and is left.
         """
-        run, rows, found = self._stepper, self._stepper.rows, self._stepper.found
-        t, reached, taken = run.t, found.reached, found.taken
+        run, rows = self._stepper, self._stepper.rows
+        t, reached, taken = run.t, step.reached, step.taken
         self._begun, capacity = t, self._capacity
         before = reached
-        if found.is_jump:
+        if step.is_jump:
             # The time of an incident has its rounding; across a switch no row is before it.
-            before = t if found.is_still else reached - AT_END * math.ulp(run.origin + reached)
-        is_ordinary = not found.is_still and found.singular_step is None
-        if is_ordinary and found.work is None and run.row_time < before:
-            self._put_inside(before)
+            before = t if step.is_still else reached - AT_END * math.ulp(run.origin + reached)
+        if step.work is None and run.row_time < before and step.is_ordinary:
+            self._put_inside(step, before)
         while run.row_time <= reached:
-            if found.is_jump and run.row_time >= before:
+            if step.is_jump and run.row_time >= before:
                 break
             if self._filled == capacity:
                 return False
             at = run.row_time
             rows.at[0] = run.origin + at
-            if found.is_still:
+            if step.is_still:
                 rows.scratch.arguments[1][:] = run.bound.y
                 rows.scratch.trigger()
-            elif found.singular_step is not None:
+            elif step.singular_step is not None:
                 from lagcli.simulation.stepping import interpolate_rows
 
-                interpolate_rows.put_in_singular_step(run, found.singular_step, at)
-            elif at < reached or found.barrier is not None:
+                interpolate_rows.put_in_singular_step(run, step.singular_step, at)
+            elif at < reached or step.barrier is not None:
                 run.make_dense()
                 rows.x[0] = (at - t) / taken
                 rows.inside.trigger()
             else:
                 rows.end.trigger()
-            self._put_line()
+            self._put_line(step)
         return True
 
-    def _put_inside(self, before: float) -> None:
+    def _put_inside(self, step: FoundStep, before: float) -> None:
         """Write the rows before a time in an ordinary step, as `put_rows` would, up to one that is not finite.
 
         Nearly all rows of nearly all tables are such: what they do not need is not asked for.
         """
         run, rows, lines, time = self._stepper, self._stepper.rows, self._lines, self.grid.time
-        t, taken, origin = run.t, run.found.taken, run.origin
+        t, taken, origin = run.t, step.taken, run.origin
         trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
         row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, self._capacity
         run.make_dense()
@@ -164,7 +164,7 @@ class RowWriter:
         self._pushes.require(lines[begun:filled])
         self._filled, self.next_row, run.row_time = filled, self.next_row + filled - begun, row_time
 
-    def _limit_row(self) -> None:
+    def _limit_row(self, step: FoundStep) -> None:
         """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
 
         Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from
@@ -174,7 +174,7 @@ class RowWriter:
         from lagcli.simulation.stepping import interpolate_rows
 
         run, rows, enforced = self._stepper, self._stepper.rows, self._stepper.bound.enforced
-        at, x, taken = rows.at[0], rows.x[0], run.found.taken
+        at, x, taken = rows.at[0], rows.x[0], step.taken
         if enforced.is_any:
             inside = enforced.plain.functions.scheme(run.method).line_inside
             plain = np.array(inside(at, x, run.bound.y, rows.dense.results[0], enforced.p)).ravel()
@@ -190,15 +190,15 @@ class RowWriter:
         rows.line[:] = interpolate_rows.between(np.array(lines))
         rows.line[0] = at
 
-    def _put_line(self) -> None:
-        run, found = self._stepper, self._stepper.found
-        line = run.rows.line
-        if not math.isfinite(run.rows.cells[-1]) and found.singular_step is None:
-            if found.is_open and run.row_time < found.reached:
-                self._limit_row()
+    def _put_line(self, step: FoundStep | None = None) -> None:
+        """Write the line at hand as the next row, within a step or where the run stands."""
+        run, line = self._stepper, self._stepper.rows.line
+        if not math.isfinite(run.rows.cells[-1]) and (step is None or step.crossing is None):
+            if step is not None and run.row_time < step.reached:
+                self._limit_row(step)
             self._require_finite()
-        if found.work is not None:
-            line[WORK] = found.work.at(run.row_time)
+        if step is not None and step.work is not None:
+            line[WORK] = step.work.at(run.row_time)
         self._pushes.require(line[None, :])
         self._lines[self._filled] = line
         self._filled, self.last = self._filled + 1, run.row_time

@@ -105,12 +105,12 @@ def _begin(run: Stepper, start: RunStart) -> bool:
     bound.project.trigger()
     bound.y[:], bound.k[:], status, sizes = bound.project.results
     smallest_angle, least = status[1:3].tolist()
-    run.statistics.evaluations += 1
+    run.count(1)
     if not np.isfinite(bound.k).all():
         from lagcli.simulation.stepping import stop_diagnosis
 
         raise StepFailure(stop_diagnosis.START_NOT_FINITE, NOT_FINITE)
-    run.statistics.evaluations += 1
+    run.count(1)
     control.step = start.part * controller.first_step(
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order
     )

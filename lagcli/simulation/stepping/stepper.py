@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,6 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
 from lagcli.simulation.run_state.statistics import RunStatistics, counted, named
 from lagcli.simulation.scheme import invariants, method, step_tolerance
@@ -23,19 +22,17 @@ from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
 from lagcli.simulation.scheme.controller import StepController
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.stepping.grid import OFFSET, Grid, Witnesses
+from lagcli.simulation.stepping.compared_times import ComparedTimes
+from lagcli.simulation.stepping.found_step import Cut, FoundStep
+from lagcli.simulation.stepping.grid import Grid, Witnesses
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.smoothness import named_functions
 from lagcli.smoothness.time_functions import TimeFunctions
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
-    from lagcli.equations.energy_jumps import Jump
-
-    # Most runs meet no singular configuration, and in most W needs no integral of its own.
-    from lagcli.simulation.scheme.work_integral import Work
-    from lagcli.simulation.singularity.singularity_step import SingularStep
-    from lagcli.simulation.stepping.narrow_places import NarrowPlaces
+    # Most runs meet no singular configuration.
+    from lagcli.simulation.singularity.singularity_step import Crossing
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,35 +50,11 @@ FORGIVEN, UNSEEN = 3e3, -1.0
 NONE_TRIED: invariants.Tried = frozenset()
 
 
-@dataclasses.dataclass(slots=True, eq=False)
-class FoundStep:
-    """A step that was found and is not yet accepted, where `is_open`: its end, length and the step proposed after it.
-
-    is_jump: its end is an incident, beyond which the state is another;
-    is_still: it leads over a switch, where the state stays the same; has_dense: its dense output is made;
-    singular_step: of one across a singular configuration; work: W within it, where its stages were too few for it;
-    within: incidents in it that do not end it;
-    barrier: where something jumps, the end of the run; keeps_stages: all steps do, and not only one that holds rows.
-    """
-
-    reached: float
-    taken: float = 0.0
-    proposed: float = 0.0
-    is_open: bool = False
-    is_jump: bool = False
-    is_still: bool = False
-    has_dense: bool = False
-    singular_step: SingularStep | None = None
-    work: Work | None = None
-    barrier: Jump | None = None
-    within: list[Incident] = dataclasses.field(default_factory=list)
-    keeps_stages: bool = False
-
-
 class Stepper:
-    """A run between two steps, and the step that is found next; times are counted from `origin` of the state.
+    """A run between two steps, and the step that is `found` next, None where it is still to be found; times are counted
+    from `origin` of the state.
 
-    t: the time reached; row_time: of the next row, for a step that holds rows keeps its stages.
+    t: the time reached; row_time: of the next row, for a step that holds rows keeps its stages; keeps_stages: all do.
     """
 
     def __init__(
@@ -100,11 +73,12 @@ class Stepper:
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, is_again)
         self._turns = Turns(enforced.system)
-        self.t, self.row_time = state.t, math.inf
+        self.t, self.row_time, self.keeps_stages = state.t, math.inf, False
+        self.found: FoundStep | None = None
+        self._has_dense, self._rejected = False, 0
         self._bind(enforced, state.y, state.k, state.is_blurred)
         self._turns.resume(self.bound.enforced.p, state.turns)
         self.control = StepController(self.method.order, state.step, state.pace_from)
-        self.found = FoundStep(state.t)
         extremes = state.extremes if math.isfinite(state.row) else None
         self.statistics = RunStatistics(extremes=extremes, resting=resting.energy, **named(counted(state)))
         self.contacts = state.contacts
@@ -121,7 +95,7 @@ class Stepper:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
         self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
         self.rows = BoundRows(self.bound, self.method, self._witnesses.is_any)
-        self._places = self._narrow_places()
+        self._compared = ComparedTimes(self.bound, self.grid, self.origin, self._witnesses)
         self.bound.begin(self.t, k, self.grid.step, blurred)
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
@@ -134,7 +108,7 @@ class Stepper:
 
     def _here(self) -> RunState:
         bound, control = self.bound, self.control
-        enforced, watched, contacts, counts = self._settled
+        enforced, watch, contacts, counts = self._settled
         return RunState(
             t=bound.t[0],
             y=bound.y.copy(),
@@ -143,7 +117,7 @@ class Stepper:
             pace_from=control.pace_from,
             selection=enforced.selection,
             invariant_values=enforced.invariant_values,
-            watch=watched,
+            watch=watch.state,
             origin=self.origin,
             turns=self._turns.of(bound.enforced.p),
             contacts=contacts,
@@ -153,7 +127,7 @@ class Stepper:
 
     def settle(self) -> None:
         """Keep what belongs to the state from which the next step is tried."""
-        self._settled = self.bound.enforced, self.watch.state, self.contacts, counted(self.statistics)
+        self._settled = self.bound.enforced, self.watch, self.contacts, counted(self.statistics)
         self.tried: invariants.Tried = NONE_TRIED
 
     def state_at(self, t: float, y: Floats) -> State:
@@ -166,8 +140,16 @@ class Stepper:
 
         The last step is cut to end where the run does. Where it is rejected the whole step is tried, as a
         longer run would have tried it, so that the steps up to the last do not depend on the end. beyond: the end
-        plays no part.
+        plays no part. Raises `StepFailure`.
         """
+        self._rejected = 0
+        try:
+            self.found = self._next(beyond)
+        except StepFailure:
+            self.statistics.rejected += 0 if beyond else self._rejected
+            raise
+
+    def _next(self, beyond: bool) -> FoundStep:
         t, end = self.t, self.grid.end
         (h, wished), grow, shorter = self._lengths(t), LENGTH.grow, 0.0
         while True:
@@ -191,7 +173,7 @@ class Stepper:
                 self._undisturbed = self._undisturbed or self._here()
                 h = shorter
                 continue
-            self.statistics.rejected += 1
+            self._rejected += 1
             if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN and self._let_go(last):
                 continue
             grow = 1.0
@@ -201,15 +183,13 @@ class Stepper:
                 shorter = smaller
             else:
                 h = smaller
-        self.watch = self.watch.after(reached, status[4], status[5])
-        self.statistics.steps += 1
-        found = self.found
-        if status[7] > step_tolerance.COARSE_WORK and self.statistics.is_balanced:
-            self.find_work(taken)
-        found.is_open, found.is_jump, found.reached, found.taken = True, False, reached, taken
         grown = self.control.grown(taken, error, grow)
         # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
-        found.proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
+        proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
+        step = FoundStep(
+            reached, taken, proposed, self.watch.after(reached, status[4], status[5]), self._rejected
+        )
+        return self.with_work(step) if status[7] > step_tolerance.COARSE_WORK else step
 
     def _lengths(self, t: float) -> tuple[float, float]:
         """The length of a step to be tried from t, and what it would be without the timetable."""
@@ -224,10 +204,10 @@ class Stepper:
         The error is `UNSEEN` where only a witness speaks against it.
         """
         bound = self.bound
-        bound.h[0], self.found.has_dense = taken, False
+        bound.h[0], self._has_dense = taken, False
         bound.look_at_rounding()
         is_witnessed = self.rows.defect is not None
-        has_stages = self.found.keeps_stages or self.row_time < reached or is_witnessed
+        has_stages = self.keeps_stages or self.row_time < reached or is_witnessed
         (bound.staged if has_stages else bound.step).trigger()
         self.statistics.evaluations += self.method.evaluations
         scheme_error, moved, hidden, residual, _, _, everything, _ = bound.status
@@ -247,44 +227,62 @@ class Stepper:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
         rows, defect = self.rows, self.rows.defect
         assert defect is not None, "a run with witnesses compares"
-        for at in self._times_to_look_at(reached, taken, is_growing):
+        for at in self._compared.within(self.t, reached, self._dense, is_growing):
             self.make_dense()
             rows.at[0], rows.x[0] = self.origin + at, (at - self.t) / taken
             defect.trigger()
-            self.statistics.evaluations += 1
+            self.count(1)
             if defect.results[0][0] > FORGIVEN:
                 return at
         return math.inf
 
-    def _narrow_places(self) -> NarrowPlaces | None:
-        arguments = self.bound.enforced.plain.functions.numeric.narrow_arguments
-        if arguments is None:
-            return None
-        from lagcli.simulation.stepping.narrow_places import NarrowPlaces  # most models have none
-
-        return NarrowPlaces(arguments, self.bound)
-
-    def _times_to_look_at(self, reached: float, taken: float, is_growing: bool) -> Iterator[float]:
-        """The times within a step at which it is compared with the equations."""
-        yield from self._witnesses.inside(self.t, reached, is_growing)
-        if self._places is None or not self._places.are_passed(self.origin + self.t):
-            return
+    def _dense(self) -> Callable[[float], Floats]:
+        """The states (2n + 1,) at parts of the step."""
         self.make_dense()
         begin, coefficients = self.bound.y[:, None], self.rows.dense.results[0][:, :, None]
+        return lambda x: np.asarray(self.method.interpolated(begin, coefficients, np.array([x]))).ravel()
 
-        def dense(x: float) -> Floats:
-            return np.asarray(self.method.interpolated(begin, coefficients, np.array([x]))).ravel()
+    def again(self, step: FoundStep, reached: float) -> FoundStep:
+        """A step taken again, up to a time within it: nothing jumps in that before its end."""
+        bound = self.bound
+        bound.h[0], self._has_dense = reached - self.t, False
+        bound.staged.trigger()
+        self.count(self.method.evaluations)
+        return step._replace(
+            reached=reached, taken=reached - self.t, work=None, is_balanced=True, barrier=None
+        )
 
-        for x in self._places.within(dense, min(1.0, (self.grid.end - self.t) / taken)):
-            at = self.t + x * taken
-            if self.t + OFFSET * math.ulp(self.t) < at < reached:
-                yield at
+    def put_end(self, y: Floats, k: Floats) -> None:
+        """Let the step that is found end at a state with its rate, (2n + 1,) each."""
+        self.bound.new[:], self.bound.k_new[:] = y, k
 
-    def find_work(self, taken: float) -> None:
-        """Integrate W over a step on its dense output: the scheme's own W is not right to the tolerance of the run."""
+    def project_end(self, reached: float, y: Floats) -> Floats:
+        """Let it end at a time on the constraints, near a state (2n + 1,); the status of `NumericSystem.project`."""
+        projected, rate, status, _ = self.bound.projected_at(reached, y)
+        self.put_end(projected, rate)
+        return status
+
+    def still(self, reached: float, y: Floats, k: Floats) -> FoundStep:
+        """A step over a switch to a time, and a state with its rate (2n + 1,) there."""
+        self.put_end(y, k)
+        return FoundStep(reached, reached - self.t, self.control.step, self.watch, is_still=True)
+
+    def across(self, crossing: Crossing) -> FoundStep:
+        """A step across a singular configuration."""
+        step = crossing.singular_step.step
+        reached = step.t + step.h
+        status = self.project_end(reached, step.state((reached - step.t) / step.h))
+        watch = self.watch.after(reached, status[1], status[2])
+        return FoundStep(reached, step.h, self.control.step, watch, crossing=crossing)
+
+    def with_work(self, step: FoundStep) -> FoundStep:
+        """A step with W integrated over it on its dense output, where the scheme's own W is not right to the tolerance
+        of the run."""
+        if not self.statistics.is_balanced:
+            return step
         from lagcli.simulation.scheme import work_integral
 
-        bound = self.bound
+        bound, taken = self.bound, step.taken
         bound.staged.trigger()
         self.make_dense()
         span = self.t, taken, self.tolerance[0]
@@ -293,22 +291,34 @@ class Stepper:
             bound.scratch, span, bound.y, lambda x: self.method.interpolated(begin, coefficients, x).T
         )
         self.count_scratch()
-        if work is None:
-            self.statistics.mark_work_unknown()
-        else:
+        if work is not None:
             bound.new[-1] = work.end
-        self.found.work = work
+        return step._replace(work=work, is_balanced=work is not None)
 
     def make_dense(self) -> None:
         """Make the dense output of the step, once."""
-        if not self.found.has_dense:
+        if not self._has_dense:
             self.rows.dense.trigger()
-            self.statistics.evaluations += self.method.dense_evaluations
-            self.found.has_dense = True
+            self.count(self.method.dense_evaluations)
+            self._has_dense = True
+
+    @property
+    def has_dense(self) -> bool:
+        """True if the dense output of the step that was tried last is made."""
+        return self._has_dense
+
+    @property
+    def rank_margin(self) -> tuple[float, bool]:
+        """See `SingularityMonitor`; behind the step that was found, where there is one."""
+        return (self.watch if self.found is None else self.found.watch).rank_margin
+
+    def count(self, evaluations: int) -> None:
+        """Count evaluations of the right-hand side."""
+        self.statistics.evaluations += evaluations
 
     def count_scratch(self) -> None:
         """Count the evaluations that were made beside the step."""
-        self.statistics.evaluations += self.bound.scratch.used
+        self.count(self.bound.scratch.used)
         self.bound.scratch.used = 0
 
     def _let_go(self, is_last: bool) -> bool:
@@ -318,7 +328,7 @@ class Stepper:
         arguments = [np.array([t]), np.array([h]), y, k, self.tolerance, plain.parameters]
         step = BoundFunction(plain.functions.scheme(self.method).step, arguments, wanted=3)
         step.trigger()
-        self.statistics.evaluations += self.method.evaluations
+        self.count(self.method.evaluations)
         new, _, (error, moved, _, residual, _, _, everything, _) = step.results
         if not (max(error, moved) < 1.0 and residual <= MOST_RESIDUAL and math.isfinite(everything)):
             return False
@@ -336,41 +346,110 @@ class Stepper:
         self.statistics.notes += notes
         self.bind(enforced)
 
+    def take(self, step: FoundStep) -> None:
+        """Take a step that an event has found for the next one."""
+        self.found = step
+
+    def forget(self) -> None:
+        """Take the step back that was found: where the run stands nothing has changed."""
+        self.found = None
+
+    def cut(self, cut: Cut) -> None:
+        """End the step that was found as an event says, or give it up and act where the run stands."""
+        if cut.step is not None:
+            acts = () if cut.act is None else (cut.act,)
+            at_end = () if cut.at_end is None else (cut.at_end,)
+            self.found = cut.step._replace(acts=cut.step.acts + acts, at_end=cut.step.at_end + at_end)
+            return
+        if self.found is not None:
+            self.statistics.rejected += self.found.rejected
+        self.found = None
+        if cut.act is not None:
+            cut.act()
+
     def accept(self) -> None:
-        """Go to the end of the step that was found."""
-        found, bound, control = self.found, self.bound, self.control
-        if found.barrier is not None:
-            self.t = found.reached
+        """Go to the end of the step that was found, and act there."""
+        step, bound, control = self.found, self.bound, self.control
+        assert step is not None, "a step was found"
+        if step.barrier is not None:
+            self.t = step.reached
+            self._keep(step)
             from lagcli.simulation.stepping import stop_diagnosis
 
-            raise stop_diagnosis.impulse(found.barrier.description)
-        was_still, found.is_still, found.is_jump = found.is_still, False, False
-        found.is_open, found.singular_step, found.work = False, None, None
-        bound.t[0] = self.t = found.reached
-        bound.y[:], bound.k[:] = bound.new, bound.k_new
-        control.step = found.proposed
+            raise stop_diagnosis.impulse(step.barrier.description)
+        self.stand(step.reached, bound.new, bound.k_new)
+        control.step = step.proposed
+        self._keep(step)
         if self._turns.is_any:
             self._count_turns()
-        self.report_within()
         self.settle()
-        if self.statistics.steps % LENGTH.pace == 0 and not was_still:
-            advanced = control.is_too_slow(self.t, self.grid.end, self.grid.step)
-            if advanced is not None and not self.contacts.crowd(self.t - advanced):
-                from lagcli.simulation.stepping import stop_diagnosis
+        if self.statistics.steps % LENGTH.pace == 0 and not step.is_still:
+            self._require_pace()
+        for act in step.acts:
+            act()
 
-                if self._is_before_pole():
-                    raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
-                here = self.state_at(self.t, bound.y)
-                left = self.grid.end - self.t
-                raise stop_diagnosis.hopeless(bound.enforced, here, LENGTH.pace, advanced, left)
+    def finish(self) -> None:
+        """End the run within the step that was found, or at its end."""
+        step = self.found
+        assert step is not None, "a step was found"
+        self.t = self.grid.end
+        self._keep(step)
+        for told in step.at_end:
+            told()
 
-    def report_within(self) -> None:
-        """Tell of the incidents within the step that was found, up to its end and that of the run."""
-        found, self.found.within = self.found.within, []
-        last = self.origin + min(self.found.reached, self.grid.end)
-        for incident in sorted(found, key=lambda incident: incident.t):
-            if incident.t <= last:
-                self.statistics.add(incident)
+    def stand(self, t: float, y: Floats, k: Floats) -> None:
+        """Stand at a time with a state and a rate, (2n + 1,) each."""
+        bound = self.bound
+        bound.t[0] = self.t = t
+        bound.y[:], bound.k[:] = y, k
+
+    def project_from(self, v: Floats) -> None:
+        """Stand at the same place on the constraints, near other velocities (n,)."""
+        bound, n = self.bound, v.size
+        bound.y[n : 2 * n] = v
+        bound.project.trigger()
+        bound.y[:], bound.k[:], *_ = bound.project.results
+        self.count(1)
+
+    def _keep(self, step: FoundStep) -> None:
+        """Take over what was seen and counted on the way to a step, and tell of the incidents within it, up to its end
+        and that of the run."""
+        statistics, self.found = self.statistics, None
+        self.watch = step.watch
+        statistics.steps += not step.is_still
+        statistics.rejected += step.rejected
+        if not step.is_balanced:
+            statistics.mark_work_unknown()
+        if step.deepest > self.contacts.deepest:
+            self.contacts = dataclasses.replace(self.contacts, deepest=step.deepest)
+        if step.crossing is not None:
+            self._pass(step.crossing)
+        if step.within:
+            last = self.origin + min(step.reached, self.grid.end)
+            for incident in sorted(step.within, key=lambda incident: incident.t):
+                if incident.t <= last:
+                    statistics.add(incident)
+
+    def _pass(self, crossing: Crossing) -> None:
+        """Count a singular configuration that was passed; where the step has ended before, it is to be seen again."""
+        if crossing.singular_step.instant > self.t:
+            self.watch = SingularityMonitor()
+            return
+        loss = dataclasses.replace(crossing.loss, t=self.origin + crossing.loss.t)
+        self.statistics.crossings += (loss,)
+
+    def _require_pace(self) -> None:
+        """Raise `StepFailure` where steps like the last ones would never lead to the end."""
+        advanced = self.control.is_too_slow(self.t, self.grid.end, self.grid.step)
+        if advanced is None or self.contacts.crowd(self.t - advanced):
+            return
+        from lagcli.simulation.stepping import stop_diagnosis
+
+        if self._is_before_pole():
+            raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
+        here = self.state_at(self.t, self.bound.y)
+        left = self.grid.end - self.t
+        raise stop_diagnosis.hopeless(self.bound.enforced, here, LENGTH.pace, advanced, left)
 
     def _count_turns(self) -> None:
         bound = self.bound
@@ -389,7 +468,7 @@ class Stepper:
         if self._is_before_pole():
             return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
         is_soon = self.watch.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
-        known = residual, here, ahead, *self.watch.rank_margin, is_soon, self.origin + self.contacts.last
+        known = residual, here, ahead, *self.rank_margin, is_soon, self.origin + self.contacts.last
         return stop_diagnosis.no_step(bound.enforced, stop_diagnosis.Rejection(error, *known), MOST_RESIDUAL)
 
     def _is_before_pole(self) -> bool:
