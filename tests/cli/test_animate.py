@@ -183,13 +183,13 @@ def test_a_film_has_trails_of_few_particles_that_move() -> None:
     drawing = film._Drawing(scene)
     assert len(drawing._trails) == 2
     drawing.show(30)
-    for trail in drawing._trails:
-        pieces = trail.drawn.get_segments()
-        assert np.array_equal(pieces[-1][-1], trail.path[30])
-        assert any(np.array_equal(pieces[0][0], trail.path[first]) for first in (20, 21))  # a fifth, rounded
+    for path, drawn in drawing._trails:
+        pieces = drawn.get_segments()
+        assert np.array_equal(pieces[-1][-1], path[30])
+        assert any(np.array_equal(pieces[0][0], path[first]) for first in (20, 21))  # a fifth, rounded
         assert all(np.array_equal(one[-1], other[0]) for one, other in itertools.pairwise(pieces))
     drawing.show(0)
-    assert all(len(np.unique(piece, axis=0)) == 1 for piece in drawing._trails[0].drawn.get_segments())
+    assert all(len(np.unique(piece, axis=0)) == 1 for piece in drawing._trails[0][1].get_segments())
     many = dataclasses.replace(
         scene, names=("p",) * 25, points=scene.points[:1] * 25, radii=np.ones(25), R=(), F=()
     )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli.model import model as nouns
 from lagcli.output.animation import nets, quadratic_algebra
 from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
-from lagcli.output.animation.scene import DrawnSurface, Viewpoint
+from lagcli.output.animation.scene import STANDING, DrawnSurface, Viewpoint
 
 Floats = npt.NDArray[np.float64]
 # A part of a gradient: less of it lies in the plane of the motion by rounding alone.
@@ -22,8 +22,6 @@ LEVEL_ROUNDOFF = 1e-6
 MOST_TRIED = 60
 # Shapes that move take room in a page for each instant.
 MOST_MOVING = 6
-# The directions of space, for shapes whose corners are points.
-STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -69,7 +67,7 @@ class CurvePictures:
             if not flat and not one.simple and (one.one_sided or len(equal) == 1):
                 self._figure_page(one, track)
             elif one.one_sided and not one.simple:
-                self._line([one], track if one.moves else _touched(one.function, track), [self._face()])
+                self._line([one], track if one.moves else nets.touched(one.function, track), [self._face()])
 
     def _is_level(self, one: SingleParticleRow, track: Floats) -> bool:
         """True for an equation that only says in which plane the motion is."""
@@ -120,13 +118,6 @@ class CurvePictures:
 
     def _face(self) -> nets.Function:
         return lambda points: np.asarray((points - self.view.centre) @ self.view.towards)
-
-
-def _touched(function: nets.Function, track: Floats) -> Floats:
-    """The point (1, 3) of a track (T, 3) that is nearest to a wall."""
-    with np.errstate(all="ignore"):
-        gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
-    return track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
 
 
 def _numbers(function: Callable[[Floats], Floats | None]) -> nets.Function:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import itertools
 import pathlib
 import tempfile
@@ -106,22 +105,11 @@ def _abandon(writer: animation.AbstractMovieWriter) -> None:
         process.communicate()
 
 
-@dataclasses.dataclass(slots=True)
-class _Arrows:
-    forces: tuple[Floats, ...]
-    drawn: quiver.Quiver
-
-
-@dataclasses.dataclass(slots=True)
-class _Trail:
-    """The way of a particle in the picture, (T, 2), and the pieces of it that are shown."""
-
-    path: Floats
-    drawn: collections.LineCollection
-
-
 class _Drawing:
-    """The figure of a film, whose parts are moved from picture to picture."""
+    """The figure of a film, whose parts are moved from picture to picture.
+
+    _arrows: forces with their arrows; _trails: the ways of particles in the picture, (T, 2), with their shown pieces.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -146,7 +134,7 @@ class _Drawing:
             np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=colours, zorder=3
         )
         self._arrows = [
-            _Arrows(forces, self._quiver(colour))
+            (forces, self._quiver(colour))
             for forces, colour in ((scene.R, REACTION), (scene.F, FORCE))
             if forces and scene.scale
         ]
@@ -156,21 +144,12 @@ class _Drawing:
         )
 
     def _quiver(self, colour: str) -> quiver.Quiver:
-        zero = np.zeros(self._scene.count)
+        nothing = np.zeros((4, self._scene.count))
         return self._plot.quiver(
-            zero,
-            zero,
-            zero,
-            zero,
-            color=colour,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            width=0.005,
-            zorder=4,
+            *nothing, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.005, zorder=4
         )
 
-    def _trailed(self) -> list[_Trail]:
+    def _trailed(self) -> list[tuple[Floats, collections.LineCollection]]:
         """The trails of moving particles, where they are few."""
         scene = self._scene
         moving = [k for k in range(scene.count) if len(scene.points[k]) > 1]
@@ -182,7 +161,7 @@ class _Drawing:
             colours = [(*colors.to_rgb(still.colour(k, scene.count)), alpha) for alpha in fading]
             drawn = collections.LineCollection([], colors=colours, linewidths=1.4)
             self._plot.add_collection(drawn)
-            found.append(_Trail(self._to(scene.points[k]), drawn))
+            found.append((self._to(scene.points[k]), drawn))
         return found
 
     def show(self, frame: int) -> None:
@@ -192,10 +171,9 @@ class _Drawing:
             corners = nets.strings(one.corners_at(frame)) if one.kind == "net" else still.outline(one, frame)
             rim.set_data(*self._to(corners).T)
         first = int(np.searchsorted(scene.t, scene.t[frame] - LENGTH * (scene.t[-1] - scene.t[0])))
-        for trail in self._trails:
-            cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)
-            pieces = itertools.pairwise(cuts)
-            trail.drawn.set_segments([trail.path[begin : end + 1] for begin, end in pieces])
+        cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)
+        for path, drawn in self._trails:
+            drawn.set_segments([path[begin : end + 1] for begin, end in itertools.pairwise(cuts)])
         ends = [
             np.stack([scene.at(a, frame), scene.at(b, frame)]) for a, b in (link.ends for link in scene.links)
         ]
@@ -203,11 +181,11 @@ class _Drawing:
         here = np.array([scene.at(k, frame) for k in range(scene.count)]).reshape(-1, 3)
         flat = self._to(here)
         self._balls.set_offsets(flat)
-        for arrows in self._arrows:
-            force = np.array([track[min(frame, len(track) - 1)] for track in arrows.forces])
+        for forces, arrows in self._arrows:
+            force = np.array([track[min(frame, len(track) - 1)] for track in forces])
             tips = self._to(here + scene.scale * force) - flat
-            arrows.drawn.set_offsets(flat)
-            arrows.drawn.set_UVC(tips[:, 0], tips[:, 1])
+            arrows.set_offsets(flat)
+            arrows.set_UVC(tips[:, 0], tips[:, 1])
         self._clock.set_text(f"t = {scene.t[frame]:.4g} {labels.shortened(scene.units[0], labels.UNIT)}")
         if self._cursor is not None:
             self._cursor.set_xdata([scene.t[frame], scene.t[frame]])

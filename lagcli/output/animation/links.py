@@ -189,15 +189,12 @@ def contact_radii(
     lines: pairs of particles that keep a distance along one line.
     """
     radii = np.full(count, np.nan)
-    for a, b, distance in (*lines, *((*_two(pair), float(np.ravel(pair.length)[0])) for pair in pairs)):
-        for k in (a, b):
+    contacts = [((a, b), distance) for a, b, distance in lines]
+    contacts += [((a, b), float(np.ravel(pair.length)[0])) for pair in pairs for a, b in [pair.weights]]
+    for touching, distance in contacts:
+        for k in touching:
             radii[k] = np.fmin(radii[k], distance / 2)
     return radii
-
-
-def _two(pair: SquareDistance) -> tuple[int, int]:
-    a, b = pair.weights
-    return a, b
 
 
 def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link, set[str]]]:

@@ -31,8 +31,6 @@ MOST_SHEETS = 3  # of a surface at rest
 class NetParameters:
     """The numbers by which zeros of a function are met; lengths are parts of the size of what is seen. The
     tests are those of `tests/unit/test_drawing_thresholds.py`.
-
-    The tests are of `tests/unit/test_drawing_thresholds.py`.
     """
 
     __slots__ = ()
@@ -129,26 +127,30 @@ def _even(line: Floats) -> Floats:
     return np.stack([np.interp(wanted, along, line[:, axis]) for axis in range(3)], axis=-1)
 
 
+def touched(function: Function, track: Floats) -> Floats:
+    """The point (1, 3) of a track (T, 3) that is nearest to function = 0, by the size of its values."""
+    with np.errstate(all="ignore"):
+        gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
+    return track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
+
+
 def over_track(function: Function, track: Floats, size: float, moves: bool) -> list[Floats]:
     """The nodes (1 or T, k * k, 3) of nets on function = 0 around a track (T, 3), by heights over a plane of two axes;
     nan where the surface has no height. A surface that bends back has several nets, one that moves the nearest."""
-    touched = track
-    if not moves:
-        gap = np.abs(np.broadcast_to(function(track[None]), (1, len(track))))
-        touched = track[[int(np.argmin(np.where(np.isfinite(gap), gap, np.inf)))]]
-    slope = np.abs(gradient(function, touched[:, None], size)).max(axis=(0, 1))
+    points = track if moves else touched(function, track)
+    slope = np.abs(gradient(function, points[:, None], size)).max(axis=(0, 1))
     if not np.isfinite(slope).all() or not slope.any():
         return []
-    straight = _straight(function, touched, slope, size)
+    straight = _straight(function, points, slope, size)
     if moves or straight is not None:
         up = int(np.argmax(slope)) if straight is None else straight
-        found = _sheets(function, track, up, size, touched[:, up])
+        found = _sheets(function, track, up, size, points[:, up])
         return [found] if np.isfinite(found).any(axis=1).all() else []
     # Over each plane from below, from above and from the middle; the plane over which most of the track is met.
     best, most = list[Floats](), 0.0
     for up in range(3):
         heights = np.array(
-            [track[:, up].min() - AROUND * size, track[:, up].max() + AROUND * size, touched[0, up]]
+            [track[:, up].min() - AROUND * size, track[:, up].max() + AROUND * size, points[0, up]]
         )
         found = _apart(_sheets(function, track, up, size, heights), up, size)
         met = _met(found, track, size)

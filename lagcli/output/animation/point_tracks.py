@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.errors import diagnostics
-from lagcli.output.animation.scene import DrawnSurface
+from lagcli.output.animation.scene import STANDING, DrawnSurface
 
 Floats = npt.NDArray[np.float64]
 AXES = ("x", "y", "z")
@@ -86,11 +86,7 @@ def of_coordinates(
         height = (values - low) / (high - low) if high > low else zero + 0.5
         tracks.append(np.stack([zero + APART * k, zero, height], axis=-1))
         corners = np.array([[APART * k, 0.0, 0.0], [APART * k, 0.0, 1.0]])
-        guide_lines.append(
-            DrawnSurface(
-                "line", name, False, np.concatenate([np.eye(3), np.zeros((1, 3))])[None], corners[None]
-            )
-        )
+        guide_lines.append(DrawnSurface("line", name, False, STANDING, corners[None]))
     ends = "of one length for all" if limits is not None else "from its least value up to its greatest"
     note = f"there are no particles: each coordinate is a bead on a scale, {ends}"
     return PointTracks(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers
+from lagcli.model.family import Family, Integers
 from lagcli.model.resolve import ModelNames, Reference, Resolver
 from lagcli.output.animation import quadratic_form
 from lagcli.output.animation.quadratic_form import OTHER, Quadratic, SquareDistance
@@ -103,10 +103,13 @@ class _PositionLeaves:
                 self.definition(name)
 
     def algebra(
-        self, variables: Mapping[str, Integers], own: Mapping[str, Value] | None = None
+        self, members: Family | None = None, k: int = 0, own: Mapping[str, Value] | None = None
     ) -> _QuadraticAlgebra:
-        found = Resolver(self._names, self, variables, own or {}, lambda *_: OTHER)
-        return _QuadraticAlgebra(found.atom, found.special)
+        """The algebra for the member `k` of a family, with its variables; `own`: more names."""
+        variables = members.variables if members is not None else {}
+        numbers = {name: values[k : k + 1] for name, values in variables.items()}
+        resolver = Resolver(self._names, self, numbers, own or {}, lambda *_: OTHER)
+        return _QuadraticAlgebra(resolver.atom, resolver.special)
 
     def constant(self, name: str) -> Value | None:
         return self._constants.get(name)
@@ -116,12 +119,8 @@ class _PositionLeaves:
         if number in self._fixed:
             x, y, z = map(quadratic_form.number, np.moveaxis(self._fixed[number], -1, 0))
             return x, y, z
-        first = 3 * number
-        return (
-            quadratic_form.coordinate(first),
-            quadratic_form.coordinate(first + 1),
-            quadratic_form.coordinate(first + 2),
-        )
+        x, y, z = (quadratic_form.coordinate(3 * number + axis) for axis in range(3))
+        return x, y, z
 
     def velocity(self, numbers: Integers) -> tuple[Quadratic, Quadratic, Quadratic]:
         return OTHER, OTHER, OTHER
@@ -134,7 +133,7 @@ class _PositionLeaves:
 
     def definition(self, name: str) -> Value:
         if name not in self._definitions:
-            self._definitions[name] = evaluate.value(self._names.definitions[name], self.algebra({}))
+            self._definitions[name] = evaluate.value(self._names.definitions[name], self.algebra())
         return self._definitions[name]
 
     def differential(self, value: Quadratic) -> Quadratic:
@@ -153,8 +152,7 @@ def rows(model: nouns.Model, t: Floats) -> Iterator[PicturedRow]:
             assert isinstance(law.equation.tree, tree.Relation)
             width = len(law.rows) // max(1, law.members.count)
             for k in range(min(law.members.count, left // width)):
-                variables = {name: values[k : k + 1] for name, values in law.members.variables.items()}
-                forms = evaluate.difference(law.equation.tree, leaves.algebra(variables))
+                forms = evaluate.difference(law.equation.tree, leaves.algebra(law.members, k))
                 names = law.rows[width * k : width * (k + 1)]
                 for row, (name, form) in enumerate(zip(names, forms, strict=True), width * k):
                     simple = form.known and not form.is_constant and _is_finite(form)
@@ -173,10 +171,9 @@ def value_at(
     leaves = _PositionLeaves(model, None if t is None else t[:, None], {particle: points})
     assert isinstance(law.equation.tree, tree.Relation)
     width = len(law.rows) // max(1, law.members.count)
-    k = row.row // width
-    variables = {name: values[k : k + 1] for name, values in law.members.variables.items()}
+    algebra = leaves.algebra(law.members, row.row // width)
     with np.errstate(all="ignore"):
-        form = evaluate.difference(law.equation.tree, leaves.algebra(variables))[row.row % width]
+        form = evaluate.difference(law.equation.tree, algebra)[row.row % width]
     return np.broadcast_to(form.constant, points.shape[:-1]) if form.is_constant else None
 
 
@@ -187,9 +184,7 @@ def summed(model: nouns.Model, t: Floats, row: PicturedRow) -> list[SquareDistan
     assert isinstance(relation, tree.Relation)
     if len(law.rows) != law.members.count:  # a row of a vector equation
         return []
-    algebra = _PositionLeaves(model, t).algebra(
-        {name: values[row.row : row.row + 1] for name, values in law.members.variables.items()}
-    )
+    algebra = _PositionLeaves(model, t).algebra(law.members, row.row)
     found: list[SquareDistance] = []
     signs = set()
     with np.errstate(all="ignore"):
@@ -222,13 +217,18 @@ def springs(model: nouns.Model, t: Floats) -> Iterator[SpringLength]:
     for force in model.forces:
         if not isinstance(force, nouns.Potential):
             continue
-        squares = [node for node in tree.walk(force.expression.tree) if _is_square(node)]
-        calls = [call for square in squares for call in tree.walk(square) if _is_distance(call)]
+        calls = [
+            call
+            for square in tree.walk(force.expression.tree)
+            if isinstance(square, tree.Power) and isinstance(square.exponent, tree.Number)
+            if float(square.exponent.text) == 2.0
+            for call in tree.walk(square)
+            if isinstance(call, tree.Call) and call.function in ("distance", "norm")
+        ]
         for k in range(min(force.members.count, left)):
-            variables = {name: values[k : k + 1] for name, values in force.members.variables.items()}
             for call in calls:
                 with np.errstate(all="ignore"):
-                    form = evaluate.scalar(call, leaves.algebra(variables))
+                    form = evaluate.scalar(call, leaves.algebra(force.members, k))
                 if form.known and form.under is not None and _is_finite(form):
                     found = quadratic_form.distance(form.under, False)
                     if found is not None:
@@ -246,8 +246,7 @@ def weight(model: nouns.Model) -> Floats | None:
         return None
     force = max(constant, key=lambda one: one.action.targets.size)
     target, acting = int(force.action.targets[0]), int(force.action.acting[0])
-    variables = {name: values[[acting]] for name, values in force.members.variables.items()}
-    algebra = leaves.algebra(variables, {"m": quadratic_form.number(masses[target])})
+    algebra = leaves.algebra(force.members, acting, {"m": quadratic_form.number(masses[target])})
     parts = force.force.parts
     if len(parts) == 1:
         found = evaluate.vector(parts[0].tree, algebra)
@@ -257,16 +256,6 @@ def weight(model: nouns.Model) -> Floats | None:
     if not all(part.is_constant for part in found):
         return None
     return np.array([float(part.constant) for part in found])
-
-
-def _is_square(node: tree.Node) -> bool:
-    if not isinstance(node, tree.Power) or not isinstance(node.exponent, tree.Number):
-        return False
-    return float(node.exponent.text) == 2.0
-
-
-def _is_distance(node: tree.Node) -> bool:
-    return isinstance(node, tree.Call) and node.function in ("distance", "norm")
 
 
 def _is_finite(form: Quadratic) -> bool:

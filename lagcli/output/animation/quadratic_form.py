@@ -37,6 +37,10 @@ class Quadratic:
     under: Quadratic | None = None
     known: bool = True
 
+    def slope(self, particle: int) -> list[Coefficient]:
+        """The linear coefficients of the three components of a particle."""
+        return [self.linear.get(3 * particle + axis, ZERO) for axis in range(3)]
+
     @property
     def is_constant(self) -> bool:
         """True if no position is in it."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -53,9 +55,7 @@ class RowPlane:
 def alone(form: Quadratic) -> int | None:
     """The only particle in a form, or None."""
     parts = [form, form.under] if form.under is not None else [form]
-    found = {i // 3 for part in parts for i in part.linear} | {
-        i // 3 for part in parts for key in part.quadratic for i in key
-    }
+    found = {i // 3 for part in parts for i in (*part.linear, *itertools.chain(*part.quadratic))}
     return found.pop() if len(found) == 1 else None
 
 
@@ -64,9 +64,7 @@ def plane(row: PicturedRow, particle: int) -> RowPlane | None:
     form = row.form
     if not form.is_polynomial or form.quadratic:
         return None
-    zero = np.float64(0.0)
-    parts = [form.linear.get(3 * particle + axis, zero) for axis in range(3)]
-    normal = np.atleast_2d(np.stack(np.broadcast_arrays(*parts), axis=-1))
+    normal = np.atleast_2d(np.stack(np.broadcast_arrays(*form.slope(particle)), axis=-1))
     length = np.linalg.norm(normal, axis=-1)
     if not np.all(length > 0):
         return None
@@ -93,9 +91,7 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Draw
     for (i, j), value in form.quadratic.items():
         A[i % 3, j % 3] += float(np.ravel(value)[0]) / 2
         A[j % 3, i % 3] += float(np.ravel(value)[0]) / 2
-    zero = np.float64(0.0)
-    parts = [form.linear.get(3 * particle + axis, zero) for axis in range(3)]
-    *b, c = (np.atleast_1d(part) for part in np.broadcast_arrays(*parts, form.constant))
+    *b, c = (np.atleast_1d(part) for part in np.broadcast_arrays(*form.slope(particle), form.constant))
     values, vectors = np.linalg.eigh(A)
     if values.sum() < 0:
         values, vectors, b, c = -values[::-1], vectors[:, ::-1], [-part for part in b], -c
@@ -121,10 +117,8 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Draw
     order = [1, 2, 0]  # the axis of a cylinder comes last
     frames = [half[:, i, None] * vectors[:, i] for i in order]
     frame = np.stack([*frames, middle @ vectors.T], axis=1)
-    kind = "sphere" if bent.all() else "cylinder"
-    return DrawnSurface(
-        "sphere" if kind == "sphere" else "cylinder", row.name, row.kind == "inequality", steady(frame)
-    )
+    kind: Literal["sphere", "cylinder"] = "sphere" if bent.all() else "cylinder"
+    return DrawnSurface(kind, row.name, row.kind == "inequality", steady(frame))
 
 
 def merged(planes: Sequence[RowPlane], size: float) -> list[RowPlane]:
@@ -177,14 +171,14 @@ def _polygon(one: RowPlane, tracks: Floats, cut: tuple[list[RowPlane], float], s
     across = max(float(np.abs((tracks - middle) @ part.T).max()) for part in (u, v))
     first = [float(np.abs((tracks - middle) @ part.T).max()) + MARGIN * size for part in (u, v)]
     first = [max(reach, 0.25 * across, MARGIN * size) for reach in first]
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(first)
+    rectangle = corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(first)
     if len(one.normal) == len(one.offset) == 1:
         for wall in walls:
             own = np.array([u[0] @ wall.normal[0], v[0] @ wall.normal[0]])
             level = float(wall.offset[0]) - float(origin[0] @ wall.normal[0]) - shift
             corners = _cut(corners, own, level)
     if len(corners) < 3:
-        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(first)
+        corners = rectangle
     shape = np.column_stack([corners, np.zeros(len(corners))])
     parts = np.broadcast_arrays(u, v, one.normal, origin)
     return DrawnSurface("plane", one.name, one.one_sided, steady(np.stack(parts, axis=1)), shape)

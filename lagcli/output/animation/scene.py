@@ -24,6 +24,8 @@ STEADY_ROUNDOFF = 1e-12
 FLAT = 1e-6
 TOWARDS_EYE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
 LEAST = 1e-300  # for what is divided by: no extent at all
+# The directions of space, for shapes whose corners are points.
+STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
