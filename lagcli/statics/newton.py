@@ -64,16 +64,27 @@ def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -
         return None
     r, J = begun
     with np.errstate(over="ignore", invalid="ignore"):
-        return refined(residual, _lowered(residual, x, r, J, damped))
+        x, r, J = _lowered(residual, x, (r, J), damped, PARAMETERS.near)
+        end, left = refined(residual, x), np.linalg.norm(r)
+        # A double zero is as far as the root of the residual: what seems farther is so by rounding alone.
+        if 2 * end.residual > left and end.step**2 > PARAMETERS.near >= left:
+            # Beside a continuum gradients are dependent but for the distance, and the shortest step goes far along it.
+            x, r, _ = _lowered(residual, x, (r, J), damped, 0.0)
+            again = refined(residual, x)
+            end = min(end, again, key=lambda each: each.residual)
+        return end
 
 
-def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -> Floats:
-    """The point that damped steps lead to."""
+def _lowered(
+    residual: Residual, x: Floats, begun: tuple[Floats, Floats], damped: int, near: float
+) -> tuple[Floats, Floats, Floats]:
+    """The point that damped steps lead to, as far as a residual is near, with this and its gradient."""
+    r, J = begun
     damping, growth = 1e-3, 2.0
     widths = np.zeros(x.size)
     for _ in range(damped):
         size = float(np.linalg.norm(r))
-        if size < PARAMETERS.near:
+        if size <= near:
             break
         widths = np.maximum(widths, np.linalg.norm(J, axis=0))
         unit = np.where(widths > 0, widths, 1.0)
@@ -93,7 +104,7 @@ def _lowered(residual: Residual, x: Floats, r: Floats, J: Floats, damped: int) -
             damping, growth = damping * growth, growth * 2
             if damping > 1e30:
                 break
-    return x
+    return x, r, J
 
 
 def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:

@@ -163,3 +163,19 @@ def test_a_plane_of_points_is_searched_from_one_start():
     assert [(p.at["b.z"], p.dimension) for p in found] == [(0, 2)]
     assert found.starts == 1
     assert any("one plane" in note for note in found.notes)
+
+
+def test_seven_charges_on_a_sphere_come_to_rest():
+    """Thomson's problem, whose least energy is 14.452977: turned, it is one of a continuum of dimension 3, and close to
+    that gradients are dependent but for rounding."""
+    at = ["0.9, 0.3, 0.3", "-0.6, 0.7, 0.3", "0.1, -0.9, 0.4", "0.3, 0.4, -0.8", "-0.5, -0.5, -0.7"]
+    at += ["0.7, -0.5, -0.5", "-0.9, 0.1, 0.4"]
+    text = "particles:\n" + "".join(f"  p{i}: {{mass: 1, position: [{x}]}}\n" for i, x in enumerate(at))
+    text += "holonomic:\n" + "".join(f"  s{i}: dot(p{i}, p{i}) = 1\n" for i in range(7))
+    pairs = itertools.combinations(range(7), 2)
+    of = " + ".join(f"1/distance(p{i}, p{j})" for i, j in pairs)
+    found = lagcli.stationary(
+        lagcli.loads("lagcli: 1\n" + text + "simulation: {assemble: true}\n"), of, starts=0
+    )
+    assert found[0].value == pytest.approx(14.452977414, abs=1e-9)
+    assert (found[0].type, found[0].index, found[0].dimension) == ("minimum", 0, 3)

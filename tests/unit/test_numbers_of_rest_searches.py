@@ -69,13 +69,13 @@ def fake_equations(problem=None, acting=(), **more):
 
 def test_two_hundred_damped_steps_are_made_of_a_search():
     slow = Shrinking(0.99)
-    newton._lowered(slow, np.zeros(1), *slow(None), newton.PARAMETERS.most_damped)
+    newton._lowered(slow, np.zeros(1), slow(None), newton.PARAMETERS.most_damped, newton.PARAMETERS.near)
     assert slow.calls == 1 + 200
 
 
 def test_damped_steps_end_where_newton_takes_over():
     halved = Shrinking(0.5)
-    newton._lowered(halved, np.zeros(1), *halved(None), 200)
+    newton._lowered(halved, np.zeros(1), halved(None), 200, newton.PARAMETERS.near)
     assert halved.calls == 1 + 20  # 2**-20 is the first below 1e-6
 
 
@@ -87,7 +87,7 @@ def test_a_slope_of_rounding_is_the_bottom_of_a_valley():
             calls.append(x)
             return np.array([1.0, slope - x[0]]), np.array([[0.0], [-1.0]])
 
-        newton._lowered(valley, np.zeros(1), *valley(np.zeros(1)), 1)
+        newton._lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, newton.PARAMETERS.near)
         assert len(calls) == 1 + steps
 
 
