@@ -20,6 +20,7 @@ from lagcli.start import initial
 
 if TYPE_CHECKING:
     from lagcli.api.models.cache import CompiledModel
+    from lagcli.api.rest_point import RestPoints
     from lagcli.compiled import NumericSystem
     from lagcli.linearization.linear_modes import Modes
     from lagcli.linearization.linearized import LinearizedFunctions, Reference
@@ -82,10 +83,11 @@ def _about(
     ready: CompiledModel, here: Reference, closed: tuple[int, ...], about: str, wanted: int, seconds: float
 ) -> Modes:
     """The modes about a start or the nearest equilibrium. Raises `NoEquilibriumError`."""
+    from lagcli.api.rest_point import RestPoints
     from lagcli.linearization import reference
 
-    functions = _functions(ready, closed, seconds)
-    found = _of_start(ready, functions, here, about, wanted, seconds)
+    functions, rest = _functions(ready, closed, seconds), RestPoints(ready, seconds)
+    found = _of_start(ready, functions, here, about, wanted, rest)
     if found is not None:
         return found
     if about == "start":
@@ -99,12 +101,12 @@ def _about(
     if about == "auto" and not reference.is_at_rest(here.q, here.v, _duration(ready)):
         raise NoEquilibriumError(_of_moving(ready.system.model, is_followed))
     note = AS_ASKED if about == "equilibrium" else NEAREST + (FOLLOW if is_followed else "")
-    here, closed = _nearest(ready, seconds)
+    here, closed = _nearest(ready, rest)
     functions = _functions(ready, closed, seconds)
     there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
     notes = (note, *_contacts(ready, closed))
     if there.kind != "varying":
-        return _steady(ready, functions, there, notes, wanted, seconds)
+        return _steady(functions, there, notes, wanted, rest)
     again = _varying(ready, functions, there, notes)
     if again is None:
         raise NoEquilibriumError(
@@ -133,7 +135,7 @@ def _of_start(
     here: Reference,
     about: str,
     wanted: int,
-    seconds: float,
+    rest: RestPoints,
 ) -> Modes | None:
     """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
     from lagcli.linearization import assembled_modes, floquet, reference
@@ -142,7 +144,7 @@ def _of_start(
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
     if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
         if found.kind != "varying":
-            return _steady(ready, functions, found, _notes(ready, found, closed), wanted, seconds)
+            return _steady(functions, found, _notes(ready, found, closed), wanted, rest)
         notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
         return _varying(ready, functions, found, notes)
     if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
@@ -163,21 +165,15 @@ def _of_start(
 
 
 def _steady(
-    ready: CompiledModel,
-    functions: LinearizedFunctions,
-    found: Steady,
-    notes: tuple[str, ...],
-    wanted: int,
-    limit: float,
+    functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...], wanted: int, rest: RestPoints
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
     looked at where the linear equations do not decide."""
-    from lagcli.api import rest_point
     from lagcli.linearization import assembled_modes
 
     if found.kind != "equilibrium" or found.here.q.size > assembled_modes.DENSE:
         return assembled_modes.modes(functions, found, notes, wanted)
-    point = rest_point.typed(ready, found.here.q, functions.closed, limit)
+    point = rest.typed(found.here.q, functions.closed)
     if point is None or point.type.kind is None:
         return assembled_modes.modes(functions, found, notes, wanted)
     if not point.type.is_regular:
@@ -212,13 +208,12 @@ def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
     return ready.numeric.keeping(dataclasses.replace(chosen, inactive=ready.numeric.selection.inactive))
 
 
-def _nearest(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...]]:
+def _nearest(ready: CompiledModel, rest: RestPoints) -> tuple[Reference, tuple[int, ...]]:
     """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
-    from lagcli.api import rest_point
     from lagcli.linearization.linearized import Reference
     from lagcli.statics.refine import NoEquilibrium
 
-    point = rest_point.nearest(ready, limit)
+    point = rest.nearest()
     if isinstance(point, NoEquilibrium):
         raise NoEquilibriumError(
             "the start is no equilibrium, and none is found from it: the forces that"

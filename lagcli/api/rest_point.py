@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ from lagcli.start.initial import State
 from lagcli.statics import point_search, point_values, refine, rest_equations, static_laws, surface_descent
 from lagcli.statics.newton import NewtonEnd
 from lagcli.statics.point_search import FoundPoint
+from lagcli.statics.point_values import Origin
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_laws import EnforcedLevel, StaticLaws
@@ -89,54 +91,66 @@ def problem(ready: CompiledModel, laws: StaticLaws, start: StaticStart) -> Stati
     return StaticProblem(laws, state.p, (state.t, state.q), ready.system.model.simulation.duration)
 
 
-@progress.phase("looking for a point of rest")
-def nearest(ready: CompiledModel, limit: float | None = None) -> EquilibriumPoint | NoEquilibrium:
-    """The point of rest nearest to the declared start (D.25): lambda and contacts with it.
+class RestPoints:
+    """Points of rest of a model, from its start (D.25). Raises `diagnostics.ModelError` where no configuration
+    satisfies the rows. limit: seconds for first integrals."""
 
-    Of two, the one that Newton's steps lead to and, where the forces have a potential, the one that lies downhill, the
-    nearer in the metric.
+    def __init__(self, ready: CompiledModel, limit: float | None = None) -> None:
+        self._ready, self._limit = ready, limit
 
-    limit: seconds for first integrals. Raises `diagnostics.ModelError` where no configuration satisfies the rows.
-    """
-    start = begin(ready, limit)
-    asked, q = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start), start.state.q
-    falls = point_values.potential_origin(asked) == "declared"
-    is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
-    found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.offset)]
-    if falls:
-        equations = RestEquations(asked, (), rest_equations.scales(asked, q))
-        bottom = surface_descent.lowest(equations, q, 1.0)
-        if bottom is not None:
-            found.append(refine.nearest_equilibrium(asked, bottom))
-    if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
-        found.append(refine.nearest_equilibrium(asked, q))
-    points = [one.point for one in _typed(asked, found, falls)]
-    if not points:
-        first = found[0]
-        return first if isinstance(first, NoEquilibrium) else NoEquilibrium(first.residual, first.q)
-    M = ready.numeric.inertia(start.state.t, q, np.zeros_like(q), start.state.p).full()
-    return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
+    @cached_property
+    def _start(self) -> StaticStart:
+        return begin(self._ready, self._limit)
 
+    @cached_property
+    def _asked(self) -> StaticProblem:
+        laws = static_laws.of_rest(self._ready.system, self._start.invariant_values)
+        return problem(self._ready, laws, self._start)
 
-def typed(
-    ready: CompiledModel, q: Floats, closed: tuple[int, ...], limit: float | None = None
-) -> FoundPoint | None:
-    """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; closed: the
-    contacts that press there; limit: seconds for first integrals. None where it is none, and where numbers are too
-    large or too small to look at it."""
-    start = begin(ready, limit)
-    asked = problem(ready, static_laws.of_rest(ready.system, start.invariant_values), start)
-    try:
-        scales = rest_equations.scales(asked, start.state.q)
-    except diagnostics.ModelError:
-        return None
-    equations = RestEquations(asked, closed, scales)
-    x = refine.begun(equations, q)
-    if x is None:
-        return None
-    found = refine.settled(equations, NewtonEnd(x, 0.0, 0.0))
-    has_potential = point_values.potential_origin(asked) != "none"
-    return next(_typed(asked, [found], has_potential), None)
+    @cached_property
+    def _origin(self) -> Origin:
+        return point_values.potential_origin(self._asked)
+
+    @progress.phase("looking for a point of rest")
+    def nearest(self) -> EquilibriumPoint | NoEquilibrium:
+        """The point of rest nearest to the start: lambda and contacts with it.
+
+        Of two, the one that Newton's steps lead to and, where the forces have a potential, the one that lies downhill,
+        the nearer in the metric.
+        """
+        asked, begun = self._asked, self._start.state
+        q = begun.q
+        falls = self._origin == "declared"
+        is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
+        found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.offset)]
+        if falls:
+            equations = RestEquations(asked, (), rest_equations.scales(asked, q))
+            bottom = surface_descent.lowest(equations, q, 1.0)
+            if bottom is not None:
+                found.append(refine.nearest_equilibrium(asked, bottom))
+        if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
+            found.append(refine.nearest_equilibrium(asked, q))
+        points = [one.point for one in _typed(asked, found, falls)]
+        if not points:
+            first = found[0]
+            return first if isinstance(first, NoEquilibrium) else NoEquilibrium(first.residual, first.q)
+        M = self._ready.numeric.inertia(begun.t, q, np.zeros_like(q), begun.p).full()
+        return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
+
+    def typed(self, q: Floats, closed: tuple[int, ...]) -> FoundPoint | None:
+        """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; closed: the
+        contacts that press there. None where it is none, and where numbers are too large or too small to look at
+        it."""
+        try:
+            scales = rest_equations.scales(self._asked, self._start.state.q)
+        except diagnostics.ModelError:
+            return None
+        equations = RestEquations(self._asked, closed, scales)
+        x = refine.begun(equations, q)
+        if x is None:
+            return None
+        found = refine.settled(equations, NewtonEnd(x, 0.0, 0.0))
+        return next(_typed(self._asked, [found], self._origin != "none"), None)
 
 
 def _typed(

@@ -13,13 +13,13 @@ WEIGHT = "forces:\n  weight: {to: all, force: [0, 0, -9.81*m]}\n"
 
 
 def nearest(text: str) -> EquilibriumPoint:
-    found = rest_point.nearest(cache.compiled(lagcli.loads(HEAD + text)))
+    found = rest_point.RestPoints(cache.compiled(lagcli.loads(HEAD + text))).nearest()
     assert isinstance(found, EquilibriumPoint), found
     return found
 
 
 def none(text: str) -> NoEquilibrium:
-    found = rest_point.nearest(cache.compiled(lagcli.loads(HEAD + text)))
+    found = rest_point.RestPoints(cache.compiled(lagcli.loads(HEAD + text))).nearest()
     assert isinstance(found, NoEquilibrium), found
     return found
 
@@ -139,3 +139,14 @@ def test_a_free_fall_has_no_point_of_rest() -> None:
 
 def test_a_force_that_fades_far_away_makes_no_point_there() -> None:
     none("coordinates:\n  x: {value: 1}\nlagrangian: rate(x)**2/2 - 1/x\n")
+
+
+def test_modes_about_the_nearest_point_of_rest_look_for_a_consistent_start_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    starts: list[object] = []
+    begin = rest_point.begin
+    monkeypatch.setattr(rest_point, "begin", lambda *given: starts.append(given) or begin(*given))
+    text = "particles:\n  a: {mass: 1, position: [0.6, 0, -0.8]}\nholonomic:\n  rod: norm(a) = 1\n" + WEIGHT
+    assert lagcli.modes(lagcli.loads(HEAD + text)).notes
+    assert len(starts) == 1
