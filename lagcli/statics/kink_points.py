@@ -239,8 +239,8 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     undecided."""
     problem, h = search.problem, PARAMETERS.beside * search.scales.length
     here = problem.value(q)
-    if not np.isfinite(here):
-        return None
+    if not np.isfinite([here, on_kink.value(q)]).all():
+        return None  # 1/sqrt(x**2 + y**2) has a pole there
     values = on_kink.at(on_kink.t, q, on_kink.nothing)
     near = values.g <= refine.PARAMETERS.closed * search.scales.contacts * search.scales.length
     Z = rank.null_basis(decompositions.unit(values.dc[:-1]))
@@ -313,7 +313,8 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
     ways = _drawn(rank.null_basis(decompositions.unit(on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1])))
     ways = np.vstack([ways, -ways])
     far, middle, near = (
-        np.array([problem.value(q + part * length * way) for way in ways]) for part in PARAMETERS.around
+        np.array([precise_zeros.value(problem, q + part * length * way) for way in ways])
+        for part in PARAMETERS.around
     )
     first, then = middle - far, near - middle
     is_known = np.isfinite(then) & np.isfinite(first)

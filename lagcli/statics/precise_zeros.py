@@ -123,6 +123,22 @@ def _approached(problem: StaticProblem, program: Program, x: Floats, length: flo
         return np.array([float(value) for value in end.x])
 
 
+def value(problem: StaticProblem, q: Floats) -> float:
+    """The value at a place (n,), of which cancelling leaves all digits where it is known in many; nan where there is
+    none."""
+    try:
+        multiprecision.require_known(problem.value_program)
+    except multiprecision.Unknown:
+        return problem.value(q)
+    with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
+        given = [multiprecision.decimal_of(x) for x in q.tolist()]
+        numbers = [number(x) for x in (problem.t, *problem.p.tolist())]
+        try:
+            return float(multiprecision.run(problem.value_program, [given, numbers], number)[0])
+        except multiprecision.NotFinite:
+            return np.nan
+
+
 def is_away(equations: RestEquations, x: Floats) -> bool:
     """True if Newton's first step from x in many digits leaves its neighbourhood: beside terms of 1e14 doubles see no
     force, and no zero is near."""

@@ -184,10 +184,21 @@ class StaticProblem:
 
     def conditions_program(self) -> Program:
         """The conditions c (k,), then their gradient column by column (k, n), as a function of q and of (t, p)."""
+        return self._of_place([self.laws.c, ca.jacobian(self.laws.c, self.laws.q)])
+
+    @cached_property
+    def value_program(self) -> Program:
+        """The function, or the declared potential, as a function of q and of (t, p)."""
+        return self._of_place([self.laws.value])
+
+    def slope_program(self) -> Program:
+        """F of one coordinate and its slope, as a function of q and of (t, p)."""
+        return self._of_place([self.laws.F, ca.jacobian(self.laws.F, self.laws.q)])
+
+    def _of_place(self, parts: list[ca.SX]) -> Program:
         laws = self.laws
         inputs = [laws.q, ca.vertcat(laws.t, laws.p)]
-        both = _stacked([laws.c, ca.jacobian(laws.c, laws.q)])
-        return program.written_out(SizedFunction("conditions", inputs, [both]))
+        return program.written_out(SizedFunction("of_place", inputs, [_stacked(parts)]))
 
     def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
         """All equations with these contacts closed as power series of (q, lambda) and of (t, p)."""
@@ -228,14 +239,6 @@ class StaticProblem:
                 if (np.abs(other - first)[both] > STEADY * max(largest, 1e-300)).any():
                     return False
         return True
-
-    def slope_program(self) -> Program:
-        """F of one coordinate and its slope, as a function of q and of (t, p)."""
-        laws = self.laws
-        inputs = [laws.q, ca.vertcat(laws.t, laws.p)]
-        return program.written_out(
-            SizedFunction("slope", inputs, [_stacked([laws.F, ca.jacobian(laws.F, laws.q)])])
-        )
 
 
 def _stacked(parts: list[ca.SX]) -> ca.SX:

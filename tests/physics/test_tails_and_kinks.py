@@ -242,3 +242,17 @@ forces: {s: {to: x, force: "-sign(x - 1) - x + y"}, r: {to: y, force: "-y - x"}}
         except lagcli.ModelError as error:
             notes = [str(error)]
         assert any(words in note for note in notes), notes
+
+
+def test_a_removable_singularity_is_no_pole():
+    """Six digits off it 1 - cos(x) has four digits left, which differ from one to the next."""
+    found = stationary("x: {value: 0.3}, y: {value: 0.2}", "(1 - cos(x))/x**2 + y**2", starts=0)
+    assert any(
+        note.endswith("an extreme may sit there, where the value beside it is 0.54") for note in found.notes
+    )
+
+
+def test_a_pole_of_a_distance_is_no_maximum_at_a_kink():
+    found = stationary("x: {value: 0.3}, y: {value: 0.2}", "1/sqrt((x - 1/3)**2 + y**2) + x**2", starts=0)
+    assert not any("maximum" in note for note in found.notes)
+    assert any("grows without bound" in note for note in found.notes)
