@@ -45,34 +45,29 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
     """The audit of points (T, columns). Raises `table_input.TableError`."""
     laws = _laws(model)
     wanted(model, columns)
-    names, column = table_input.names(laws), {name: i for i, name in enumerate(columns)}
     if not len(rows):
         raise table_input.TableError("the table has no rows")
+    names, column = table_input.names(laws), {name: i for i, name in enumerate(columns)}
     q, lam, R_q, R_x, x = (
         rows[:, [column[name] for name in part]]
         for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
     )
-    start = model.simulation.start
     with np.errstate(all="ignore"):
-        found = _RestValues(laws, np.full(len(q), start), q, lam)
-        t = np.arange(len(q), dtype=float)
-        checks = [
-            found.positions(t, x, names),
-            found.equilibrium(t, names),
-            found.reactions(t, R_q, R_x, names),
-        ]
+        points = _RestValues(laws, q, lam)
+        checks = [points.positions(x, names), points.equilibrium(names), points.reactions(R_q, R_x, names)]
         if laws.contacts:
-            checks.append(found.contacts(t))
+            checks.append(points.contacts())
     notes = ("the rows are points of rest; in the checks t is the number of a row",)
+    end, checked = float(len(q) - 1), tuple(checks)
     return Audit(
         model.title,
         model.path,
         len(q),
         0.0,
-        float(len(q) - 1),
+        end,
         0.0,
         0.0,
-        tuple(checks),
+        checked,
         (),
         notes,
         (),
@@ -86,120 +81,104 @@ def _laws(model: nouns.Model) -> ModelLaws:
 
 
 class _RestValues:
-    """The laws at points of rest, and at points beside them, which tell what rounding does."""
+    """The laws at points of rest, and at points beside them, which tell what rounding does.
 
-    def __init__(self, laws: ModelLaws, t: Array, q: Array, lam: Array) -> None:
-        self._laws, self._t, self._q, self._lam = laws, t, q, lam
-        self._still = np.zeros(q.shape)
-        self._here = laws.values(t, q, self._still, lam)
+    What moves with t is differentiated at fixed q by differences of order four: m d2x/dt2 of the dependent particles
+    and the explicit rate of dL/dv of the `lagrangian`.
+    """
+
+    def __init__(self, laws: ModelLaws, q: Array, lam: Array) -> None:
+        self._laws, self._q, self._lam = laws, q, lam
+        self._rows, self._t = np.arange(len(q), dtype=float), np.full(len(q), laws.model.simulation.start)
         random = np.random.default_rng(0)
-        sizes = np.abs(q).max(axis=1, initial=0.0, keepdims=True) + 1e-3
-        self._beside = q + ROUNDED * np.maximum(np.abs(q), 1e-3 * sizes) * random.choice([-1.0, 1.0], q.shape)
-        self._there = laws.values(t, self._beside, self._still, lam)
-        self._later = STEP * (laws.model.simulation.duration or 1.0)
+        sizes = _largest(q) + 1e-3
+        beside = q + ROUNDED * np.maximum(np.abs(q), 1e-3 * sizes) * random.choice([-1.0, 1.0], q.shape)
+        self._here, self._there = self._values(q), self._values(beside)
+        (self._inertial, explicit), (inertial, moved_explicit) = self._rates(q), self._rates(beside)
+        self._total, self._parts = self._balance(q, self._here, self._inertial, explicit)
+        self._moved_total = self._balance(beside, self._there, inertial, moved_explicit)[0]
+        self._driven = _largest(self._inertial) + _largest(explicit)
 
-    def positions(self, t: Array, x: Array, names: table_input.TableNames) -> Check:
+    def _values(self, q: Array, later: float = 0.0) -> LawValues:
+        return self._laws.values(self._t + later, q, np.zeros(q.shape), self._lam)
+
+    def _rates(self, q: Array) -> tuple[Array, Array]:
+        h = STEP * (self._laws.model.simulation.duration or 1.0)
+        at = [self._values(q, k * h) for k in (-2, -1, 1, 2)]
+        u, L_v = (
+            (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
+            for y in ([values.u for values in at], [values.L_v for values in at])
+        )
+        return np.repeat(self._laws.index.masses[self._laws.index.dependent], 3) * u, L_v
+
+    def _balance(self, q: Array, values: LawValues, inertial: Array, explicit: Array) -> tuple[Array, Array]:
+        """F + B^T lambda (T, n), and the sum of the sizes of its terms at each row, (T, 1)."""
+        index, laws = self._laws.index, self._laws
+        direct = np.zeros(q.shape)
+        direct[:, : index.first_generalized] = values.F[:, index.cartesian].reshape(len(q), -1)
+        terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
+        if index.dependent.size:
+            onto = self._on_dependent(values) + values.L_x - inertial
+            terms.append(laws.pushed(self._t, q, np.zeros(q.shape), onto))
+        terms.append(-explicit)
+        return np.asarray(sum(terms)), np.asarray(sum(map(_largest, terms)))
+
+    def _on_dependent(self, values: LawValues) -> Array:
+        """F of the dependent particles, (T, 3 Nd)."""
+        return values.F[:, self._laws.index.dependent].reshape(len(values.F), -1) - values.V_x
+
+    def positions(self, x: Array, names: table_input.TableNames) -> Check:
         """f = 0 and b = 0, and positions of dependent particles."""
         laws, here, there = self._laws, self._here, self._there
-        count = len(laws.contacts)
-        equal = laws.s - count
-        moving = np.delete(here.b, range(equal, laws.s), axis=1)
-        rest = [name for i, name in enumerate(laws.rows) if not equal <= i < laws.s]
-        f, b_limit = here.f[:, :equal], np.abs(np.delete(there.b, range(equal, laws.s), axis=1) - moving)
-        f_limit = np.abs(there.f[:, :equal] - f) + 1e-13 * np.abs(self._q).max(
-            axis=1, initial=1.0, keepdims=True
+        equal = laws.s - len(laws.contacts)
+        is_rest = np.ones(laws.C, dtype=bool)
+        is_rest[equal : laws.s] = False
+        f, b = here.f[:, :equal], here.b[:, is_rest]
+        size = np.maximum(_largest(self._q), 1.0)
+        limits = (
+            4 * (np.abs(there.f[:, :equal] - f) + 1e-13 * size),
+            4 * np.abs(there.b[:, is_rest] - b) + 1e-12,
+            4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15,
         )
-        residual = np.concatenate([f, moving, here.x - x], axis=1)
-        limit = np.concatenate(
-            [4 * f_limit, 4 * b_limit + 1e-12, 4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15],
-            axis=1,
-        )
+        rest = [name for name, own in zip(laws.rows, is_rest, strict=True) if own]
         labels = [*laws.holonomic[:equal], *(f"rate of {name}" for name in rest), *names.x]
-        return judge(POSITIONS, labels, t, residual, limit)
+        return self._judge(POSITIONS, labels, (f, b, here.x - x), limits)
 
-    def equilibrium(self, t: Array, names: table_input.TableNames) -> Check:
+    def equilibrium(self, names: table_input.TableNames) -> Check:
         """The forces along every coordinate."""
-        total, parts = self._total(self._q, self._here)
-        moved, _ = self._total(self._beside, self._there)
-        limit = BALANCED * parts + 4 * np.abs(moved - total) + DIFFERENCED * self._driven * (parts > 0)
-        return judge(EQUILIBRIUM, names.q, t, total, limit + 1e-300)
+        limit = BALANCED * self._parts + 4 * np.abs(self._moved_total - self._total)
+        limit = limit + DIFFERENCED * self._driven * (self._parts > 0) + 1e-300
+        return self._judge(EQUILIBRIUM, names.q, (self._total,), (limit,))
 
-    def reactions(self, t: Array, R_q: Array, R_x: Array, names: table_input.TableNames) -> Check:
+    def reactions(self, R_q: Array, R_x: Array, names: table_input.TableNames) -> Check:
         """R of coordinates and of dependent particles."""
-        here = self._here
-        own = here.pull - R_q
-        size = np.abs(here.pull).max(axis=1, initial=0.0, keepdims=True)
-        F = self._onto(here.F, self._laws.index.dependent) - here.V_x
-        other = self._inertial(self._q) - F - R_x
-        beside = self._onto(self._there.F, self._laws.index.dependent) - self._there.V_x
-        largest = np.abs(F).max(axis=1, initial=0.0, keepdims=True)
-        residual = np.concatenate([own, other], axis=1)
-        limits = [
-            4 * np.abs(self._there.pull - here.pull) + BALANCED * size + 1e-300,
-            4 * np.abs(beside - F)
-            + BALANCED * largest
-            + DIFFERENCED * np.abs(self._inertial(self._q))
-            + 1e-300,
-        ]
-        shape = [np.broadcast_to(limit, part.shape) for limit, part in zip(limits, (own, other), strict=True)]
-        return judge(REACTIONS, [*names.R_q, *names.R_x], t, residual, np.concatenate(shape, axis=1))
+        pull, F, inertial = self._here.pull, self._on_dependent(self._here), self._inertial
+        beside = 4 * np.abs(self._on_dependent(self._there) - F) + BALANCED * _largest(F)
+        limits = (
+            4 * np.abs(self._there.pull - pull) + BALANCED * _largest(pull) + 1e-300,
+            beside + DIFFERENCED * np.abs(inertial) + 1e-300,
+        )
+        return self._judge(REACTIONS, [*names.R_q, *names.R_x], (pull - R_q, inertial - F - R_x), limits)
 
-    def contacts(self, t: Array) -> Check:
+    def contacts(self) -> Check:
         """Contacts push, and only where they touch."""
         laws = self._laws
         first = laws.s - len(laws.contacts)
         g, lam = self._here.f[:, first:], self._lam[:, first : laws.s]
         off = 4 * np.abs(self._there.f[:, first:] - g) + 1e-12
-        push = np.abs(self._lam).max(axis=1, initial=0.0, keepdims=True)
-        residual = np.concatenate(
-            [np.minimum(g, 0), np.minimum(lam, 0), np.minimum(np.abs(g), np.abs(lam))], axis=1
-        )
-        limit = np.concatenate([off, BALANCED * push + 0 * lam + 1e-300, np.maximum(off, 1e-12)], axis=1)
+        push = BALANCED * _largest(self._lam) + 0 * lam + 1e-300
+        residuals = np.minimum(g, 0), np.minimum(lam, 0), np.minimum(np.abs(g), np.abs(lam))
         labels = [f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts]
-        return judge(SIGNORINI, labels, t, residual, limit)
+        return self._judge(SIGNORINI, labels, residuals, (off, push, off))
 
-    def _total(self, q: Array, values: LawValues) -> tuple[Array, Array]:
-        """F + B^T lambda (T, n), and the sum of the sizes of its terms, a row at a time."""
-        index, laws = self._laws.index, self._laws
-        direct = np.zeros(q.shape)
-        own = self._onto(values.F, index.cartesian)
-        direct[:, : own.shape[1]] = own
-        terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
-        if index.dependent.size:
-            onto = self._onto(values.F, index.dependent) - values.V_x + values.L_x - self._inertial(q)
-            terms.append(laws.pushed(self._t, q, self._still, onto))
-        terms.append(-self._explicit(q))
-        sizes = sum(
-            (np.abs(term).max(axis=1, initial=0.0, keepdims=True) for term in terms), np.zeros((len(q), 1))
+    def _judge(
+        self, law: CheckedLaw, names: Sequence[str], residuals: Sequence[Array], limits: Sequence[Array]
+    ) -> Check:
+        return judge(
+            law, names, self._rows, np.concatenate(residuals, axis=1), np.concatenate(limits, axis=1)
         )
-        return np.asarray(sum(terms, np.zeros(q.shape))), sizes + np.zeros(q.shape)
 
-    @property
-    def _driven(self) -> Array:
-        """The size of what moves with t alone, (T, 1)."""
-        moving = np.abs(self._inertial(self._q)).max(axis=1, initial=0.0, keepdims=True)
-        return np.asarray(moving + np.abs(self._explicit(self._q)).max(axis=1, initial=0.0, keepdims=True))
 
-    def _inertial(self, q: Array) -> Array:
-        """m d2x/dt2 of the dependent particles at rest, (T, 3 Nd)."""
-        index = self._laws.index
-        masses = np.repeat(index.masses[index.dependent], 3)
-        return np.asarray(masses * self._rate(q, "u"))
-
-    def _explicit(self, q: Array) -> Array:
-        """The explicit rate of dL/dv of the `lagrangian`, (T, n)."""
-        return self._rate(q, "L_v")
-
-    def _rate(self, q: Array, name: str) -> Array:
-        """The derivative by t of a value at fixed q, by differences of order four."""
-        h = self._later
-        at = [
-            np.asarray(getattr(self._laws.values(self._t + k * h, q, self._still, self._lam), name))
-            for k in (-2, -1, 1, 2)
-        ]
-        return np.asarray((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * h))
-
-    @staticmethod
-    def _onto(F: Array, numbers: Array) -> Array:
-        """Forces (T, N, 3) on some particles, (T, 3 of each)."""
-        return F[:, numbers].reshape(len(F), -1)
+def _largest(y: Array) -> Array:
+    """The largest entry of each row, (T, 1)."""
+    return np.asarray(np.abs(y).max(axis=1, initial=0.0, keepdims=True))
