@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -22,7 +21,7 @@ from lagcli.auditing.checks import (
 )
 from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.evidence import model_values, table_input, written_digits
-from lagcli.auditing.evidence.differences import Estimate
+from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
@@ -36,43 +35,36 @@ Runs = Literal["all, by rows", "all, by stretches", "all", "smooth", "one-sided"
 Figures = tuple[tuple[str, float], ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class AuditCheck:
-    """A check: a function of the evidence that gives its findings, none where it has nothing to say, and its runs.
-
-    `all, by rows`: it looks at each row alone, in a run with contacts by the sets of those that are closed. `all, by
-    stretches`: it looks at rows beside each other, in a run with contacts along each stretch without an incident.
-    `all`, `smooth`, `one-sided`: it looks at the whole of every run, of one without or of one with contacts or jumps.
-    """
-
-    findings: Findings
-    runs: Runs
-
-
-CHECKS = (
-    AuditCheck(checks_contact.contacts, "one-sided"),
-    AuditCheck(checks_contact.missed, "one-sided"),
-    AuditCheck(checks_impact.impacts, "one-sided"),
-    AuditCheck(checks_pointwise.constraints, "all, by rows"),
-    AuditCheck(checks_steps.steps, "all, by stretches"),  # before all sums over rows: it finds what rows hide
-    AuditCheck(checks_motion.rates, "all, by stretches"),
-    AuditCheck(checks_motion.path, "all, by stretches"),
-    AuditCheck(checks_motion.newton, "all, by stretches"),
-    AuditCheck(checks_motion.impulse, "all, by stretches"),
-    AuditCheck(checks_pointwise.reactions, "all, by rows"),
-    AuditCheck(checks_pointwise.demand, "all, by rows"),
-    AuditCheck(checks_pointwise.ideal, "all, by rows"),
-    AuditCheck(checks_pointwise.carried, "all, by stretches"),
-    AuditCheck(checks_motion.dalembert, "all, by stretches"),
-    AuditCheck(checks_motion.energy, "all, by stretches"),
-    AuditCheck(hamilton.check, "all, by stretches"),
-    AuditCheck(hamilton.action, "smooth"),
-    AuditCheck(momenta.check, "all, by stretches"),
-    AuditCheck(checks_flight.flights, "one-sided"),
-    AuditCheck(checks_impact.balance, "one-sided"),
-    AuditCheck(checks_outputs.columns, "all"),
+CHECKS: tuple[tuple[Findings, Runs], ...] = (
+    (checks_contact.contacts, "one-sided"),
+    (checks_contact.missed, "one-sided"),
+    (checks_impact.impacts, "one-sided"),
+    (checks_pointwise.constraints, "all, by rows"),
+    (checks_steps.steps, "all, by stretches"),  # before all sums over rows: it finds what rows hide
+    (checks_motion.rates, "all, by stretches"),
+    (checks_motion.path, "all, by stretches"),
+    (checks_motion.newton, "all, by stretches"),
+    (checks_motion.impulse, "all, by stretches"),
+    (checks_pointwise.reactions, "all, by rows"),
+    (checks_pointwise.demand, "all, by rows"),
+    (checks_pointwise.ideal, "all, by rows"),
+    (checks_pointwise.carried, "all, by stretches"),
+    (checks_motion.dalembert, "all, by stretches"),
+    (checks_motion.energy, "all, by stretches"),
+    (hamilton.check, "all, by stretches"),
+    (hamilton.action, "smooth"),
+    (momenta.check, "all, by stretches"),
+    (checks_flight.flights, "one-sided"),
+    (checks_impact.balance, "one-sided"),
+    (checks_outputs.columns, "all"),
 )
-"""The registry: a further check is a function in a file of `checks`, and a line here where it is to be reported."""
+"""The registry: each check is a function of the evidence that gives its findings, none where it has nothing to say, and
+its runs. A further one is a function in a file of `checks`, and a line here where it is to be reported.
+
+`all, by rows`: it looks at each row alone, in a run with contacts by the sets of those that are closed. `all, by
+stretches`: it looks at rows beside each other, in a run with contacts along each stretch without an incident. `all`,
+`smooth`, `one-sided`: it looks at the whole of every run, of one without or of one with contacts or jumps.
+"""
 
 
 def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: Sequence[str] = ()) -> Audit:
@@ -89,6 +81,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         incidents = table_input.at_rows(incidents, found)
     checks = [_numbers(laws, found)]
     judged, written = _Judged([], (), (), ()), [written_digits.ALL, written_digits.ALL]
+    short = written
 
     def judge_by(of_table: Tolerance, of_incidents: Tolerance) -> _Judged:
         with np.errstate(all="ignore"):
@@ -96,7 +89,13 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
 
     if checks[0].verdict != "fail":
         judged = judge_by(tolerance, tolerance)
-        short = _written(table, found) if judged.fails else written
+        if judged.fails:  # a table and that of its incidents are two files
+            short = [_digits(table.columns, table.rows, found.t)]
+            short += [
+                written_digits.ALL
+                if table.events is None
+                else _digits(table.events.columns, table.events.rows)
+            ]
         told = [digits if digits.is_told else written_digits.ALL for digits in short]
         if any(digits.is_certain for digits in told) or judged.fail_everywhere:
             written = told
@@ -122,14 +121,10 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     )
 
 
-def _written(table: AuditedTable, found: Record) -> list[WrittenDigits]:
-    """The digits of the numbers of a table, and of that of its incidents: they are two files."""
-    index = list(table.columns).index("t")
-    written = written_digits.of(np.delete(table.rows, index, axis=1), found.t)
-    if table.events is None:
-        return [written, written_digits.ALL]
-    index, rows = table.events.columns.index("t"), table.events.rows
-    return [written, written_digits.of(np.delete(rows, index, axis=1), rows[:, index])]
+def _digits(columns: Sequence[str], rows: Array, t: Array | None = None) -> WrittenDigits:
+    """The digits of the numbers of a table with its times, those of its column t where they are not given."""
+    index = list(columns).index("t")
+    return written_digits.of(np.delete(rows, index, axis=1), rows[:, index] if t is None else t)
 
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
@@ -168,16 +163,7 @@ class _Judged(NamedTuple):
         """The findings, of which those are not judged that fail but would not if the numbers were rounded."""
         right = {check.name for check in rounded.checks if check.verdict != "fail"}
         checks = [
-            dataclasses.replace(
-                check,
-                verdict="not judged",
-                worst=None,
-                failing=(),
-                failures=0,
-                judged=0,
-                curve=(),
-                note=FEW_NUMBERS,
-            )
+            CheckedLaw(check.name, check.law, check.equation).unjudged(FEW_NUMBERS, check.entries)
             if check.verdict == "fail" and check.name in right
             else check
             for check in self.checks
@@ -186,69 +172,48 @@ class _Judged(NamedTuple):
 
 
 def _judged(e: Evidence) -> _Judged:
-    """All checks of a run but those of the numbers themselves."""
-    if e.laws.model.inequality or np.any(np.diff(e.record.t) == 0):
-        return _Judged(*_of_one_sided(e))
-    return _Judged(*_of_smooth(e), ())
+    """All checks of a run but those of the numbers themselves; of one with contacts or jumps by its parts."""
+    is_one_sided = e.laws.model.inequality or np.any(np.diff(e.record.t) == 0)
+    parts, checks = OneSidedParts(e) if is_one_sided else None, list[Check]()
+    for findings, runs in CHECKS:
+        if parts is None:
+            checks += findings(e) if runs != "one-sided" else ()
+        elif runs in ("all", "one-sided"):
+            checks += findings(e)
+        elif runs != "smooth" and not parts.are_reported:  # together, where the first of them stands
+            checks += parts.by_sets([check for check, where in CHECKS if where == "all, by rows"])
+            checks += parts.by_stretches([check for check, where in CHECKS if where == "all, by stretches"])
+    energies = e.once(checks_motion.energies)
 
+    def known(column: int) -> float:
+        """An integral over a smooth run; no number where rows are too far apart to know three digits of it."""
+        work = energies.work
+        is_known = parts is None and work.truncation[-1, column] <= RESOLVED * work.value[-1, 2]
+        return float(work.value[-1, column]) if is_known else np.nan
 
-def _of_smooth(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures]:
-    """Checks, sentences and figures of a smooth run."""
-    checks = [found for check in CHECKS if check.runs != "one-sided" for found in check.findings(e)]
-    d, energies = e.displacements, e.once(checks_motion.energies)
-    virtual = np.abs(d.virtual(e.record.R_q[e.looked_at]))[~d.is_singular]
-    figures = (
-        ("virtual_work", float(virtual.max(initial=0.0))),
-        ("work_of_constraints", _known(energies.work, 1)),
-        ("work_of_all_that_changes_the_energy", _known(energies.work, 0)),
+    figures: Figures = (
+        ("virtual_work", e.virtual_work if parts is None else parts.virtual_work),
+        ("work_of_constraints", known(1)),
+        ("work_of_all_that_changes_the_energy", known(0)),
         ("energy_gained", float(energies.E[-1] - energies.E[0])),
     )
-    return checks, audit_lines.uniqueness(e), figures
-
-
-def _of_one_sided(e: Evidence) -> tuple[list[Check], tuple[str, ...], Figures, tuple[str, ...]]:
-    """Checks, sentences, figures and notes of a run with contacts or jumps."""
-    parts, checks = OneSidedParts(e), list[Check]()
-    by_rows, by_stretches = (
-        [check.findings for check in CHECKS if check.runs == runs]
-        for runs in ("all, by rows", "all, by stretches")
-    )
-    for check in CHECKS:
-        if (
-            check.findings is by_rows[0]
-        ):  # those of parts are reported together, where the first of them stands
-            checks += [*parts.by_sets(by_rows), *parts.by_stretches(by_stretches)]
-        elif check.runs in ("all", "one-sided"):
-            checks += check.findings(e)
-    E, impact = e.once(checks_motion.energies).E, e.once(checks_impact.impact_evidence)
-    figures: Figures = (
-        ("virtual_work", parts.virtual_work),
-        ("work_of_constraints", np.nan),
-        ("work_of_all_that_changes_the_energy", np.nan),
-        ("energy_gained", float(E[-1] - E[0])),
-    )
+    if parts is None:
+        return _Judged(checks, audit_lines.uniqueness(e), figures, ())
+    impact = e.once(checks_impact.impact_evidence)
     if impact is not None:
         figures = (*figures, ("energy_lost_in_impacts", impact.lost))
-    return checks, parts.sentences, figures, parts.notes
-
-
-def _known(work: Estimate, column: int) -> float:
-    """An integral over the whole run; no number where the rows are too far apart to know three digits of it."""
-    value, size = float(work.value[-1, column]), float(work.value[-1, 2])
-    return value if float(work.truncation[-1, column]) <= RESOLVED * size else np.nan
+    return _Judged(checks, parts.sentences, figures, parts.notes)
 
 
 def _numbers(laws: ModelLaws, found: Record) -> Check:
     """Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others."""
     names = table_input.names(laws)
-    parts = [(names.q, found.q), (names.v, found.v), (names.x, found.x), (names.u, found.u)]
-    parts += [(names.R_q, found.R_q), (names.R_x, found.R_x)]
-    columns = [name for part, _ in parts for name in part]
+    # Positions, velocities and reactions, then multipliers
+    parts = [(getattr(names, part), getattr(found, part)) for part in ("q", "v", "x", "u", "R_q", "R_x")]
+    parts.append((names.lam, np.where(np.isinf(found.lam), np.nan, 0.0)))
     entries = np.concatenate([values for _, values in parts], axis=1)
-    infinite = np.isinf(found.lam)
-    entries = np.concatenate([entries, np.where(infinite, np.nan, 0.0)], axis=1)
     residual = np.where(np.isfinite(entries), 0.0, np.nan)
-    return judge(NUMBERS, [*columns, *names.lam], found.t, residual, np.ones((1, 1)))
+    return judge(NUMBERS, [name for part, _ in parts for name in part], found.t, residual, np.ones((1, 1)))
 
 
 def _elsewhere(model: nouns.Model, found: Record, tolerance: Tolerance) -> list[str]:

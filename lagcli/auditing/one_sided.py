@@ -51,6 +51,7 @@ class OneSidedParts:
         self._looked_at = sorted(longest, key=lambda k: int(k[0]))
         self.sentences: tuple[str, ...] = ()
         self.virtual_work = 0.0
+        self.are_reported = False
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -71,17 +72,22 @@ class OneSidedParts:
 
     def by_sets(self, checks: Sequence[Findings]) -> list[Check]:
         """Checks of rows by themselves, by the set of contacts that are closed at them."""
+        self.are_reported = True
         parts: list[tuple[int, list[Check]]] = []
         modes = sorted(_modes(self._closed), key=lambda mode: -len(mode[1]))
         for number, (closed, rows) in enumerate(modes[:MOST_MODES]):
             own = self._evidence(rows, closed)
             parts.append((len(rows), [found for findings in checks for found in findings(own)]))
-            d = own.displacements
-            along = np.abs(d.virtual(own.record.R_q[own.looked_at]))[~d.is_singular]
-            self.virtual_work = max(self.virtual_work, float(along.max(initial=0.0)))
+            self.virtual_work = max(self.virtual_work, own.virtual_work)
             if number < MOST_DESCRIBED:
-                sentences = (f"{self._while(closed)}{sentence}" for sentence in audit_lines.uniqueness(own))
-                self.sentences = (*self.sentences, *sentences)
+                names = [self._e.laws.contacts[j] for j in closed]
+                shown = ", ".join(names[:MOST_DESCRIBED]) + (" ..." if len(names) > MOST_DESCRIBED else "")
+                while_ = (
+                    f"while {shown} {'is' if len(names) == 1 else 'are'} closed"
+                    if names
+                    else "with all contacts open"
+                )
+                self.sentences += tuple(f"{while_}, {sentence}" for sentence in audit_lines.uniqueness(own))
         return _merged_by_name(parts, sum(len(rows) for _, rows in modes[MOST_MODES:]))
 
     def by_stretches(self, checks: Sequence[Findings]) -> list[Check]:
@@ -101,13 +107,6 @@ class OneSidedParts:
         columns = sum(check.entries for check in of_steps) // (looked - len(parts))
         steps = merged(of_steps, (self._steps - looked + len(parts)) * columns)
         return [steps if check.name == name else check for check in checks_of_rows]
-
-    def _while(self, closed: tuple[int, ...]) -> str:
-        names = [self._e.laws.contacts[j] for j in closed]
-        shown = ", ".join(names[:MOST_DESCRIBED]) + (" ..." if len(names) > MOST_DESCRIBED else "")
-        if not names:
-            return "with all contacts open, "
-        return f"while {shown} {'is' if len(names) == 1 else 'are'} closed, "
 
     def _evidence(self, rows: Array, closed: Sequence[int]) -> Evidence:
         """The evidence of some rows, at which these contacts are closed."""

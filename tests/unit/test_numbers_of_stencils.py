@@ -43,7 +43,7 @@ def test_rows_are_combined_sixty_four_at_a_time():
             return np.ones((rows.stop - rows.start, 1))
 
     places = np.arange(200)[:, None]
-    differences._combined(places, np.ones((200, 1)), Column(), about=False)
+    differences.combined(places, np.ones((200, 1)), Column())
     assert len(asked) == 4
 
 

@@ -147,8 +147,7 @@ def missed(e: Evidence) -> list[Check]:
         return []
     t, s, incidents = e.record.t, e.once(contact_states), e.run.incidents
     found = np.zeros(s.g.shape)
-    kinds = np.array(incidents.kinds, dtype=np.str_)
-    hits = kinds == "impact"
+    kinds, hits = incidents.kinds, incidents.kinds == "impact"
     off = (np.abs(s.g) > s.g_limit) | (np.abs(s.rate) > s.rate_limit)
     on = s.lam > s.lam_limit
     for j in range(s.g.shape[1]):
@@ -162,7 +161,7 @@ def missed(e: Evidence) -> list[Check]:
             (opens, incidents.t[(own & (kinds == "release")) | hits]),
             (closes, incidents.t[own & (kinds == "contact")]),
         ):
-            one, other = before[changes], after[changes]
-            recorded = np.searchsorted(times, t[other], "right") > np.searchsorted(times, t[one], "left")
-            found[other[~recorded], j] = 1.0
+            since, until = before[changes], after[changes]
+            recorded = np.searchsorted(times, t[until], "right") > np.searchsorted(times, t[since], "left")
+            found[until[~recorded], j] = 1.0
     return [judge(MISSED, e.laws.contacts, t, found, np.full((1, 1), 0.5))]

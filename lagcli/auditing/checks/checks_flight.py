@@ -75,13 +75,22 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     stretch = np.cumsum(is_instant[order])
     is_short = np.bincount(stretch)[stretch] <= FEWEST_ROWS
     pairs = pairs[is_instant[pairs].any(axis=1) | is_short[:-1]]
-    before_it, after_it = _rests(impact)
+    # Contacts that are closed before and after each incident, (E, K)
+    at, atol = impact.contacts, impact.tolerance.atol
+    is_near = np.abs(impact.before.values.f[:, at]) <= impact.before.noise("f")[:, at] + atol
+    before_it, after_it = (
+        is_near & (np.abs(side.values.w[:, at]) <= side.noise("w")[:, at] + atol)
+        for side in (impact.before, impact.after)
+    )
+    # By some impacts nothing approaches faster than its limit: whether what it strikes rests or rebounds is not known
+    slow = impact.before.values.w >= -(impact.before.noise("w") + atol)
+    is_weak = (incidents.kinds == "impact") & slow[:, at].all(axis=1)
     at_begin = np.concatenate([states.is_closed[rows], after_it[last]])
     at_end = np.concatenate([states.is_closed[rows], before_it[first]])
     begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
     long = end.t - begin.t > FEW * np.abs(r.t).max()
     closed = at_begin[pairs[:, 0]]
-    weak = np.concatenate([np.zeros(len(rows), dtype=bool), _is_weak(impact)[first]])
+    weak = np.concatenate([np.zeros(len(rows), dtype=bool), is_weak[first]])
     known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long & ~weak[pairs].any(axis=1)
     rebounds = np.zeros(len(end.t), dtype=bool)
     left = np.zeros(end.q.shape)
@@ -90,27 +99,6 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
         rebounds |= within
         left[within] += impact.left_by_rebounds(j, since)
     return Flights(begin, end, closed, known, rebounds, left)
-
-
-def _rests(impact: ImpactEvidence) -> tuple[Array, Array]:
-    """True for contacts that are closed before and after an incident, (E, K) each."""
-    at = impact.contacts
-    is_near = np.abs(impact.before.values.f[:, at]) <= impact.before.noise("f")[:, at] + impact.tolerance.atol
-
-    def still(e: Evidence) -> Array:
-        return np.asarray(
-            is_near & (np.abs(e.values.w[:, at]) <= e.noise("w")[:, at] + impact.tolerance.atol)
-        )
-
-    return still(impact.before), still(impact.after)
-
-
-def _is_weak(impact: ImpactEvidence) -> Array:
-    """True for impacts (E,) by which nothing approaches faster than its limit: whether what it strikes rests or
-    rebounds is not known."""
-    rates, limits = impact.before.values.w, impact.before.noise("w") + impact.tolerance.atol
-    strikes = np.array([kind == "impact" for kind in impact.incidents.kinds], dtype=bool)
-    return strikes & (rates >= -limits)[:, impact.contacts].all(axis=1)
 
 
 def _joined(one: Record, other: Record) -> Record:
@@ -169,18 +157,13 @@ def _sides(e: Evidence, impact: ImpactEvidence) -> _InstantSides:
     rebounds = np.zeros(len(since), dtype=bool)
     for _, start, stop in impact.unrecorded_rebounds:
         rebounds |= (since < stop) & (until > start)
-    count = end - begin
-    sides = _InstantSides(
-        _joined(incidents.before.part(first), incidents.after.part(last)),
-        np.concatenate([end[:-1] - 1, begin[1:]]),
-        np.concatenate([count[:-1], count[1:]]),
-        np.repeat([-1, 1], len(at)),
-        np.concatenate([rebounds[:-1], rebounds[1:]]),
-    )
-    at_end = (sides.state.t <= t[0]) & (sides.ahead < 0) | (sides.state.t >= t[-1]) & (sides.ahead > 0)
+    state = _joined(incidents.before.part(first), incidents.after.part(last))
+    row, count = np.concatenate([end[:-1] - 1, begin[1:]]), end - begin
+    ahead = np.repeat([-1, 1], len(at))
+    parts = row, np.append(count[:-1], count[1:]), ahead, np.append(rebounds[:-1], rebounds[1:])
+    at_end = (state.t <= t[0]) & (ahead < 0) | (state.t >= t[-1]) & (ahead > 0)
     k = np.flatnonzero(~at_end)
-    parts = (sides.row, sides.count, sides.ahead, sides.has_rebounds)
-    return _InstantSides(sides.state.part(k), *(part[k] for part in parts))
+    return _InstantSides(state.part(k), *(part[k] for part in parts))
 
 
 def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:

@@ -25,10 +25,9 @@ import numpy as np
 
 from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
-from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues
-from lagcli.auditing.evidence.table_input import CHANGING, Incidents, Record
+from lagcli.auditing.evidence.table_input import Incidents, Record
 from lagcli.auditing.evidence.tolerances import FORCE_ROUNDOFF, RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
@@ -48,7 +47,7 @@ LOSSES = CheckedLaw(
     "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
 )
 BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
-CLOSING = frozenset(("impact", "accumulation", "contact"))
+CLOSING = ("impact", "accumulation", "contact")
 SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
 SHARPLY = 1e-6  # times the limit of g: contacts that are closed for certain
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
@@ -132,7 +131,7 @@ class ImpactEvidence:
         named[marked, incidents.contact[marked]] = True
         acts = named | (np.abs(incidents.impulses[:, self.contacts]) > self.impulse_limit)
         # A wall may jump away from a contact, which lets go with what it was before.
-        record, freed = self.before.record, np.array(incidents.kinds) == "release"
+        record, freed = self.before.record, incidents.kinds == "release"
         earlier = self.laws.values(record.t - 2 * self.before.clock, record.q, record.v, record.lam)
         was = earlier.f[:, self.contacts]
         g = np.where(freed[:, None] & (np.abs(was) < np.abs(g)), was, g)
@@ -149,7 +148,7 @@ class ImpactEvidence:
         found = np.zeros((len(incidents.t), len(names)))
         impulses = incidents.impulses[:, self.contacts]
         pushes = impulses > self.impulse_limit
-        kinds = np.array(incidents.kinds, dtype=np.str_)
+        kinds = incidents.kinds
         first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
         for begin, end in zip(first, last + 1, strict=True):
             at, contact = slice(begin, end), incidents.contact[begin:end]
@@ -169,10 +168,9 @@ class ImpactEvidence:
         """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
         release before, from which they are no longer recorded, and that of the accumulation."""
         incidents, found = self.incidents, []
-        kinds = np.array(incidents.kinds, dtype=np.str_)
-        for k in np.flatnonzero(kinds == "accumulation").tolist():
+        for k in np.flatnonzero(incidents.kinds == "accumulation").tolist():
             j = int(incidents.contact[k])
-            leaves = np.isin(kinds, ("impact", "release")) & (incidents.contact == j)
+            leaves = np.isin(incidents.kinds, ("impact", "release")) & (incidents.contact == j)
             end = float(incidents.t[k])
             found.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
         return tuple(found)
@@ -186,20 +184,11 @@ class ImpactEvidence:
         jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])
         return np.asarray(jump.max(initial=0.0) * e / (1 - e) * np.ones(self.laws.index.n))
 
-    @property
-    def _ends_rebounds(self) -> Array:
-        """True for contacts while they have rebounds that are no longer recorded, with both ends of that, (E, K)."""
-        t = self.incidents.t
-        found = np.zeros((len(t), len(self.laws.contacts)), dtype=bool)
-        for j, begin, end in self.unrecorded_rebounds:
-            found[(t >= begin) & (t <= end), j] = True
-        return found
-
     def _are_struck_soon(self, most: Array, rates: Array) -> Array:
         """True for contacts that approach at rates (E, K) and of which it is recorded that they close as soon as they
         come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
         incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
-        closing = np.array([kind in CLOSING for kind in incidents.kinds], dtype=bool)
+        closing = np.isin(incidents.kinds, CLOSING)
         for j in range(rates.shape[1]):
             rows = np.flatnonzero(closing & (incidents.contact == j))
             following = np.searchsorted(rows, np.arange(len(rates)), "right")
@@ -208,15 +197,12 @@ class ImpactEvidence:
             found[k, j] = way <= SOON * most[k, j]
         return found
 
-    @cached_property
+    @property
     def _limits_of_series(self) -> Array:
         """True for contacts (E, K) that accumulate by an impact, the limit of infinitely many: they were struck before
         and had no time to leave, or one of them was, and others are struck first within it."""
-        incidents, found = (
-            self.incidents,
-            np.zeros((len(self.incidents.t), len(self.laws.contacts)), dtype=bool),
-        )
-        kinds, limit = np.array(incidents.kinds, dtype=np.str_), self._gaps[1]
+        incidents, limit = self.incidents, self._gaps[1]
+        kinds, found = incidents.kinds, np.zeros(limit.shape, dtype=bool)
         pushed = (np.abs(incidents.impulses) > self.impulse_limit).any(axis=1)
         is_other = (np.diff(incidents.t) > 0) | (np.diff(incidents.impulses, axis=0) != 0).any(axis=1)
         group = np.concatenate([[0], np.cumsum(is_other)])[: len(kinds)]
@@ -241,13 +227,12 @@ class ImpactEvidence:
         e = np.where(self._limits_of_series, 0.0, self.laws.model.restitution)
         rebound = after + e * np.minimum(before, 0.0)
         limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
-        limit = (
-            limit
-            + self.tolerance.atol
-            + np.where(self._ends_rebounds, np.abs(e * before), 0.0).clip(
-                max=RESOLVED * np.abs(before).max(initial=0.0)
-            )
-        )
+        # Contacts that have rebounds which are no longer recorded, with both ends of that
+        t, ends_rebounds = self.incidents.t, np.zeros(before.shape, dtype=bool)
+        for j, begin, end in self.unrecorded_rebounds:
+            ends_rebounds[(t >= begin) & (t <= end), j] = True
+        unrecorded = np.where(ends_rebounds, np.abs(e * before), 0.0)
+        limit = limit + self.tolerance.atol + unrecorded.clip(max=RESOLVED * np.abs(before).max(initial=0.0))
         pushes = impulse > self.impulse_limit
         wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
         wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
@@ -270,19 +255,16 @@ class ImpactEvidence:
         change = H_after - H + (impulses * b).sum(axis=1)
         known = np.abs(impulses) * (one.noise("w") + other.noise("w") + one.noise("b"))
         limit = off + off_after + known.sum(axis=1) + self.tolerance.atol
-        limit = limit + self.tolerance.rtol * SAFETY * (np.abs(impulses) * (np.abs(rates) + np.abs(b))).sum(
-            axis=1
-        )
+        size = (np.abs(impulses) * (np.abs(rates) + np.abs(b))).sum(axis=1)
+        limit = limit + self.tolerance.rtol * SAFETY * size
         residual = np.stack([change - (impulses * rates).sum(axis=1), np.maximum(change, 0.0)], axis=1)
         names = ("impulses and velocities", "energy created")
         judged = _is_quadratic(one, other)[:, None]
         check = judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1), judged)
         if judged.all():
             return check
-        left = int((~judged).sum())
-        return dataclasses.replace(
-            check, note=f"momenta are not linear in the rates at {left} of {len(judged)} incidents"
-        )
+        note = f"momenta are not linear in the rates at {int((~judged).sum())} of {len(judged)} incidents"
+        return dataclasses.replace(check, note=note)
 
     @property
     def lost(self) -> float:
@@ -358,29 +340,20 @@ def impacts(e: Evidence) -> list[Check]:
     return [*found, impact.losses()]
 
 
-def _is_conservative(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> bool:
-    """True if nothing but impacts changes T + V: contacts that move may be struck, but never rest."""
-    values = e.values
-    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
-        return False
-    moves: Array = np.asarray((values.b != 0).any(axis=0))
-    rests: Array = np.asarray(states.is_closed.any(axis=0))
-    reported = zip(impact.incidents.kinds, impact.incidents.contact.tolist(), strict=True)
-    rests[[j for kind, j in reported if kind in CHANGING - {"impact"}]] = True
-    works = np.concatenate([moves[impact.rows], moves[impact.contacts] & rests])
-    return not works.any()
-
-
 def balance(e: Evidence) -> list[Check]:
     """The energy of all rows with what impacts take; of models in which nothing else changes it."""
-    impact = e.once(impact_evidence)
-    if (
-        impact is None
-        or not len(impact.incidents.t)
-        or not _is_conservative(e, e.once(checks_contact.contact_states), impact)
-    ):
+    impact, values = e.once(impact_evidence), e.values
+    if impact is None or not len(impact.incidents.t):
+        return []
+    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
         return []
     incidents, E = impact.incidents, e.once(checks_motion.energies).E
+    # Nothing but impacts may change T + V: contacts that move may be struck, but never rest
+    moves = (values.b != 0).any(axis=0)
+    rests = np.asarray(e.once(checks_contact.contact_states).is_closed.any(axis=0))
+    rests[incidents.contact[incidents.cuts & (incidents.kinds != "impact")]] = True
+    if moves[impact.rows].any() or (moves[impact.contacts] & rests).any():
+        return []
     (before, off), (after, off_after) = map(_energy, (impact.before, impact.after))
     before, after = before[incidents.is_first], after[incidents.is_last]
     t = incidents.t[incidents.is_first]

@@ -37,12 +37,11 @@ class Window:
         t = self.record.t
         s = (t - t[0]) / (t[-1] - t[0])
         self.bump = (4 * s * (1 - s)) ** BUMP
-        self.basis = _spread_out(self.space.basis(len(rows) // 2))
-
-    @property
-    def is_regular(self) -> bool:
-        """True if the rank is the same all along, so that the displacements go along smoothly."""
-        return not self.space.is_singular.any()
+        # A few directions: all, or as many mixtures of them
+        self.basis = self.space.basis(len(rows) // 2)
+        if len(self.basis) > VECTORS:
+            mixed = np.random.default_rng(6).standard_normal((VECTORS, len(self.basis))) @ self.basis
+            self.basis = mixed / np.linalg.norm(mixed, axis=1)[:, None]
 
     def path(self, w: Array) -> Array:
         """dq (T, n): the part of w (n,) that the rows leave free, times c(t)."""
@@ -52,14 +51,6 @@ class Window:
         """The coordinate that moves most."""
         r = self.record
         return f"{self.e.names.q[int(np.argmax(np.abs(w)))]} over t = {r.t[0]:.4g} to {r.t[-1]:.4g}"
-
-
-def _spread_out(basis: Array) -> Array:
-    """A few directions (k, n): all, or as many mixtures of them."""
-    if len(basis) <= VECTORS:
-        return basis
-    mixed = np.random.default_rng(6).standard_normal((VECTORS, len(basis))) @ basis
-    return np.asarray(mixed / np.linalg.norm(mixed, axis=1)[:, None])
 
 
 def windows(e: Evidence) -> list[Window]:
@@ -73,22 +64,24 @@ def windows(e: Evidence) -> list[Window]:
         if T >= 3 * LEAST:
             cuts += [(k * T // 3, (k + 1) * T // 3) for k in range(3)]
     else:
-        count = 3 if len(e.looked_at) == T else 1
-        starts = np.linspace(0, T - most, count + 2).astype(int)[1:-1] if count == 1 else None
-        starts = np.linspace(0, T - most, count).astype(int) if starts is None else starts
-        cuts = [(int(first), int(first) + most) for first in starts]
+        starts = np.linspace(0, T - most, 3)
+        cuts = [
+            (int(first), int(first) + most) for first in (starts if len(e.looked_at) == T else starts[1:2])
+        ]
     found = [Window(e, np.arange(first, last)) for first, last in cuts]
-    return [
-        window
-        for window in found
-        if window.is_regular and len(window.basis) and not e.hidden[window.rows[:-1]].any()
-    ]
+    # Where the rank is the same all along, displacements go along smoothly
+    regular = [window for window in found if not window.space.is_singular.any() and len(window.basis)]
+    return [window for window in regular if not e.hidden[window.rows[:-1]].any()]
 
 
 def check(e: Evidence) -> list[Check]:
     """The integral of dL + Q_nc . dq over each window and direction."""
     varied = [(window, w, _variation(window, w)) for window in e.once(windows) for w in window.basis]
-    return [_judged(HAMILTON, varied) if varied else _nothing(e, HAMILTON)]
+    if varied:
+        return [_judged(HAMILTON, varied)]
+    if len(e.record.t) >= LEAST and not e.hidden.any():
+        return [HAMILTON.empty("nothing is free to vary")]
+    return [HAMILTON.unjudged(f"{FAR_APART}: {LEAST} are needed, and no push between two of them")]
 
 
 def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
@@ -103,13 +96,6 @@ def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, 
             t, ratio = window.record.t, abs(residual) / limit if residual else 0.0
             curve += [(float(t[0]), ratio), (float(t[-1]), ratio), (float(t[-1]), np.nan)]
     return dataclasses.replace(check, curve=tuple(curve))
-
-
-def _nothing(e: Evidence, law: CheckedLaw) -> Check:
-    """No window: no room to vary, or too few rows."""
-    if len(e.record.t) >= LEAST and not e.hidden.any():
-        return law.empty("nothing is free to vary")
-    return law.unjudged(f"{FAR_APART}: {LEAST} are needed, and no push between two of them")
 
 
 def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
@@ -156,45 +142,30 @@ def action(e: Evidence) -> list[Check]:
 
 def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
     """dS/deps by central differences at two steps, its limit, and whether it can be judged."""
-    r = window.record
-    size = EPSILON * max(float(np.ptp(r.q, axis=0).max()), 1e-300)
+    e, r = window.e, window.record
+    extent = max(float(np.ptp(r.q, axis=0).max()), 1e-300)
+    carried = e.laws.pushed(r.t, r.q, r.v, e.masses_x * r.u) if r.x.size else np.zeros(r.q.shape)
     slopes, wrong, scale = [], 0.0, 0.0
-    for step in (size, size / 2):
+    for step in (EPSILON * extent, EPSILON * extent / 2):
         sides = []
         for sign in (1.0, -1.0):
             q = _onto(window, r.q + sign * step * window.path(w))
             if q is None:
                 return None
             v = window.grid.derivative(q, np.zeros(1))
-            L = window.e.laws.total_lagrangian(r.t, q, v.value)
-            p = np.abs(_momentum(window, v.value))
+            L = e.laws.total_lagrangian(r.t, q, v.value)
+            p = np.abs(e.masses * v.value + e.values.L_v[window.rows] + carried)
             open_ = (p * v.truncation).sum(axis=1)
-            total = window.grid.integral(
-                np.stack([L, open_, np.abs(L)], axis=1), np.array([1e-9 * np.abs(L).max(), np.inf, np.inf])
-            )
+            sums, small = np.stack([L, open_, np.abs(L)], axis=1), 1e-9 * np.abs(L).max()
+            total = window.grid.integral(sums, np.array([small, np.inf, np.inf]))
             sides.append(float(total.value[-1, 0]))
             wrong += (float(total.truncation[-1, 0]) + abs(float(total.value[-1, 1]))) / (2 * step)
             scale = max(scale, float(total.value[-1, 2]))
         slopes.append((sides[0] - sides[1]) / (2 * step))
-    found = (4 * slopes[1] - slopes[0]) / 3
-    cubic = abs(slopes[0] - slopes[1])
-    usual = scale / max(float(np.ptp(r.q, axis=0).max()), 1e-300)
-    noise = 1e3 * window.e.tolerance.rtol * usual / EPSILON + 1e-12 * usual / EPSILON
-    limit = noise + wrong + 0.1 * cubic
-    return found, limit, limit <= 0.03 * usual
-
-
-def _momentum(window: Window, v: Array) -> Array:
-    """dL/dv (T, n) in size, for the truncation alone."""
-    e = window.e
-    return np.asarray(e.masses * v + e.values.L_v[window.rows] + _carried(window))
-
-
-def _carried(window: Window) -> Array:
-    e, r = window.e, window.record
-    if not r.x.size:
-        return np.zeros(r.q.shape)
-    return e.laws.pushed(r.t, r.q, r.v, e.masses_x * r.u)
+    usual = scale / extent
+    noise = 1e3 * e.tolerance.rtol * usual / EPSILON + 1e-12 * usual / EPSILON
+    limit = noise + wrong + 0.1 * abs(slopes[0] - slopes[1])
+    return (4 * slopes[1] - slopes[0]) / 3, limit, limit <= 0.03 * usual
 
 
 def _onto(window: Window, q: Array) -> Array | None:

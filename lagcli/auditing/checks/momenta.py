@@ -27,63 +27,48 @@ class Symmetry:
     rate: Array
 
 
-def candidates(e: Evidence) -> list[Symmetry]:
-    """Cyclic coordinates; translations and rotations of all Cartesian particles."""
+def symmetries(e: Evidence) -> list[Symmetry]:
+    """Displacements that leave L as it is at rows of the record and beside them: along cyclic coordinates, and
+    translations and rotations of all Cartesian particles."""
     r, index = e.record, e.laws.index
     own = index.first_generalized
-    found = []
-    nothing = np.zeros(r.q.shape)
+    rows = np.unique(np.linspace(0, len(r.t) - 1, min(SAMPLES, len(r.t))).astype(np.int64))
+    shift = 1e-3 * np.abs(r.q[rows]).max(axis=0, initial=0.0)
+    beside = r.q[rows] + shift * np.random.default_rng(6).standard_normal((len(rows), r.q.shape[1]))
+    still, found = np.zeros(r.q.shape), []
+
+    def try_(name: str, xi: Array, rate: Array, xi_beside: Array) -> None:
+        felt, size = 0.0, 0.0
+        for q, along in ((r.q[rows], xi[rows]), (beside, xi_beside)):
+            L = e.laws.total_lagrangian(
+                r.t[rows] + 0j, q + 1j * TINY * along, r.v[rows] + 1j * TINY * rate[rows]
+            )
+            extent = max(float(np.abs(q).max(initial=0.0)), 1e-300)
+            felt = max(felt, float(np.abs(L.imag / TINY).max(initial=0.0)))
+            size = max(size, float(np.abs(L.real).max() * np.abs(along).max() / extent))
+        if felt <= SYMMETRIC * size or felt == 0.0:
+            found.append(Symmetry(name, xi, rate))
+
     for j in range(own, index.n):
-        xi = nothing.copy()
+        xi = still.copy()
         xi[:, j] = 1.0
-        found.append(Symmetry(f"cyclic {e.names.q[j]}", xi, nothing))
-    if not own:
-        return found
-    for axis, name in enumerate("xyz"):
-        xi = nothing.copy()
+        try_(f"cyclic {e.names.q[j]}", xi, still, xi[rows])
+    for axis, name in enumerate("xyz" if own else ""):
+        xi = still.copy()
         xi[:, axis:own:3] = 1.0
-        found.append(Symmetry(f"translation along {name}", xi, nothing))
-    for axis, name in enumerate("xyz"):
-        found.append(Symmetry(f"rotation about {name}", _turned(r.q, own, axis), _turned(r.v, own, axis)))
+        try_(f"translation along {name}", xi, still, xi[rows])
+    for axis, name in enumerate("xyz" if own else ""):
+        turned = [_turned(y, own, axis) for y in (r.q, r.v, beside)]
+        try_(f"rotation about {name}", *turned)
     return found
 
 
 def _turned(y: Array, own: int, axis: int) -> Array:
     """e_axis x y_k of the Cartesian particles, (T, n)."""
-    found = np.zeros(y.shape)
-    one, other = (axis + 1) % 3, (axis + 2) % 3
-    found[:, one:own:3] = -y[:, other:own:3]
-    found[:, other:own:3] = y[:, one:own:3]
-    return found
-
-
-def symmetries(e: Evidence) -> list[Symmetry]:
-    """The candidates that leave L as it is at rows of the record and beside them."""
-    r = e.record
-    rows = np.unique(np.linspace(0, len(r.t) - 1, min(SAMPLES, len(r.t))).astype(np.int64))
-    random = np.random.default_rng(6)
-    shift = (
-        1e-3 * np.abs(r.q[rows]).max(axis=0, initial=0.0) * random.standard_normal((len(rows), r.q.shape[1]))
-    )
-    own = e.laws.index.first_generalized
-    found = []
-    for one in candidates(e):
-        axis = "xyz".find(one.name[-1]) if one.name.startswith("rotation") else -1
-        felt, size = 0.0, 0.0
-        for q in (r.q[rows], r.q[rows] + shift):
-            xi = _turned(q, own, axis) if axis >= 0 else one.xi[rows]
-            change, terms = _change_along(e, r.t[rows], q, r.v[rows], xi, one.rate[rows])
-            felt, size = max(felt, change), max(size, terms)
-        if felt <= SYMMETRIC * size or felt == 0.0:
-            found.append(one)
-    return found
-
-
-def _change_along(e: Evidence, t: Array, q: Array, v: Array, xi: Array, rate: Array) -> tuple[float, float]:
-    """The largest change of L along (xi, d xi/dt), and the size of what it is made of."""
-    L = e.laws.total_lagrangian(t + 0j, q + 1j * TINY * xi, v + 1j * TINY * rate)
-    size = np.abs(L.real).max() * np.abs(xi).max() / max(float(np.abs(q).max(initial=0.0)), 1e-300)
-    return float(np.abs(L.imag / TINY).max(initial=0.0)), float(size)
+    turned = np.zeros(y.shape)
+    second, third = (axis + 1) % 3, (axis + 2) % 3
+    turned[:, second:own:3], turned[:, third:own:3] = -y[:, third:own:3], y[:, second:own:3]
+    return turned
 
 
 def check(e: Evidence) -> list[Check]:
@@ -99,27 +84,34 @@ def check(e: Evidence) -> list[Check]:
     force = force + e.pushed(values.F[:, index.dependent].reshape(rows, -1))
     unknown = e.grid.integral(r.R_q + force, np.full(r.q.shape[1], np.inf)).truncation
     names, residuals, limits, judged, words = [], [], [], [], []
-    for one in symmetries(e):
-        J = (p * one.xi).sum(axis=1)
-        by_rows, by_forces = (r.R_q * one.xi).sum(axis=1), (force * one.xi).sum(axis=1)
-        spread = (np.abs(r.R_q) + np.abs(force)) * np.abs(one.xi)
-        impulse = np.stack([by_rows + by_forces, spread.sum(axis=1)], axis=1)
-        small = SAFETY * e.tolerance.rtol * float(impulse[:, 1].max(initial=0.0)) + e.tolerance.atol
-        rounded = float((e.force_rounding.q * np.abs(one.xi)).sum(axis=1).max(initial=0.0))
-        total = e.grid.integral(impulse, np.array([small, np.inf]))
+    for symmetry in symmetries(e):
+        xi, size_xi = symmetry.xi, np.abs(symmetry.xi)
+        J = (p * xi).sum(axis=1)
+        by_rows, by_forces = (r.R_q * xi).sum(axis=1), (force * xi).sum(axis=1)
+        spread = ((np.abs(r.R_q) + np.abs(force)) * size_xi).sum(axis=1)
+        small = SAFETY * e.tolerance.rtol * float(spread.max(initial=0.0)) + e.tolerance.atol
+        rounded = float((e.force_rounding.q * size_xi).sum(axis=1).max(initial=0.0))
+        total = e.grid.integral(np.stack([by_rows + by_forces, spread], axis=1), np.array([small, np.inf]))
         # A force that rows do not show may stand where xi is small.
-        open_ = total.truncation[:, 0] + (unknown * np.abs(one.xi).max(axis=0)).sum(axis=1)
-        off = (p_off * np.abs(one.xi)).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q).sum(axis=1)
+        open_ = total.truncation[:, 0] + (unknown * size_xi.max(axis=0)).sum(axis=1)
+        off = (p_off * size_xi).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q).sum(axis=1)
         limit = off.max(initial=0.0) * (1 + np.arange(rows) / SAFETY)
         limit += e.recorded(total.value[:, 1]) + e.tolerance.atol + total.noise[:, 0]
         limit += rounded * np.abs(r.t - r.t[0])
         limit += np.where(np.isfinite(open_), open_, 0.0)
         size = max(float(np.abs(J).max()), float(total.value[-1, 1]))
-        names.append(one.name)
+        names.append(symmetry.name)
         residuals.append(J - J[0] - total.value[:, 0])
         limits.append(limit)
         judged.append((open_ <= np.maximum(RESOLVED * size, off)) & e.once(RowSpacing).is_slow)
-        words.append(_word(one.name, J, by_rows, by_forces, float(spread.sum(axis=1).max(initial=0.0))))
+        tiny = 1e-9 * float(spread.max(initial=0.0))
+        acting = (("constraints", by_rows), ("forces", by_forces))
+        causes = [word for word, part in acting if np.abs(part).max(initial=0.0) > tiny]
+        if causes:
+            change = f"J goes from {J[0]:.6g} to {J[-1]:.6g} by the {' and '.join(causes)}"
+        else:
+            change = f"J = {J[0]:.6g} is conserved"
+        words.append(f"{symmetry.name}: {change}")
     if not names:
         return [MOMENTA.empty("" if e.is_part else "no symmetry was found")]
     apart, limit = np.stack(residuals, 1), np.stack(limits, 1)
@@ -129,15 +121,3 @@ def check(e: Evidence) -> list[Check]:
     check = judge(MOMENTA, names, r.t, apart, limit, decided)
     notes = [] if e.is_part else words
     return [dataclasses.replace(check, note="; ".join([*([check.note] if check.note else []), *notes]))]
-
-
-def _word(name: str, J: Array, by_rows: Array, by_forces: Array, size: float) -> str:
-    tiny = 1e-9 * size
-    causes = [
-        word
-        for word, part in (("constraints", by_rows), ("forces", by_forces))
-        if np.abs(part).max(initial=0.0) > tiny
-    ]
-    if not causes:
-        return f"{name}: J = {J[0]:.6g} is conserved"
-    return f"{name}: J goes from {J[0]:.6g} to {J[-1]:.6g} by the {' and '.join(causes)}"

@@ -112,28 +112,15 @@ class AutodiffGraph:
             found.append(_tangent(node, found, directions))
         return found
 
-    def gradient(self, seeds: Sequence[tuple[Scalar, Array]]) -> Gradient:
-        """Backwards: the sum of seed * value, differentiated by every leaf; rates count as coordinates themselves."""
-        adjoints = self._seeded(seeds)
-        collected = Gradient(self.data)
-        for node in reversed(self.nodes):
-            g = adjoints[node.number]
-            if g is None:
-                continue
-            if node.indices is not None:
-                collected.add(node, node.kind, g)
-            for link in node.links:
-                _pass(link, g, adjoints)
-        return collected
-
-    def virtual(
-        self, laws: Sequence[tuple[Scalar, Array]], surfaces: Sequence[tuple[Scalar, Array]]
+    def gradient(
+        self, seeds: Sequence[tuple[Scalar, Array]], laws: Sequence[tuple[Scalar, Array]] = ()
     ) -> Gradient:
-        """Backwards by virtual displacements: sum of seed * B_i. `laws` are linear in rates, `surfaces` are f.
+        """Backwards: the sum of seed * value, differentiated by every leaf; rates count as coordinates themselves.
 
-        The displacement of d(X) is that of X (D.9), so that it is followed below the rate alone.
+        laws: values that are linear in rates, for which the sum of seed * B_i is added, by virtual displacements: that
+        of d(X) is that of X (D.9), so that it is followed below the rate alone.
         """
-        upper, lower = self._seeded(laws), self._seeded(surfaces)
+        lower, upper = self._seeded(seeds), self._seeded(laws)
         collected = Gradient(self.data)
         for node in reversed(self.nodes):
             low, up = lower[node.number], upper[node.number]

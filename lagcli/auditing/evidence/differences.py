@@ -84,11 +84,6 @@ class Estimate:
     noise: Array
     truncation: Array
 
-    @property
-    def bound(self) -> Array:
-        """The sum of both."""
-        return self.noise + self.truncation
-
 
 class DifferenceGrid:
     """The T times of a table, strictly increasing."""
@@ -114,11 +109,13 @@ class DifferenceGrid:
         if len(self._stencils) < 2:
             nothing = np.zeros(y.shape)
             return Estimate(nothing, nothing, np.full(y.shape, np.inf))
-        clock = self.clock / self._nearest[:, None]
+        # The shorter of the steps at each row
+        ends = np.concatenate([self._steps[:1], self._steps, self._steps[-1:]])
+        clock = self.clock / np.minimum(ends[:-1], ends[1:])[:, None]
         best: Estimate | None = None
         narrower, before = None, np.zeros(y.shape)
         for indices, weights in self._stencils:
-            found = _combined(indices, weights, y)
+            found = combined(indices, weights, y, about=True)
             if narrower is not None:
                 now = np.abs(found - narrower)
                 wrong = PARAMETERS.caution * widest(
@@ -130,9 +127,17 @@ class DifferenceGrid:
                 if noise.ndim == 1:
                     spread = sizes.sum(axis=1)[:, None] * noise
                 else:
-                    spread = _combined(indices, sizes, noise, about=False)
+                    spread = combined(indices, sizes, noise)
                 spread = spread + clock * np.abs(found) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
-                best = _better(best, Estimate(found, spread, wrong))
+                if best is None:
+                    best = Estimate(found, spread, wrong)
+                else:
+                    keep = best.noise + best.truncation <= spread + wrong
+                    best = Estimate(
+                        np.where(keep, best.value, found),
+                        np.where(keep, best.noise, spread),
+                        np.where(keep, best.truncation, wrong),
+                    )
             narrower = found
         assert best is not None
         return best
@@ -143,7 +148,7 @@ class DifferenceGrid:
             return np.zeros(y.shape, dtype=bool)
         slopes, spread = [], np.zeros(y.shape)
         for indices, weights in self._stencils[-3:]:
-            slopes.append(_combined(indices, weights, y))
+            slopes.append(combined(indices, weights, y, about=True))
             spread = np.abs(weights).sum(axis=1)[:, None] * noise
         before, now = (widest(np.abs(b - a), PARAMETERS.reach) for a, b in itertools.pairwise(slopes))
         small = np.maximum(PARAMETERS.smooth * widest(np.abs(slopes[-1]), 2 * PARAMETERS.reach), spread)
@@ -156,28 +161,22 @@ class DifferenceGrid:
         """
         increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
         if len(self.t) > 1:
-            sums = [_combined(indices, weights, y, about=False) for indices, weights in self._quadrature]
+            sums = [combined(indices, weights, y) for indices, weights in self._quadrature]
             increments = sums[0]
             wrong = np.maximum(np.abs(sums[0] - sums[1]), PARAMETERS.last * np.abs(sums[1] - sums[2]))
             wrong = PARAMETERS.caution * widest(wrong, PARAMETERS.reach)
-            wrong[self._is_one_sided] *= PARAMETERS.one_sided
+            first, width = self._quadrature[0][0][:, 0], self._quadrature[0][0].shape[1]
+            wrong[first != np.arange(len(first)) - (width - 1) // 2] *= PARAMETERS.one_sided
             clear = self.resolved(y, noise)
             wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
         rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
-        rounding = rounding + self.clock / CLOCK * self._time_roundoff_effect(y)
+        # Each time is an end of two steps: with an integrand that stays the same no more is left of the rounding of all
+        # times than of the first and the last.
+        ways = np.concatenate([begin, np.cumsum(np.abs(np.diff(y, axis=0)), axis=0)])
+        rounding = rounding + self.clock / CLOCK * (CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + EPS * ways)
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
-
-    @staticmethod
-    def _time_roundoff_effect(y: Array) -> Array:
-        """The effect of the rounding of times on integrals of columns y (T, k), as a part of the largest time, (T, k).
-
-        Each time is an end of two steps: with an integrand that stays the same no more is left of them all than of the
-        first and the last.
-        """
-        ways = np.concatenate([np.zeros((1, y.shape[1])), np.cumsum(np.abs(np.diff(y, axis=0)), axis=0)])
-        return np.asarray(CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + EPS * ways)
 
     def _unresolved(self, y: Array) -> Array:
         """A bound of the integral over each step (T - 1, k) where y may have a kink or a jump within it."""
@@ -213,18 +212,6 @@ class DifferenceGrid:
         return widest(centred, PARAMETERS.around)
 
     @functools.cached_property
-    def _nearest(self) -> Array:
-        """The shorter of the steps at each row, (T,)."""
-        ends = np.concatenate([self._steps[:1], self._steps, self._steps[-1:]])
-        return np.asarray(np.minimum(ends[:-1], ends[1:]))
-
-    @functools.cached_property
-    def _is_one_sided(self) -> Array:
-        """Steps (T - 1,) around which the widest stencil does not stand."""
-        first = self._quadrature[0][0][:, 0]
-        return np.asarray(first != np.arange(len(first)) - (self._quadrature[0][0].shape[1] - 1) // 2)
-
-    @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:
         """Indices and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
         nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
@@ -245,10 +232,10 @@ class DifferenceGrid:
         return np.asarray(first[:, None] + np.arange(width))
 
 
-def _combined(indices: Array, weights: Array, y: Array, about: bool = True) -> Array:
-    """sum_s weights[i, s] y[indices[i, s]] (M, k), in blocks; `about` a near row, where the weights add up to 0.
+def combined(indices: Array, weights: Array, y: Array, about: bool = False) -> Array:
+    """sum_s weights[i, s] y[indices[i, s]] of columns y (T, k) for indices, which ascend, and weights (M, S): (M, k).
 
-    The indices of a row ascend.
+    In blocks; `about` a near row, where the weights add up to 0.
     """
     found = np.empty((len(indices), y.shape[1]))
     for start in range(0, len(indices), PARAMETERS.block):
@@ -260,11 +247,6 @@ def _combined(indices: Array, weights: Array, y: Array, about: bool = True) -> A
         near = y[low:high]
         found[rows] = band @ (near - y[(low + high) // 2] if about else near)
     return found
-
-
-def combined(indices: Array, weights: Array, y: Array) -> Array:
-    """sum_s weights[i, s] y[indices[i, s]] of columns y (T, k) for indices and weights (M, S): (M, k)."""
-    return _combined(indices, weights, y, about=False)
 
 
 def scaled_differences(t: Array, y: Array, order: int) -> Array:
@@ -279,17 +261,6 @@ def scaled_differences(t: Array, y: Array, order: int) -> Array:
 def values_at(x: Array) -> Array:
     """The weights (M, S) of the value at 0 of the polynomials through what is known at x (M, S)."""
     return _weights(x)[0]
-
-
-def _better(one: Estimate | None, other: Estimate) -> Estimate:
-    if one is None:
-        return other
-    first = one.bound <= other.bound
-    return Estimate(*(np.where(first, a, b) for a, b in zip(_parts(one), _parts(other), strict=True)))
-
-
-def _parts(e: Estimate) -> tuple[Array, Array, Array]:
-    return e.value, e.noise, e.truncation
 
 
 def widest(y: Array, reach: int = 2) -> Array:

@@ -104,25 +104,19 @@ class ModelLaws:
         """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""
         if not self.index.dependent.size:
             return np.zeros(q.shape)
-        found = []
-        for k in self.chunks(len(t)):
-            on_table = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
-            parts = on_table.position(self.index.dependent)
-            found.append(
-                on_table.graph.gradient([(p, F[k][:, axis::3]) for axis, p in enumerate(parts)])["q"]
-            )
-        return np.concatenate(found)
+        return self._by_chunks(t, q, v, lambda true, k: _onto_coordinates(true, F[k]))
 
     def displaced(self, t: Array, q: Array, v: Array, dq: Array) -> Array:
         """dr_k = sum_j dr_k/dq_j dq_j of the dependent particles (D.28): (T, n) to (T, 3 Nd)."""
         if not self.index.dependent.size:
             return np.zeros((len(t), 0))
-        found = []
-        for k in self.chunks(len(t)):
-            on_table = ModelOnTable(self.index, t[k][:, None], q[k], v[k])
-            parts = on_table.position(self.index.dependent)
-            found.append(_changed(on_table, parts, {"q": dq[k]}))
-        return np.concatenate(found)
+        parts = self.index.dependent
+        return self._by_chunks(t, q, v, lambda true, k: _changed(true, true.position(parts), {"q": dq[k]}))
+
+    def _by_chunks(self, t: Array, q: Array, v: Array, make: Callable[[ModelOnTable, slice], Array]) -> Array:
+        """The results at all rows of what is made at parts of them."""
+        tables = ((ModelOnTable(self.index, t[k][:, None], q[k], v[k]), k) for k in self.chunks(len(t)))
+        return np.concatenate([make(true, k) for true, k in tables])
 
     def matrix(self, t: Array, q: Array, v: Array) -> Array:
         """B (T, C, n) at few rows: rows that share no coordinate are differentiated together."""
@@ -186,9 +180,8 @@ class ModelLaws:
         own = np.repeat(index.masses[index.cartesian], 3)
         total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
         if index.dependent.size:
-            total = total + (np.repeat(index.masses[index.dependent], 3) * free.data["u"] ** 2 / 2).sum(
-                axis=1
-            )
+            masses = np.repeat(index.masses[index.dependent], 3)
+            total = total + (masses * free.data["u"] ** 2 / 2).sum(axis=1)
         for part, count in self._potentials(free):
             total = total - free.wide(part, count).sum(axis=1)
         for part in self._lagrangian(free):
@@ -239,6 +232,10 @@ class ModelLaws:
             x_t = _changed(true, true.position(dependent), {"t": np.ones_like(t)})
         rows = law_rows.build(free, self.bodies, self._closed)
         f, w = self._residuals(free, *rows)
+        b = nothing
+        if self.C:  # what is left of B v + b where nothing moves but time
+            rest = ModelOnTable(self.index, t, q, np.zeros_like(v), (x, x_t) if x.shape[1] else None)
+            b = self._residuals(rest, *law_rows.build(rest, self.bodies, self._closed))[1]
         potentials = list(self._potentials(free))
         V = _sum_of(free, potentials)
         slope = free.graph.gradient([(p, np.ones((1, c))) for p, c in potentials])
@@ -248,21 +245,13 @@ class ModelLaws:
         F, Q = self._forces(free)
         kinds = dependent.size > 0
         return LawValues(
-            x=x, u=u, x_t=x_t, f=f, w=w, b=self._still(t, q, v, x, x_t),
+            x=x, u=u, x_t=x_t, f=f, w=w, b=b,
             pull=self._pull(true, free, *rows, lam),
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
             L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
             L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
             F=F, Q=Q,
         )  # fmt: skip
-
-    def _still(self, t: Array, q: Array, v: Array, x: Array, x_t: Array) -> Array:
-        """b (T, C): what is left of B v + b where nothing moves but time."""
-        if not self.C:
-            return np.zeros((len(q), 0))
-        rest = np.zeros_like(v)
-        free = ModelOnTable(self.index, t, q, rest, (x, x_t) if x.shape[1] else None)
-        return self._residuals(free, *law_rows.build(free, self.bodies, self._closed))[1]
 
     def _residuals(self, on_table: ModelOnTable, surfaces: RowValues, laws: RowValues) -> tuple[Array, Array]:
         kind = on_table.data["q"].dtype
@@ -276,18 +265,10 @@ class ModelLaws:
         return f, w
 
     def _pull(
-        self,
-        true: ModelOnTable,
-        free: ModelOnTable,
-        surfaces: RowValues,
-        laws: RowValues,
-        lam: Array,
+        self, true: ModelOnTable, free: ModelOnTable, surfaces: RowValues, laws: RowValues, lam: Array
     ) -> Array:
         found = _reactions(free, (surfaces, laws), lam)
-        if true is free:
-            return found["q"]
-        parts, onto = true.position(self.index.dependent), found["x"]
-        return found["q"] + true.graph.gradient([(p, onto[:, axis::3]) for axis, p in enumerate(parts)])["q"]
+        return found["q"] if true is free else found["q"] + _onto_coordinates(true, found["x"])
 
     def _potentials(self, on_table: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
         """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
@@ -355,7 +336,13 @@ def _colours(pattern: Array) -> list[list[int]]:
 def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Gradient:
     """sum_i lambda_i B_i by the leaves of a scene."""
     surfaces, laws = ([(x, lam[:, indices]) for x, indices in each] for each in rows)
-    return on_table.graph.virtual(laws, surfaces)
+    return on_table.graph.gradient(surfaces, laws)
+
+
+def _onto_coordinates(true: ModelOnTable, F: Array) -> Array:
+    """sum_k F_k . dr_k/dq_j of forces (T, 3 Nd) on the dependent particles, (T, n)."""
+    parts = true.position(true.index.dependent)
+    return true.graph.gradient([(part, F[:, axis::3]) for axis, part in enumerate(parts)])["q"]
 
 
 def _sum_of(on_table: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:

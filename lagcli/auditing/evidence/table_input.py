@@ -9,13 +9,12 @@ import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
-from lagcli.model import model as nouns
 
 SHOWN = 8  # missing columns that a message names
 # Roundings of a time between rows that are at one time: one of the grid, which is a sum, and one of an event there.
 ROUNDINGS = 4
 ENERGY = "energy"  # the column that every table has
-CHANGING = frozenset(("impact", "contact", "release", "accumulation"))  # kinds that are of an inequality
+CHANGING = ("impact", "contact", "release", "accumulation")  # kinds that are of an inequality
 BEFORE, AFTER, IMPULSE = "before.", "after.", "impulse."
 
 
@@ -68,9 +67,10 @@ class EventTable:
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Incidents:
     """E incidents in the order of time. before, after: their states as records, in which `lam` are the impulses
-    (E, C + K) and reactions are 0; contact (E,): the number of the inequality that is named, -1 for another."""
+    (E, C + K) and reactions are 0; kinds (E,): words; contact (E,): the number of the inequality that is named, -1 for
+    another."""
 
-    kinds: tuple[str, ...]
+    kinds: Array
     names: tuple[str, ...]
     before: Record
     after: Record
@@ -99,7 +99,7 @@ class Incidents:
     @property
     def cuts(self) -> Array:
         """True for what velocities or forces jump at."""
-        return np.array([kind in CHANGING for kind in self.kinds], dtype=bool)
+        return np.isin(self.kinds, CHANGING)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -146,7 +146,17 @@ def wanted(laws: ModelLaws, columns: Sequence[str]) -> tuple[str, ...]:
     needed, known = names(laws).needed, set(columns)
     missing = [name for name in needed if name not in known]
     if missing:
-        raise TableError(_missing(laws.model, columns, needed, missing))
+        shown = ", ".join(f"`{name}`" for name in missing[:SHOWN])
+        more = f" and {len(missing) - SHOWN} others" if len(missing) > SHOWN else ""
+        title = f" of {laws.model.title}" if laws.model.title else ""
+        message = f"the table lacks {len(missing)} of the {len(needed)} columns that the audit{title} needs:"
+        message += f" {shown}{more}"
+        others = [name for name in columns if name.startswith(("lambda.", "R.")) and name not in set(needed)]
+        if others:
+            message += (
+                f"; it has `{others[0]}`, which this model does not: it may be the table of another model"
+            )
+        raise TableError(message)
     own = (ENERGY, *(column for output in laws.model.outputs for column in output.columns))
     return (*needed, *(name for name in own if name in known))
 
@@ -179,17 +189,6 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
     return Record(t=t, side=side, **{part: rows[:, indices] for part, indices in parts.items()})
 
 
-def _missing(model: nouns.Model, columns: Sequence[str], needed: Sequence[str], missing: list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in missing[:SHOWN])
-    more = f" and {len(missing) - SHOWN} others" if len(missing) > SHOWN else ""
-    title = f" of {model.title}" if model.title else ""
-    sentence = f"the table lacks {len(missing)} of the {len(needed)} columns that the audit{title} needs: {shown}{more}"
-    own = [name for name in columns if name.startswith(("lambda.", "R.")) and name not in set(needed)]
-    if own:
-        sentence += f"; it has `{own[0]}`, which this model does not: it may be the table of another model"
-    return sentence
-
-
 def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
     """The incidents of a table; laws: with all inequalities closed. Raises `TableError` with what is missing, and for
     a name that is none of the model."""
@@ -219,7 +218,8 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
     if not np.isfinite(taken(needed)).all():
         raise TableError("the table of events has entries that are no finite numbers")
     numbers = [contacts.get(name, -1) for name in table.names]
-    return Incidents(table.kinds, table.names, state(BEFORE), state(AFTER), np.array(numbers, dtype=np.int64))
+    kinds = np.array(table.kinds, dtype=np.str_)
+    return Incidents(kinds, table.names, state(BEFORE), state(AFTER), np.array(numbers, dtype=np.int64))
 
 
 def at_rows(incidents: Incidents, r: Record) -> Incidents:

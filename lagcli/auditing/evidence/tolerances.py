@@ -264,6 +264,13 @@ class Evidence:
         r = self.record
         return VirtualSpace(self.laws.matrix(r.t[rows], r.q[rows], r.v[rows]))
 
+    @property
+    def virtual_work(self) -> float:
+        """The largest part of R along virtual displacements, at the regular rows that are looked at."""
+        d = self.displacements
+        along = np.abs(d.virtual(self.record.R_q[self.looked_at]))[~d.is_singular]
+        return float(along.max(initial=0.0))
+
     def pushed(self, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j of forces on the dependent particles, (T, 3 Nd) to (T, n)."""
         return self.laws.pushed(self.record.t, self.record.q, self.record.v, F)

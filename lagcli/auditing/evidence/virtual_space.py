@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
@@ -39,14 +41,9 @@ class VirtualSpace:
 
     def part(self, rows: slice) -> VirtualSpace:
         """The space at some of the rows."""
-        found = object.__new__(VirtualSpace)
-        found.B, found.lengths, found.sigma = self.B[rows], self.lengths[rows], self.sigma[rows]
-        found._left, found._across, found._independent = (
-            self._left[rows],
-            self._across[rows],
-            self._independent[rows],
-        )
-        found._has_none = self._has_none[rows]
+        found = copy.copy(self)
+        for name in ("B", "lengths", "sigma", "_left", "_across", "_independent", "_has_none"):
+            setattr(found, name, getattr(self, name)[rows])
         found._judge()
         return found
 
@@ -70,11 +67,8 @@ class VirtualSpace:
 
     def virtual(self, w: Array) -> Array:
         """The part of w (M, n) along virtual displacements: the sum over an orthonormal basis of (w . e) e."""
-        return np.asarray(w - self._constrained(w))
-
-    def _constrained(self, w: Array) -> Array:
         along = np.where(self._independent, np.einsum("mkn,mn->mk", self._across, w), 0.0)
-        return np.asarray(np.einsum("mkn,mk->mn", self._across, along))
+        return np.asarray(w - np.einsum("mkn,mk->mn", self._across, along))
 
     def step(self, f: Array) -> Array:
         """The shortest dq (M, n) with B dq = f (M, C)."""
