@@ -84,6 +84,11 @@ class Estimate:
     noise: Array
     truncation: Array
 
+    @property
+    def bound(self) -> Array:
+        """The sum of both."""
+        return self.noise + self.truncation
+
 
 class DifferenceGrid:
     """The T times of a table, strictly increasing."""
@@ -129,15 +134,13 @@ class DifferenceGrid:
                 else:
                     spread = combined(indices, sizes, noise)
                 spread = spread + clock * np.abs(found) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
-                if best is None:
-                    best = Estimate(found, spread, wrong)
-                else:
-                    keep = best.noise + best.truncation <= spread + wrong
-                    best = Estimate(
-                        np.where(keep, best.value, found),
-                        np.where(keep, best.noise, spread),
-                        np.where(keep, best.truncation, wrong),
-                    )
+                wider = Estimate(found, spread, wrong)
+                if best is not None:
+                    keep = best.bound <= wider.bound
+                    value = np.where(keep, best.value, found)
+                    noise_of_best = np.where(keep, best.noise, spread)
+                    wider = Estimate(value, noise_of_best, np.where(keep, best.truncation, wrong))
+                best = wider
             narrower = found
         assert best is not None
         return best
