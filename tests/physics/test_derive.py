@@ -20,7 +20,7 @@ from lagcli.api.models import cache
 from lagcli.cli.app import app
 from lagcli.derivation.symbolic import identity, multiplier_equations, symbolic_system, tidy
 from lagcli.derivation.writing import formula as f
-from lagcli.derivation.writing import render_latex, render_mathml, render_text
+from lagcli.derivation.writing import markup, render_latex, render_mathml, render_text
 from lagcli.equations import system as compiled_system
 from lagcli.errors import diagnostics
 from lagcli.pfaffian.forms.notation import TIME
@@ -528,10 +528,9 @@ def test_each_part_of_a_formula_is_written_once(writer, kind, monkeypatch):
                 node = f.FormulaPower(node, f.FormulaNumber("3"))
             case _:
                 node = f.FormulaSum(((1, node), (-1, f.ONE)))
-    written = []
-    inner = dict(writer._WRITERS)
-    for each, write in inner.items():
-        monkeypatch.setitem(writer._WRITERS, each, lambda node, write=write: written.append(1) or write(node))
+    written, writers = [], (render_text if writer is render_text else markup)._WRITERS
+    for each, write in dict(writers).items():
+        monkeypatch.setitem(writers, each, lambda *given, write=write: written.append(1) or write(*given))
     getattr(writer, {render_text: "text", render_latex: "latex", render_mathml: "mathml"}[writer])(node)
     # Parts at most twice, and not twice for each level: two parts a level, and the innermost one.
     assert len(written) <= 2 * (2 * depth + 1)

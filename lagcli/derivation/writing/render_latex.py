@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
-
 from lagcli.derivation.writing import formula as f
+from lagcli.derivation.writing.markup import Markup
 from lagcli.derivation.writing.paper_names import LETTERS
 from lagcli.expression import functions
 from lagcli.output.latex_text import RESERVED
@@ -14,11 +12,6 @@ _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
 _KNOWN = frozenset(row.written or row.name for row in functions.ROWS if row.has_latex)
 _DOTS = {0: "{}", 1: r"\dot{{{}}}", 2: r"\ddot{{{}}}"}
 _RELATIONS = {"=": "=", "≥": r"\ge", "≤": r"\le", "⊥": r"\perp"}
-
-
-def latex(node: f.FormulaNode) -> str:
-    """The formula in LaTeX's math mode."""
-    return _WRITERS[type(node)](node)
 
 
 def relation(sign_: str) -> str:
@@ -69,53 +62,53 @@ def sign(node: f.Sign) -> str:
     return base + (f"^{{{node.sup}}}" if node.sup else "")
 
 
-def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
-    parts = []
-    for index, (sign_, term) in enumerate(terms):
-        written = _closed(latex(term)) if isinstance(term, f.FormulaSum) else latex(term)
-        plus = "" if index == 0 else " + "
-        minus = "-" if index == 0 else " - "
-        parts.append((minus if sign_ < 0 else plus) + written)
-    return "".join(parts)
+def _name(name: str, power: str) -> str:
+    written = "\\" + name if name in _KNOWN else rf"\operatorname{{{escaped(name)}}}"
+    return f"{written}^{{{power}}}" if power else written
 
 
 def _closed(text: str) -> str:
     return rf"\left({text}\right)"
 
 
-def _factor(node: f.FormulaNode) -> str:
-    return _closed(latex(node)) if isinstance(node, f.SUMS) else latex(node)
-
-
-def _grouped(node: f.FormulaNode) -> str:
-    return _closed(latex(node)) if isinstance(node, f.COMPOSED) else latex(node)
-
-
-def _apply(node: f.Apply) -> str:
-    name = "\\" + node.name if node.name in _KNOWN else rf"\operatorname{{{escaped(node.name)}}}"
-    if node.power is not None:
-        name += f"^{{{latex(node.power)}}}"
-    if len(node.arguments) == 1 and isinstance(node.arguments[0], (f.Sign, f.FormulaNumber)):
-        return f"{name} {{{latex(node.arguments[0])}}}"
-    return name + _closed(", ".join(map(latex, node.arguments)))
+latex = Markup(
+    sign=sign,
+    number=lambda digits, exponent: rf"{digits} \cdot 10^{{{exponent}}}" if exponent else digits,
+    text=lambda text: rf"\text{{{escaped(text)}}}",
+    name=_name,
+    row=lambda text: text,
+    closed=_closed,
+    root=lambda inner: rf"\sqrt{{{inner}}}",
+    bars=lambda inner: rf"\left|{inner}\right|",
+    fraction=lambda above, below: rf"\frac{{{above}}}{{{below}}}",
+    power=lambda base, exponent: f"{{{base}}}^{{{exponent}}}",
+    applied=lambda name, argument: f"{name} {{{argument}}}",
+    called=lambda name, arguments: name + arguments,
+    leading="-",
+    minus=" - ",
+    plus=" + ",
+    space=r" \, ",
+    dot=r" \cdot ",
+    commas=(", ", r",\; "),
+    differentials=("d", r"\partial "),
+).write
+"""The formula in LaTeX's math mode."""
 
 
 def words(text: str) -> str:
-    """A sentence with single mathematical letters in it."""
-    return _ACCENTED.sub("", "".join(_in_words(text[i], text[i + 1 : i + 2]) for i in range(len(text))))
-
-
-def _in_words(letter: str, after: str) -> str:
-    """A letter of a sentence; `after` may be the combining dots of a rate, which LaTeX knows in math mode alone."""
-    if after in _ACCENTS:
-        return rf"${_ACCENTS[after]}{{{letter}}}$"
-    if letter in LETTERS:
-        return rf"$\{LETTERS[letter]}$"
-    return _IN_WORDS.get(letter) or RESERVED.get(letter, letter)
+    """A sentence with mathematical letters in it; LaTeX knows the combining dots of a rate in math mode alone."""
+    written = ""
+    for letter, after in zip(text, (*text[1:], ""), strict=True):
+        if after in _ACCENTS:
+            written += rf"${_ACCENTS[after]}{{{letter}}}$"
+        elif letter in LETTERS:
+            written += rf"$\{LETTERS[letter]}$"
+        elif letter not in _ACCENTS:
+            written += _IN_WORDS.get(letter) or RESERVED.get(letter, letter)
+    return written
 
 
 _ACCENTS = {"\u0307": r"\dot", "\u0308": r"\ddot"}
-_ACCENTED = re.compile("[\u0307\u0308]")
 _IN_WORDS = {
     "…": r"\dots{}",
     "ᵀ": r"$^{T}$",
@@ -128,38 +121,4 @@ _IN_WORDS = {
     "≥": r"$\ge$",
     "⊥": r"$\perp$",
     "ġ": r"$\dot{g}$",
-}
-
-
-def _number(node: f.FormulaNumber) -> str:
-    digits, letter, exponent = node.text.partition("e")
-    return rf"{digits} \cdot 10^{{{exponent}}}" if letter else digits
-
-
-def _slope(node: f.Slope) -> str:
-    letter = "d" if node.total else r"\partial "
-    above = latex(node.above) if node.above else ""
-    return rf"\frac{{{letter}{above}}}{{{letter}{latex(node.below)}}}"
-
-
-def _power(node: f.FormulaPower) -> str:
-    base = node.base
-    grouped = sign(base) if isinstance(base, f.Sign) and not base.dots else _grouped(base)
-    return f"{{{grouped}}}^{{{latex(node.exponent)}}}"
-
-
-_WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
-    f.Sign: sign,
-    f.FormulaNumber: _number,
-    f.FormulaText: lambda node: rf"\text{{{escaped(node.text)}}}",
-    f.FormulaSum: lambda node: _sum(node.terms),
-    f.FormulaProduct: lambda node: r" \, ".join(map(_factor, node.factors)),
-    f.Fraction: lambda node: rf"\frac{{{latex(node.above)}}}{{{latex(node.below)}}}",
-    f.FormulaPower: _power,
-    f.Root: lambda node: rf"\sqrt{{{latex(node.inner)}}}",
-    f.Bars: lambda node: rf"\left|{latex(node.inner)}\right|",
-    f.Apply: _apply,
-    f.Triple: lambda node: _closed(r",\; ".join(map(latex, node.parts))),
-    f.Slope: _slope,
-    f.Dot: lambda node: rf"{_factor(node.left)} \cdot {_factor(node.right)}",
 }
