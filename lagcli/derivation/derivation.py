@@ -80,7 +80,7 @@ def _derived(built: System, options: Options) -> Derivation:
         ("Inertia", parts.inertia()),
         ("Lagrange's equations", parts.lagrange()),
         ("From Newton to Lagrange", parts.identity()),
-        (page_sections.REST, page_sections.points_of_rest(system, parts)),
+        (page_sections.REST, parts.points_of_rest()),
     ]
     written = [(title, list(lines)) for title, lines in drafts]
     if options.about is not None:

@@ -57,11 +57,15 @@ class Line:
         """The signs between the sides: `=`, `≤`, `≥` or `⊥`."""
         return self.signs or ("=",) * (len(self.sides) - 1)
 
-    def joined(self, first: int, written: Callable[[f.FormulaNode], str]) -> str:
+    def joined(
+        self, first: int, written: Callable[[f.FormulaNode], str], relation: Callable[[str], str] = str
+    ) -> str:
         """The sides from a number on with the signs between them."""
         parts = [written(side) for side in self.sides[first:]]
-        more = (f" {sign} {part}" for sign, part in zip(self.relations[first:], parts[1:], strict=True))
-        return "".join([*parts[:1], *more])
+        signs = map(relation, self.relations[first:])
+        return "".join(
+            [*parts[:1], *(f" {sign} {part}" for sign, part in zip(signs, parts[1:], strict=True))]
+        )
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -142,15 +146,12 @@ class Derivation:
             widths = [render_text.width(left) for left in lefts]
             column = max((w for w in widths if w <= WIDEST_LEFT), default=0)
             found = []
-            for line, left, own in zip(section.lines, lefts, widths, strict=True):
+            for line, own in zip(section.lines, widths, strict=True):
                 if not line.sides:
                     found += ["  " + part for part in render_text.folded(line.note, width - 2)]
                     continue
                 pad = " " * max(0, column - own)
-                following = zip(line.relations, line.sides[1:], strict=True)
-                whole = f"  {pad}{left}" + "".join(
-                    f" {sign} {render_text.text(side)}" for sign, side in following
-                )
+                whole = f"  {pad}{line.joined(0, render_text.text)}"
                 if line.note:
                     whole += f"   {line.note}"
                 number = f"({line.number})" if line.number else ""
@@ -187,15 +188,25 @@ class Derivation:
 
     def latex_sections(self) -> str:
         """The sections alone in LaTeX."""
-        parts: list[str] = []
+        return self._written(
+            lambda title: [rf"\subsection*{{{render_latex.words(title)}}}"],
+            lambda line: [r"\begin{equation*}", _latex(line), r"\end{equation*}"],
+            lambda note: [render_latex.words(note) + r"\par"],
+        )
+
+    def _written(
+        self,
+        heading: Callable[[str], list[str]],
+        equation: Callable[[Line], list[str]],
+        note: Callable[[str], list[str]],
+    ) -> str:
+        """The rows of all sections: headings, and lines as equations and notes."""
+        rows: list[str] = []
         for section in self.sections:
-            parts.append(rf"\subsection*{{{render_latex.words(section.title)}}}")
+            rows += heading(section.title)
             for line in section.lines:
-                if line.sides:
-                    parts += [r"\begin{equation*}", _latex(line), r"\end{equation*}"]
-                if line.note:
-                    parts.append(render_latex.words(line.note) + r"\par")
-        return "\n".join(parts)
+                rows += [*(equation(line) if line.sides else ()), *(note(line.note) if line.note else ())]
+        return "\n".join(rows)
 
     def markdown(self) -> str:
         """Markdown with LaTeX between dollar signs."""
@@ -204,15 +215,11 @@ class Derivation:
 
     def markdown_sections(self, level: int) -> str:
         """The sections alone in Markdown, under headings of this level."""
-        parts: list[str] = []
-        for section in self.sections:
-            parts += ["", f"{'#' * level} {_escaped(section.title)}"]
-            for line in section.lines:
-                if line.sides:
-                    parts += ["", "$$", _latex(line), "$$"]
-                if line.note:
-                    parts += ["", _escaped(line.note)]
-        return "\n".join(parts)
+        return self._written(
+            lambda title: ["", f"{'#' * level} {_escaped(title)}"],
+            lambda line: ["", "$$", _latex(line), "$$"],
+            lambda note: ["", _escaped(note)],
+        )
 
     def html(self) -> str:
         """One HTML page with MathML: it needs no network."""
@@ -247,7 +254,7 @@ class Derivation:
                 "equation": line.number,
                 "left": render_text.text(line.sides[0]) if line.sides else "",
                 "right": line.joined(1, render_text.text),
-                "latex": _latex_of(line),
+                "latex": line.joined(0, render_latex.latex, render_latex.relation),
                 "note": line.note,
                 **({"relation": line.relations[0]} if line.signs and line.signs[0] != "=" else {}),
             }
@@ -272,19 +279,10 @@ def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:
     return [f.FormulaSum(tuple(part)) for part in found]
 
 
-def _latex_of(line: Line) -> str:
-    """The sides in one row, with their signs."""
-    parts = [render_latex.latex(side) for side in line.sides]
-    more = (
-        f" {render_latex.relation(sign)} {part}" for sign, part in zip(line.relations, parts[1:], strict=True)
-    )
-    return "".join([*parts[:1], *more])
-
-
 def _latex(line: Line) -> str:
     tag = rf" \tag{{{line.number}}}" if line.number else ""
     if all(len(_chunks(side)) == 1 for side in line.sides):
-        return _latex_of(line) + tag
+        return line.joined(0, render_latex.latex, render_latex.relation) + tag
     # One mark of alignment in each row: before the sign of equality, or where a side goes on.
     rows: list[str] = []
     signs = ("", *map(render_latex.relation, line.relations))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 
 import sympy
@@ -13,7 +12,9 @@ from lagcli.derivation.symbolic.linear_matrices import LinearPoint, Matrices, No
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.writing import formula as f
+from lagcli.derivation.writing import paper_names
 
+Symbols = tuple[sympy.Symbol, ...]
 TITLE = "Small oscillations  M δq̈ + C δq̇ + K δq = Bᵀ δλ"
 ABOUT = {
     "equilibrium": "About the declared start, an equilibrium; what is zero there is put in.",
@@ -27,16 +28,6 @@ ABOUT = {
         " of that point (the command equilibrium finds them):"
     ),
 }
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Deviations:
-    """The symbols of dq, dq', dq'' by coordinate, and of dlambda by row."""
-
-    q: tuple[sympy.Symbol, ...]
-    v: tuple[sympy.Symbol, ...]
-    a: tuple[sympy.Symbol, ...]
-    lam: tuple[sympy.Symbol, ...]
 
 
 def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
@@ -62,44 +53,42 @@ def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
     if not (found.C or found.K or found.B or found.D):
         yield Line(note="C and K are zero, and there are no rows: M δq̈ = 0, deviations drift.")
         return
-    # Symbols of deviations with their signs
-    levels: list[tuple[sympy.Symbol, ...]] = []
+    yield from _equations(system, signs, found)
+    if point.kind != "general":
+        yield from _values(system, signs, found, point)
+
+
+def _equations(system: Symbolic, signs: Signs, found: Matrices) -> Iterator[Line]:
+    """The equations of motion by coordinate; B dq = 0 of holonomic rows, A dq' + D dq = 0 of differential rows."""
+    # Symbols of dq, dq', dq'' by coordinate, and of dlambda by row, with their signs
+    levels: list[Symbols] = []
     for dots, letters in enumerate((system.q, system.q, system.q, system.lam)):
         symbols = tuple(sympy.Symbol(f"deviation {dots} {letter}") for letter in letters)
         for symbol, letter in zip(symbols, letters, strict=True):
             signs.show_deviation(symbol, letter, dots % 3)
         levels.append(symbols)
-    shown = _Deviations(*levels)
-    yield from _motion(system, signs, found, shown)
-    yield from _rows(system, signs, found, shown)
-    yield from _values(system, signs, found, point)
-
-
-def _motion(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations) -> Iterator[Line]:
-    for i in range(len(system.q)):
-        left: list[tuple[int, f.FormulaNode]] = []
-        for part, symbols in ((found.M, shown.a), (found.C, shown.v), (found.K, shown.q)):
-            left += _terms(signs, part, i, symbols)
+    dq, dv, da, dlam = levels
+    for i, name in enumerate(system.names):
+        left = [
+            *_terms(signs, found.M, i, da),
+            *_terms(signs, found.C, i, dv),
+            *_terms(signs, found.K, i, dq),
+        ]
         right: list[tuple[int, f.FormulaNode]] = []
-        for r, lam in enumerate(shown.lam):
+        for r, lam in enumerate(dlam):
             if (r, i) in found.B:
                 right += terms_of(signs.node(found.B[r, i] * lam))
-        yield Line(sides=(joined(left), joined(right)), kind="deviation", family=_family(system, i))
-
-
-def _rows(system: Symbolic, signs: Signs, found: Matrices, shown: _Deviations) -> Iterator[Line]:
-    """B dq = 0 of holonomic rows, A dq' + D dq = 0 of differential rows."""
+        yield Line(sides=(joined(left), joined(right)), kind="deviation", family=paper_names.family(name))
     for r, row in enumerate(system.rows):
-        if row.f is not None:
-            left = _terms(signs, found.B, r, shown.q)
-        else:
-            left = [*_terms(signs, found.B, r, shown.v), *_terms(signs, found.D, r, shown.q)]
+        is_holonomic = row.f is not None
+        left = _terms(signs, found.B, r, dq if is_holonomic else dv)
+        left += [] if is_holonomic else _terms(signs, found.D, r, dq)
         if left:
             yield Line(sides=(joined(left), NIL), kind="deviation row", family=row.family)
 
 
 def _terms(
-    signs: Signs, part: dict[tuple[int, int], sympy.Expr], i: int, symbols: tuple[sympy.Symbol, ...]
+    signs: Signs, part: dict[tuple[int, int], sympy.Expr], i: int, symbols: Symbols
 ) -> list[tuple[int, f.FormulaNode]]:
     """The terms of one row of a matrix times deviations."""
     terms: list[tuple[int, f.FormulaNode]] = []
@@ -111,8 +100,6 @@ def _terms(
 
 def _values(system: Symbolic, signs: Signs, found: Matrices, point: LinearPoint) -> Iterator[Line]:
     """The values of letters at the start, as far as they are in the equations."""
-    if point.kind == "general":
-        return
     present = found.symbols
     for letters, numbers in zip((system.q, system.v, system.a, system.lam), point.numbers, strict=True):
         for letter, number in zip(letters, numbers, strict=True):
@@ -123,8 +110,3 @@ def _values(system: Symbolic, signs: Signs, found: Matrices, point: LinearPoint)
                     kind="at the start",
                     family="start",
                 )
-
-
-def _family(system: Symbolic, i: int) -> str:
-    base = system.names[i].partition("[")[0]
-    return base if base != system.names[i] else ""

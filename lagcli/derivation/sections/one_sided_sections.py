@@ -14,11 +14,12 @@ import sympy
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.page_sections import NIL, Sections, joined
 from lagcli.derivation.symbolic import multiplier_equations
-from lagcli.derivation.symbolic.multiplier_equations import Equation, part
+from lagcli.derivation.symbolic.multiplier_equations import Equation
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.symbolic.tidy import tidy
 from lagcli.derivation.writing import formula as f
+from lagcli.derivation.writing import paper_names
 from lagcli.pfaffian.forms.notation import ZERO
 
 COMPLEMENTARY = ("≤", "⊥", "≥")
@@ -61,17 +62,8 @@ class OneSided:
         """G_jk and G_jt, the gradients of g, and dg/dt."""
         signs = self._signs
         for row in self._contacts.rows:
-            for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
-                name = self._system.table.particles.names[self._free[first]]
-                left = signs.of_row("G", row.name, *signs.of_particle("G", name).sub)
-                yield self._line((left, signs.vector(part(row.B, first))), "G", row)
-            for i, slope in row.B.items():
-                if i - i % 3 not in self._free:
-                    yield self._line(
-                        (signs.of_row("G", row.name, signs.label(i)), signs.node(slope)), "G", row
-                    )
-            if row.b != 0:
-                yield self._line((signs.of_row("G", row.name, "t"), signs.node(row.b)), "G", row)
+            for sides in self._parts.gradients("G", row):
+                yield self._line(sides, "G", row)
         for row in self._contacts.rows:
             assert row.f is not None
             rate = tidy(self._system.table.calculus.rate(row.f))
@@ -91,23 +83,19 @@ class OneSided:
             f"{others}for all of them at once, with which none is pressed in. Open ones have λ = 0."
         )
         first = len(self._system.rows)
-        for j, row in enumerate(self._contacts.rows):
-            yield self._line(
-                (self._g(row, 2), self._signs.node(self._second(first + j, equation))), "second", row
-            )
+        every = self._every
+        for r, row in enumerate(self._contacts.rows, first):
+            # In lambda, or in accelerations
+            if equation is not None:
+                terms = (equation.S.get((r, k), ZERO) * lam for k, lam in enumerate(every.lam))
+                second = sum(terms, -equation.right[r])
+            else:
+                second = sum((slope * every.a[i] for i, slope in row.B.items()), -row.gamma)
+            yield self._line((self._g(row, 2), self._signs.node(second)), "second", row)
         for row, lam in zip(self._contacts.rows, self._contacts.lam, strict=True):
             sides = (NIL, self._signs.node(lam), self._g(row, 2), NIL)
             yield Line("", sides, kind="contact", family=row.family, signs=COMPLEMENTARY)
         yield Line(note="A contact opens at the instant at which its λ would become negative.")
-
-    def _second(self, r: int, equation: Equation | None) -> sympy.Expr:
-        """d2g/dt2 in lambda, or in accelerations."""
-        every = self._every
-        if equation is not None:
-            terms = (equation.S.get((r, k), ZERO) * lam for k, lam in enumerate(every.lam))
-            return sum(terms, -equation.right[r])
-        row = every.rows[r]
-        return sum((slope * every.a[i] for i, slope in row.B.items()), -row.gamma)
 
     def impact(self) -> Iterator[Line]:
         """The law of impact."""
@@ -185,15 +173,14 @@ class OneSided:
                 jump = f.FormulaSum(
                     ((1, dataclasses.replace(v, sup="+")), (-1, dataclasses.replace(v, sup="-")))
                 )
-                family = name.partition("[")[0] if "[" in name else ""
+                family = paper_names.family(name)
                 yield Line("", (f.FormulaProduct((m, jump)), joined(terms)), kind="jump", family=family)
         jumps = tuple(sympy.Symbol(f"jump {name}", real=True) for name in system.names)
         for i in system.lagrange:
             signs.show_jump(jumps[i], i)
         for i in system.lagrange:
             left = sum((system.matrix(i, j) * jumps[j] for j in system.lagrange), ZERO)
-            pairs = zip(self._every.rows, self._impulses, strict=True)
-            right = sum((row.B[i] * impulse for row, impulse in pairs if i in row.B), ZERO)
+            right = self._parts.simulating(i, self._impulses)
             yield Line("", (signs.node(left), signs.node(right)), kind="jump")
 
     def alone(self, j: int, equation: Equation, on: Mapping[sympy.Symbol, sympy.Expr]) -> Iterator[Line]:

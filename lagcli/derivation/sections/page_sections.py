@@ -16,12 +16,10 @@ from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
 from lagcli.derivation.symbolic.vectors import NOTHING
 from lagcli.derivation.writing import formula as f
 from lagcli.derivation.writing import paper_names
-from lagcli.model import model as nouns
 from lagcli.pfaffian.forms.notation import ZERO
 
 NIL = f.ZERO
 REST = "Points of rest  F + Bᵀλ = 0"
-_ALONE = ""
 # Operations up to which V is multiplied out to find what its terms share.
 MAX_SORTED = 2000
 
@@ -33,10 +31,8 @@ class Sections:
         self._system, self.signs, self._table = system, signs, system.table
         self._every = system.all_closed
         self._free = {system.first_index(number): number for number in system.newton}
-        self._families = [p.members.base if p.members.count > 1 else _ALONE for p in self._entries()]
-
-    def _entries(self) -> list[nouns.Particle]:
-        return [p for p in self._table.model.particles for _ in range(p.members.count)]
+        entries = (p for p in self._table.model.particles for _ in range(p.members.count))
+        self._families = [p.members.base if p.members.count > 1 else "" for p in entries]
 
     def positions(self) -> Iterator[Line]:
         """x_n(q, t) of dependent particles (D.27) and their virtual displacements (D.28)."""
@@ -55,7 +51,7 @@ class Sections:
                     slope = tuple(tidy(calculus.partial(x, q)) for x in position)
                     vector = signs.vector((slope[0], slope[1], slope[2]))
                     if vector != NIL:
-                        terms.append((1, f.FormulaProduct((vector, signs.variation(i)))))
+                        terms.append((1, f.FormulaProduct((vector, signs.with_prefix("δ", i)))))
             variation = f.FormulaSum(tuple(terms)) if len(terms) > 1 else terms[0][1] if terms else NIL
             delta = f.Sign("δr", r.sub, vector=True)
             yield Line("D.28", (delta, variation), kind="δr", family=family)
@@ -69,43 +65,25 @@ class Sections:
                 left = signs.of_row("f", row.name)
                 yield Line("D.2", (left, signs.node(tidy(row.f)), NIL), kind="f", family=row.family)
             elif forms[row.name] == "velocities":
-                yield Line("D.4", (self._velocity(row), NIL), kind="f", family=row.family)
+                velocity = sum((slope * system.v[i] for i, slope in row.B.items()), row.b)
+                sides = signs.node(polynomial(velocity, system.v)), NIL
+                yield Line("D.4", sides, kind="f", family=row.family)
             else:
-                yield Line("D.3", (self._form(row), NIL), kind="f", family=row.family)
+                terms = [_times(signs.node(slope), signs.with_prefix("d", i)) for i, slope in row.B.items()]
+                terms += [_times(signs.node(row.b), f.Sign("dt"))] if row.b != 0 else []
+                yield Line("D.3", (f.FormulaSum(tuple(terms)), NIL), kind="f", family=row.family)
 
     def lengths(self) -> Iterator[Line]:
         """The meanings of the abbreviations."""
         for symbol, meaning in self.signs.definitions():
             yield Line(sides=(symbol, meaning), kind="where", family="lengths")
 
-    def _velocity(self, row: SymbolicRow) -> f.FormulaNode:
-        """B v + b."""
-        slopes = (slope * self._system.v[i] for i, slope in row.B.items())
-        return self.signs.node(polynomial(sum(slopes, row.b), self._system.v))
-
-    def _form(self, row: SymbolicRow) -> f.FormulaNode:
-        """sum of A_in dq_n + A_it dt."""
-        terms: list[tuple[int, f.FormulaNode]] = []
-        for i, slope in row.B.items():
-            terms.append(_times(self.signs.node(slope), self.signs.differential(i)))
-        if row.b != 0:
-            terms.append(_times(self.signs.node(row.b), f.Sign("dt")))
-        return f.FormulaSum(tuple(terms))
-
     def rows(self) -> Iterator[Line]:
         """B_ik and B_it (D.7), and the rows in velocities (D.6)."""
         signs, system = self.signs, self._system
         for row in system.rows:
-            for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
-                name = self._table.particles.names[self._free[first]]
-                left = signs.of_row("B", row.name, paper_names.subscript(name))
-                yield self._of_row("D.7", (left, signs.vector(part(row.B, first))), row)
-            for i, slope in row.B.items():
-                if i - i % 3 not in self._free:
-                    left = signs.of_row("B", row.name, signs.label(i))
-                    yield self._of_row("D.7", (left, signs.node(slope)), row)
-            if row.b != 0:
-                yield self._of_row("D.7", (signs.of_row("B", row.name, "t"), signs.node(row.b)), row)
+            for sides in self.gradients("B", row):
+                yield Line("D.7", sides, kind="B", family=row.family)
         still = [row.name for row in system.rows if row.b == 0]
         if still:
             every = len(still) == len(system.rows)
@@ -117,9 +95,20 @@ class Sections:
                 left = f.Sign("f", (paper_names.subscript(row.name),), dots=1)
                 yield Line("D.6", (left, signs.node(rate), NIL), kind="rate", family=row.family)
 
-    @staticmethod
-    def _of_row(number: str, sides: tuple[f.FormulaNode, ...], row: SymbolicRow) -> Line:
-        return Line(number, sides, kind="B", family=row.family)
+    def gradients(self, letter: str, row: SymbolicRow) -> Iterator[tuple[f.FormulaNode, f.FormulaNode]]:
+        """The slopes of a row with what they are: by particles, by other coordinates, by t."""
+        signs = self.signs
+        for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
+            name = self._table.particles.names[self._free[first]]
+            yield (
+                signs.of_row(letter, row.name, paper_names.subscript(name)),
+                signs.vector(part(row.B, first)),
+            )
+        for i, slope in row.B.items():
+            if i - i % 3 not in self._free:
+                yield signs.of_row(letter, row.name, signs.label(i)), signs.node(slope)
+        if row.b != 0:
+            yield signs.of_row(letter, row.name, "t"), signs.node(row.b)
 
     def reactions(self) -> Iterator[Line]:
         """R_k = sum_i lambda_i B_ik (D.22), and Q'_n = sum_i lambda_i A_in (D.53)."""
@@ -131,7 +120,7 @@ class Sections:
         for i in system.lagrange:
             if any(i in row.B for row in system.rows):
                 left = f.Sign("Q'", (signs.label(i),))
-                yield Line("D.53", (left, signs.node(self._simulating(i))), kind="Q'", family=self._kin(i))
+                yield Line("D.53", (left, signs.node(self.simulating(i))), kind="Q'", family=self._kin(i))
 
     def reaction(
         self,
@@ -153,9 +142,10 @@ class Sections:
                 terms += self.signs.scaled(factor, slopes)
         return terms
 
-    def _simulating(self, i: int) -> sympy.Expr:
-        pairs = zip(self._every.rows, self._every.lam, strict=True)
-        return sum((row.B[i] * lam for row, lam in pairs if i in row.B), ZERO)
+    def simulating(self, i: int, factors: Sequence[sympy.Expr] | None = None) -> sympy.Expr:
+        """sum_i lambda_i B_ij of rows and contacts on a coordinate, or with other factors."""
+        pairs = zip(self._every.rows, self._every.lam if factors is None else factors, strict=True)
+        return sum((row.B[i] * factor for row, factor in pairs if i in row.B), ZERO)
 
     def energies(self) -> Iterator[Line]:
         """T, V and, with generalized coordinates, L (D.34-D.38)."""
@@ -164,7 +154,12 @@ class Sections:
         T: sympy.Expr = system.general
         for number in range(len(self._table.particles)):
             if not self._table.is_dependent(number):
-                T += self._table.mass(number) * self._speed(number) / 2
+                if number in system.newton:
+                    key: Key = ((f"v {self._table.particles.names[number]}", sympy.Integer(1)),), NOTHING
+                    speed = self._table.product(key, key)
+                else:
+                    speed = sum((x**2 for x in self._table.velocity(number)), ZERO)
+                T += self._table.mass(number) * speed / 2
         V = sympy.Add(*(tidy(term) for term in system.potentials))
         if V.count_ops() < MAX_SORTED:
             V = shorter(tidy(V), sympy.factor_terms(sympy.expand(V)))
@@ -179,13 +174,6 @@ class Sections:
                 sides.append(f.FormulaSum(((1, letters["T"]), (-1, letters["V"]))))
             whole = sympy.Add(*(polynomial(term, system.v) for term in (T + system.extra,))) - V
             yield Line("D.38", (*sides, signs.node(whole)), kind="L")
-
-    def _speed(self, number: int) -> sympy.Expr:
-        if number in self._system.newton:
-            name = self._table.particles.names[number]
-            key: Key = ((f"v {name}", sympy.Integer(1)),), NOTHING
-            return self._table.product(key, key)
-        return sum((x**2 for x in self._table.velocity(number)), ZERO)
 
     def forces(self) -> Iterator[Line]:
         """Q_j of the forces without a potential (D.30)."""
@@ -203,8 +191,7 @@ class Sections:
             m = signs.node(table.mass(number))
             a = signs.of_particle("r", name, dots=2)
             left = a if table.mass(number) == 1 else f.FormulaProduct((m, a))
-            F = signs.vector(triple(self._system.h, first))
-            terms = ([] if F == NIL else terms_of(F)) + self.reaction(first, self._every.lam)
+            terms = self._pulls(self._system.h, first)
             yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
 
     def inertia(self) -> Iterator[Line]:
@@ -227,10 +214,8 @@ class Sections:
             inertial = polynomial(system.Q.get(i, ZERO) - system.h[i], system.v)
             accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
             left = inertial + sum((m * a for m, a in accelerated if m != 0), ZERO)
-            right = system.Q.get(i, ZERO) + self._simulating(i)
-            q, q_dot = signs.node(system.q[i]), signs.node(system.v[i])
-            assert isinstance(q, f.Sign)
-            assert isinstance(q_dot, f.Sign)
+            right = system.Q.get(i, ZERO) + self.simulating(i)
+            q, q_dot = signs.sign(system.q[i]), signs.sign(system.v[i])
             sides = f.lagrange(signs.energies["L"], q, q_dot), signs.node(left), signs.node(right)
             yield Line(number, sides, kind="lagrange", family=self._kin(i))
 
@@ -239,9 +224,7 @@ class Sections:
         signs = self.signs
         for verdict in identity.verify(self._system):
             i = verdict.coordinate
-            q, q_dot = signs.node(self._system.q[i]), signs.node(self._system.v[i])
-            assert isinstance(q, f.Sign)
-            assert isinstance(q_dot, f.Sign)
+            q, q_dot = signs.sign(self._system.q[i]), signs.sign(self._system.v[i])
             r = f.Sign("r", ("k",), vector=True)
             work = f.Dot(f.Sign("r", ("k",), 2, vector=True), f.Slope(r, q))
             left = f.FormulaProduct((f.Sign("Σ", ("k",)), f.Sign("m", ("k",)), work))
@@ -257,39 +240,35 @@ class Sections:
             yield Line("D.24", (left, self.signs.node(row.gamma)), kind="gamma", family=row.family)
 
     def _kin(self, i: int) -> str:
-        """The family of a coordinate."""
-        name = self._system.names[i]
-        base = name.partition("[")[0]
-        return base if base != name else _ALONE
+        return paper_names.family(self._system.names[i])
 
+    def _pulls(self, h: Sequence[sympy.Expr], first: int) -> list[tuple[int, f.FormulaNode]]:
+        """The terms of F_k + sum_i lambda_i B_ik of a particle, F_k in h from the number of its x on."""
+        F = self.signs.vector((h[first], h[first + 1], h[first + 2]))
+        return ([] if F == NIL else terms_of(F)) + self.reaction(first, self._every.lam)
 
-def points_of_rest(system: Symbolic, parts: Sections) -> Iterator[Line]:
-    """The equations of motion with q' = q'' = 0, which are the recipe for f = V (D.25).
+    def points_of_rest(self) -> Iterator[Line]:
+        """The equations of motion with q' = q'' = 0, which are the recipe for f = V (D.25).
 
-    F_k + sum_i lambda_i B_ik = 0 of each particle, and of each coordinate with the inertial terms that are left; and
-    the rows that must not move.
-    """
-    signs = parts.signs
-    still = dict.fromkeys(system.v, ZERO)
-    every = system.all_closed
-    h = tuple(tidy(value.xreplace(still)) for value in system.h)
-    if any(str(symbol).startswith("product ") for value in h for symbol in value.free_symbols):
-        return  # products of velocities that have letters of their own
-    for number in system.newton:
-        first = system.first_index(number)
-        F = signs.vector(triple(h, first))
-        terms = ([] if F == NIL else terms_of(F)) + parts.reaction(first, every.lam)
-        if terms:
-            family = system.table.particles.names[number].partition("[")[0]
-            yield Line("D.25", (joined(terms), NIL), kind="rest", family=family)
-    for i in system.lagrange:
-        pulls = (row.B.get(i, ZERO) * lam for row, lam in zip(every.rows, every.lam, strict=True))
-        total = tidy(h[i] + sum(pulls, ZERO))
-        if total != 0:
-            yield Line("D.25", (signs.node(total), NIL), kind="rest")
-    for row in system.rows:
-        if row.b != 0:
-            yield Line("D.6", (signs.node(tidy(row.b)), NIL), kind="rest row", family=row.family)
+        F_k + sum_i lambda_i B_ik = 0 of each particle, and of each coordinate with the inertial terms that are left;
+        and the rows that must not move.
+        """
+        system, signs = self._system, self.signs
+        still = dict.fromkeys(system.v, ZERO)
+        h = tuple(tidy(value.xreplace(still)) for value in system.h)
+        if any(str(symbol).startswith("product ") for value in h for symbol in value.free_symbols):
+            return  # products of velocities that have letters of their own
+        for number in system.newton:
+            if terms := self._pulls(h, system.first_index(number)):
+                family = system.table.particles.names[number].partition("[")[0]
+                yield Line("D.25", (joined(terms), NIL), kind="rest", family=family)
+        for i in system.lagrange:
+            total = tidy(h[i] + self.simulating(i))
+            if total != 0:
+                yield Line("D.25", (signs.node(total), NIL), kind="rest")
+        for row in system.rows:
+            if row.b != 0:
+                yield Line("D.6", (signs.node(tidy(row.b)), NIL), kind="rest row", family=row.family)
 
 
 def triple(values: tuple[sympy.Expr, ...], first: int) -> Triple:

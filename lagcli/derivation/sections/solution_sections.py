@@ -22,6 +22,7 @@ SHORT = 16
 MOST_CLOSED = 3
 # Operations up to which a component of an acceleration is written with a longer lambda put in.
 COMPONENT = 40
+FREE = multiplier_equations.ClosedForm({}, "", {})  # of a system without rows
 
 
 def sections(
@@ -30,7 +31,15 @@ def sections(
     """The equation for lambda (D.24), what contacts and impacts ask for, and solutions where they are asked for."""
     every = system.all_closed
     if not every.rows:
-        return [("Solution", list(_without_rows(system, parts)))] if solve else []
+        if not solve:
+            return []
+        inverted = multiplier_equations.inverse(system)
+        note = "There is no constraint row, and so no multiplier."
+        if inverted.entries is None:
+            note = f"Accelerations in closed form are not written out: {inverted.reason}."
+        lines = [Line(note=note)]
+        lines += [] if inverted.entries is None else _accelerations(system, parts, inverted, FREE, {})
+        return [("Solution", lines)]
     title = "Multiplier equation  (B M⁻¹ Bᵀ) λ = γ − B M⁻¹ h"
     lines = list(parts.gammas())
     inverted = multiplier_equations.inverse(system)
@@ -64,10 +73,7 @@ def _solutions(
         while_ = f" while {names[closed[0]]} alone is closed" if closed else " while all contacts are open"
         title = f"Solution{while_ if names else ''}"
         if not mode.rows:
-            yield (
-                title,
-                list(_accelerations(mode, own, inverted, multiplier_equations.ClosedForm({}, "", {}), {})),
-            )
+            yield title, list(_accelerations(mode, own, inverted, FREE, {}))
             continue
         equation = multiplier_equations.equation(mode, inverted.entries)
         lines = list(_solution(mode, own, equation, inverted))
@@ -76,10 +82,8 @@ def _solutions(
             lines += contacts.alone(closed[0], whole, multiplier_equations.surface(mode))
         yield title, lines
     if len(names) > MOST_CLOSED:
-        yield (
-            "Other solutions",
-            [Line(note=f"Of {len(names)} contacts the first {MOST_CLOSED} are shown closed.")],
-        )
+        note = f"Of {len(names)} contacts the first {MOST_CLOSED} are shown closed."
+        yield "Other solutions", [Line(note=note)]
 
 
 def _solution(
@@ -104,16 +108,6 @@ def _solution(
         yield Line(note=f"No closed form of the others: {solved.reason}.")
     put = {system.lam[r]: value for r, value in solved.values.items()}
     yield from _accelerations(system, parts, inverted, solved, put)
-
-
-def _without_rows(system: Symbolic, parts: Sections) -> Iterator[Line]:
-    """Accelerations where nothing constrains them."""
-    inverted = multiplier_equations.inverse(system)
-    if inverted.entries is None:
-        yield Line(note=f"Accelerations in closed form are not written out: {inverted.reason}.")
-        return
-    yield Line(note="There is no constraint row, and so no multiplier.")
-    yield from _accelerations(system, parts, inverted, multiplier_equations.ClosedForm({}, "", {}), {})
 
 
 def _accelerations(

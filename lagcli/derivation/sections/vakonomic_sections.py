@@ -12,13 +12,12 @@ import sympy
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.page_sections import Sections
 from lagcli.derivation.symbolic.signs import Signs
-from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
+from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import polynomial, tidy
-from lagcli.derivation.writing import formula as f
+from lagcli.derivation.writing import paper_names
 from lagcli.pfaffian.forms.notation import ZERO
 
 TITLE = "The other principle: vakonomic motion"
-NIL = f.ZERO
 
 
 class Vakonomic:
@@ -31,20 +30,6 @@ class Vakonomic:
         self._mu_rate: dict[str, sympy.Symbol] = {}
 
     @property
-    def is_asked(self) -> bool:
-        """True if there are differential rows, and nothing that is in no action."""
-        return bool(self._rows) and not self._system.contacts.rows and not self._is_driven
-
-    @property
-    def _why_not(self) -> str:
-        if self._system.contacts.rows:
-            return "one-sided constraints push without being equations of the paths"
-        return (
-            "a force that is declared without a potential depends on more than time, and may be in no action;"
-            " `compare --vakonomic` tells whether it has a potential"
-        )
-
-    @property
     def _is_driven(self) -> bool:
         """True if a force without a declared potential depends on more than time, so that it may have none."""
         system = self._system
@@ -54,9 +39,18 @@ class Vakonomic:
 
     def lines(self) -> Iterator[Line]:
         """L + sum mu_i phi_i and its equations, coordinate by coordinate."""
-        if not self.is_asked:
-            if self._rows:
-                yield Line(note=f"Not written out: {self._why_not}.")
+        if not self._rows:
+            return
+        if self._system.contacts.rows:
+            yield Line(
+                note="Not written out: one-sided constraints push without being equations of the paths."
+            )
+            return
+        if self._is_driven:
+            yield Line(
+                note="Not written out: a force that is declared without a potential depends on more than time, and"
+                " may be in no action; `compare --vakonomic` tells whether it has a potential."
+            )
             return
         signs = self._signs
         for row in self._rows:
@@ -85,31 +79,28 @@ class Vakonomic:
         system, signs = self._system, self._signs
         accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
         inertial = sum((m * a for m, a in accelerated if m != 0), ZERO) + polynomial(-system.h[i], system.v)
-        carried = sum((self._carried(row, row.B[i]) for row in self._rows if i in row.B), ZERO)
+        carried = ZERO
+        for row in self._rows:
+            if i in row.B:  # A mu', with the sign before it
+                rate, slope = self._mu_rate[row.name], row.B[i]
+                carried += -(rate * -slope) if slope.could_extract_minus_sign() else rate * slope
         left = inertial + carried - self._curls(i)
         pairs = zip(system.rows, system.lam, strict=True)
         right = sum((row.B[i] * lam for row, lam in pairs if row.f is not None and i in row.B), ZERO)
         number = "D.53" if any(row.f is not None for row in system.rows) else "D.39"
         return Line(
-            number, (signs.node(left), signs.node(tidy(right))), kind="vakonomic", family=self._family(i)
+            number,
+            (signs.node(left), signs.node(tidy(right))),
+            kind="vakonomic",
+            family=paper_names.family(system.names[i]),
         )
-
-    def _carried(self, row: SymbolicRow, slope: sympy.Expr) -> sympy.Expr:
-        """A mu', with the sign before it."""
-        rate = self._mu_rate[row.name]
-        return -(rate * -slope) if slope.could_extract_minus_sign() else rate * slope
-
-    def _family(self, i: int) -> str:
-        base = self._system.names[i].partition("[")[0]
-        return base if base != self._system.names[i] else ""
 
     def _curls(self, i: int) -> sympy.Expr:
         """sum of mu_r (d(A_r v + b_r)/dq_i - dA_ri/dt)."""
-        return sum((self._mu[row.name] * self._curl(row, i) for row in self._rows), ZERO)
-
-    def _curl(self, row: SymbolicRow, i: int) -> sympy.Expr:
-        system = self._system
-        calculus = system.table.calculus
-        phi = sum((slope * system.v[j] for j, slope in row.B.items()), row.b)
-        turned = calculus.rate(row.B[i]) if i in row.B else ZERO
-        return polynomial(tidy(calculus.partial(phi, system.q[i]) - turned), system.v)
+        system, calculus, total = self._system, self._system.table.calculus, ZERO
+        for row in self._rows:
+            phi = sum((slope * system.v[j] for j, slope in row.B.items()), row.b)
+            turned = calculus.rate(row.B[i]) if i in row.B else ZERO
+            curl = tidy(calculus.partial(phi, system.q[i]) - turned)
+            total += self._mu[row.name] * polynomial(curl, system.v)
+        return total

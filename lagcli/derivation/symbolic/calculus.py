@@ -75,15 +75,17 @@ class Calculus:
             total += self._plain(value, symbol) * self._rate_of(symbol)
         return total
 
-    def expanded(self, value: sympy.Expr) -> sympy.Expr:
-        """The value without abbreviations."""
-        while present := value.free_symbols & self.known.keys():
+    def expanded(self, value: sympy.Expr, only: frozenset[sympy.Symbol] | None = None) -> sympy.Expr:
+        """The value without abbreviations, or without those that depend on some of `only` these symbols."""
+        while True:
             found = {}
-            for symbol in present:
+            for symbol in value.free_symbols & self.known.keys():
                 known = self.known[symbol]
-                found[symbol] = sympy.sqrt(known.inner) if known.is_root else known.inner
+                if only is None or self.symbols(known.inner) & only:
+                    found[symbol] = sympy.sqrt(known.inner) if known.is_root else known.inner
+            if not found:
+                return value
             value = value.xreplace(found)
-        return value
 
     def _plain(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         found = slope(value, x)

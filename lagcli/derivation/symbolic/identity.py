@@ -48,35 +48,30 @@ def verify(system: Symbolic) -> Iterator[IdentityVerdict]:
 def _of_particle(system: Symbolic, number: int) -> Iterator[tuple[int, sympy.Expr]]:
     """m a . dr/dq_j of one particle."""
     calculus, table = system.table.calculus, system.table
-    position, velocity = table.position(number), table.velocity(number)
-    acceleration = []
-    for part in velocity:
-        total = calculus.rate(part)
-        present = calculus.symbols(part)
-        for v, a in zip(system.v, system.a, strict=True):
-            if v in present:
-                total += calculus.partial(part, v) * a
-        acceleration.append(total)
+    position = table.position(number)
+    acceleration = [_rate(system, part) for part in table.velocity(number)]
     present = frozenset().union(*(calculus.symbols(part) for part in position))
     for j, q in enumerate(system.q):
         if q in present:
             slopes = (calculus.partial(part, q) for part in position)
-            yield (
-                j,
-                table.mass(number) * sum((a * s for a, s in zip(acceleration, slopes, strict=True)), ZERO),
-            )
+            work = sum((a * slope for a, slope in zip(acceleration, slopes, strict=True)), ZERO)
+            yield j, table.mass(number) * work
+
+
+def _rate(system: Symbolic, value: sympy.Expr) -> sympy.Expr:
+    """d/dt of a function of coordinates, rates and time, along the accelerations."""
+    calculus, total = system.table.calculus, system.table.calculus.rate(value)
+    present = calculus.symbols(value)
+    for v, a in zip(system.v, system.a, strict=True):
+        if v in present:
+            total += calculus.partial(value, v) * a
+    return total
 
 
 def _of_energy(system: Symbolic, j: int) -> sympy.Expr:
     """d/dt dT/dq'_j - dT/dq_j, of T as it is printed."""
     calculus, T = system.table.calculus, system.general
-    momentum = calculus.partial(T, system.v[j])
-    total = calculus.rate(momentum) - calculus.partial(T, system.q[j])
-    present = calculus.symbols(momentum)
-    for v, a in zip(system.v, system.a, strict=True):
-        if v in present:
-            total += calculus.partial(momentum, v) * a
-    return total
+    return _rate(system, calculus.partial(T, system.v[j])) - calculus.partial(T, system.q[j])
 
 
 def _vanishes(value: sympy.Expr) -> bool:

@@ -103,7 +103,7 @@ class _Substitution:
     """The values that are put into entries at a point, and the bounds of entries."""
 
     def __init__(self, system: Symbolic, point: LinearPoint) -> None:
-        self._system, self._point = system, point
+        self._system, self._point, self._calculus = system, point, system.table.calculus
         self._rates = frozenset(system.v)
         self._used = self._raw = 0
         if point.kind == "general":
@@ -124,11 +124,10 @@ class _Substitution:
         self, part: Entries, i: int, value: sympy.Expr, letters: tuple[sympy.Symbol, ...]
     ) -> None:
         """Keep the derivatives of a value by some letters as row i. Raises `NotLinearizedError`."""
-        calculus = self._system.table.calculus
-        present = calculus.symbols(value)
+        present = self._calculus.symbols(value)
         for j, x in enumerate(letters):
             if x in present:
-                self.enter(part, (i, j), calculus.partial(value, x))
+                self.enter(part, (i, j), self._calculus.partial(value, x))
 
     def enter(self, part: Entries, index: tuple[int, int], value: sympy.Expr) -> None:
         """Keep an entry that is not zero. Raises `NotLinearizedError` for what is too long or no number."""
@@ -155,25 +154,14 @@ class _Substitution:
         part[index] = put
 
     def _put(self, value: sympy.Expr) -> sympy.Expr:
-        return tidy(tidy(self._plain(value)).xreplace(self._on_surface).xreplace(self._zeros))
-
-    def _plain(self, value: sympy.Expr) -> sympy.Expr:
-        """The value without abbreviations for products and roots of rates."""
-        calculus = self._system.table.calculus
-        while True:
-            moving = {}
-            for symbol in value.free_symbols & calculus.known.keys():
-                known = calculus.known[symbol]
-                if calculus.symbols(known.inner) & self._rates:
-                    moving[symbol] = sympy.sqrt(known.inner) if known.is_root else known.inner
-            if not moving:
-                return value
-            value = value.xreplace(moving)
+        return tidy(
+            tidy(self._calculus.expanded(value, self._rates)).xreplace(self._on_surface).xreplace(self._zeros)
+        )
 
     def require_smooth(self, values: list[sympy.Expr]) -> None:
         """Raise `NotLinearizedError` where something bends or jumps at the very point."""
         for value in values:
-            plain = self._plain(value)
+            plain = self._calculus.expanded(value, self._rates)
             for bent in plain.atoms(sympy.Abs, sympy.sign, sympy.Heaviside):
                 self._require_off(bent.args[0])
             for bent in plain.atoms(sympy.Min, sympy.Max):

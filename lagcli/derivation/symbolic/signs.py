@@ -46,12 +46,12 @@ class Signs:
             )
         for axis, symbol in zip("xyz", AXES, strict=True):
             self._show(symbol, f.Sign("e", (axis,), vector=True), f"e_{axis}", layout.VECTOR)
-        self.energies = {letter: self._energy(letter) for letter in "TVL"}
+        # A script letter where the model calls something else T, V or L
+        self.energies = {
+            letter: self._register.take_first((f.Sign(letter), f.Sign(_SCRIPT[letter])), letter)
+            for letter in "TVL"
+        }
         self._abbreviations()
-
-    def _energy(self, letter: str) -> f.Sign:
-        """T, V or L; a script letter where the model calls something else so."""
-        return self._register.take_first((f.Sign(letter), f.Sign(_SCRIPT[letter])), letter)
 
     def show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str) -> f.Sign:
         """The sign of a further symbol that stands beside the multipliers, `name` where that sign is taken."""
@@ -59,32 +59,29 @@ class Signs:
 
     def show_rate(self, symbol: sympy.Symbol, of: sympy.Symbol) -> None:
         """A symbol for the rate of a further symbol, shown with a dot."""
-        sign = self._shown[of]
-        assert isinstance(sign, f.Sign)
-        self._shown[symbol] = dataclasses.replace(sign, dots=1)
-        self._kinds[symbol] = self._kinds[of]
+        self._shown[symbol], self._kinds[symbol] = dataclasses.replace(self.sign(of), dots=1), self._kinds[of]
 
     def show_deviation(self, symbol: sympy.Symbol, of: sympy.Symbol, dots: int = 0) -> None:
         """A symbol for the deviation of another one, or for its rates; it stands last in a product."""
-        sign = self._shown[of]
-        assert isinstance(sign, f.Sign)
-        self._shown[symbol] = f.Sign("δ" + sign.base, sign.sub, dots)
+        self._shown[symbol] = f.Sign("δ" + self.sign(of).base, self.sign(of).sub, dots)
         self._kinds[symbol] = layout.VECTOR, 1_000_000 + len(self._kinds)
 
     def show_jump(self, symbol: sympy.Symbol, number: int) -> None:
         """A symbol for the change of a rate, shown as the rate after less the rate before."""
-        rate = self._shown[self._system.v[number]]
-        assert isinstance(rate, f.Sign)
-        sides = (dataclasses.replace(rate, sup=sup) for sup in "+-")
-        self._shown[symbol] = f.FormulaSum(tuple(zip((1, -1), sides, strict=True)))
+        after, before = (dataclasses.replace(self.sign(self._system.v[number]), sup=sup) for sup in "+-")
+        self._shown[symbol] = f.FormulaSum(((1, after), (-1, before)))
         self._kinds[symbol] = layout.ACCELERATION, number
 
     def show_after(self, symbol: sympy.Symbol, number: int) -> None:
         """A symbol for a rate just after an impact."""
-        rate = self._shown[self._system.v[number]]
-        assert isinstance(rate, f.Sign)
-        self._shown[symbol] = dataclasses.replace(rate, sup="+")
+        self._shown[symbol] = dataclasses.replace(self.sign(self._system.v[number]), sup="+")
         self._kinds[symbol] = layout.RATE, number
+
+    def sign(self, symbol: sympy.Symbol) -> f.Sign:
+        """The sign of a symbol that has one of its own."""
+        sign = self._shown[symbol]
+        assert isinstance(sign, f.Sign)
+        return sign
 
     def node(self, value: sympy.Expr) -> f.FormulaNode:
         """The formula of an expression."""
@@ -140,8 +137,7 @@ class Signs:
             self._vectors[name] = symbol = sympy.Symbol(f"vector {name}")
             dots = {"r ": 0, "v ": 1, "a ": 2}.get(name[:2])
             if dots is None:
-                shown: f.Sign = paper_names.sign(name, vector=True)
-                shown = self._register.take(shown, name)
+                shown = self._register.take(paper_names.sign(name, vector=True), name)
             else:
                 shown = self.of_particle("r", name[2:], dots)
             self._shown[symbol] = shown
@@ -158,22 +154,14 @@ class Signs:
         """f, gamma or B of a row."""
         return f.Sign(letter, (paper_names.subscript(row), *more))
 
-    def differential(self, number: int) -> f.Sign:
-        """dq of a coordinate."""
-        sign = self._shown[self._system.q[number]]
-        assert isinstance(sign, f.Sign)
-        return f.Sign("d" + sign.base, sign.sub)
-
-    def variation(self, number: int) -> f.Sign:
-        """delta q of a coordinate."""
-        sign = self._shown[self._system.q[number]]
-        assert isinstance(sign, f.Sign)
-        return f.Sign("δ" + sign.base, sign.sub)
+    def with_prefix(self, prefix: str, number: int) -> f.Sign:
+        """d or δ before a coordinate."""
+        sign = self.sign(self._system.q[number])
+        return f.Sign(prefix + sign.base, sign.sub)
 
     def label(self, number: int) -> str:
         """A coordinate as a subscript."""
-        sign = self._shown[self._system.q[number]]
-        assert isinstance(sign, f.Sign)
+        sign = self.sign(self._system.q[number])
         return sign.base + "".join(sign.sub)
 
     def definitions(self) -> list[tuple[f.FormulaNode, f.FormulaNode]]:

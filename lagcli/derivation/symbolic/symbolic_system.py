@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Calculus, Triple
+from lagcli.derivation.symbolic.calculus import Triple
 from lagcli.derivation.symbolic.symbol_table import SymbolTable, view
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
 from lagcli.equations import rigid
@@ -115,8 +115,7 @@ def symbolic(
     rows, constants = _rows(table, bodies)
     potentials = tuple(_potentials(table))
     forces, Q = _forces(table)
-    inertia = _Inertia(table)
-    general = inertia.kinetic()
+    general = _kinetic(table)
     extra = ZERO if model.lagrangian is None else table.evaluated(model.lagrangian)
     through = table.calculus.symbols(general + extra)
     newton = tuple(
@@ -228,57 +227,36 @@ def _short(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
     return shorter(tidy(value), polynomial(value, rates))
 
 
-class _Inertia:
-    """T of the dependent particles: M_ij = sum_k m_k dr_k/dq_i . dr_k/dq_j, with the parts of a moving base."""
+def _kinetic(table: SymbolTable) -> sympy.Expr:
+    """T of the dependent particles, quadratic in the rates, with every coefficient tidied.
 
-    def __init__(self, table: SymbolTable) -> None:
-        self._table = table
-
-    def kinetic(self) -> sympy.Expr:
-        """T, quadratic in the rates, with every coefficient tidied."""
-        table, products = self._table, 0
-        sums: dict[tuple[sympy.Symbol, sympy.Symbol], list[sympy.Expr]] = {}
-        for number in range(len(table.particles)):
-            if not table.is_dependent(number):
-                continue
-            slopes = self.slopes(number)
-            products += len(slopes) ** 2
-            self._require_few(number, products)
-            half = table.mass(number) / 2
-            pairs = list(slopes.items())
-            for i, (x, u) in enumerate(pairs):
-                for y, w in pairs[i:]:
-                    term = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
-                    if term != 0:
-                        sums.setdefault((x, y), []).append(half * term * (1 if x == y else 2))
-        moving = {**table.calculus.moving, TIME: sympy.Integer(1)}
-        total = [tidy(sympy.Add(*terms)) * moving[x] * moving[y] for (x, y), terms in sums.items()]
-        return sympy.Add(*total)
-
-    def slopes(self, number: int) -> dict[sympy.Symbol, Triple]:
-        """dr_k/dq_j and dr_k/dt, those that are not zero."""
-        calculus = self._table.calculus
-        position = self._table.position(number)
-        found: dict[sympy.Symbol, Triple] = {}
+    M_ij = sum_k m_k dr_k/dq_i . dr_k/dq_j, with the parts of a moving base.
+    """
+    calculus, products = table.calculus, 0
+    moving = {**calculus.moving, TIME: sympy.Integer(1)}
+    sums: dict[tuple[sympy.Symbol, sympy.Symbol], list[sympy.Expr]] = {}
+    for number in filter(table.is_dependent, range(len(table.particles))):
+        position = table.position(number)
         present = frozenset().union(*(calculus.symbols(part) for part in position))
-        for x in (*calculus.moving, TIME):
-            if x in present:
-                a, b, c = (calculus.partial(part, x) for part in position)
-                found[x] = (a, b, c)
-        return found
-
-    def _require_few(self, number: int, products: int) -> None:
-        if products <= MAX_PRODUCTS:
-            return
-        particle = next(p for p in self._table.model.particles if p.is_dependent)
-        name = self._table.particles.names[number]
-        message = (
-            "the equations cannot be written out: T of the particles has more than"
-            f" {MAX_PRODUCTS} products of slopes from `{name}` on"
-        )
-        hint = "Cartesian particles with rows have equations of bounded length"
-        found = diagnostics.Diagnostic("too-large-to-derive", message, particle.location, hint)
-        raise diagnostics.ModelError([found])
+        slopes = [(x, [calculus.partial(part, x) for part in position]) for x in moving if x in present]
+        products += len(slopes) ** 2
+        if products > MAX_PRODUCTS:
+            particle = next(p for p in table.model.particles if p.is_dependent)
+            message = (
+                "the equations cannot be written out: T of the particles has more than"
+                f" {MAX_PRODUCTS} products of slopes from `{table.particles.names[number]}` on"
+            )
+            hint = "Cartesian particles with rows have equations of bounded length"
+            found = diagnostics.Diagnostic("too-large-to-derive", message, particle.location, hint)
+            raise diagnostics.ModelError([found])
+        half = table.mass(number) / 2
+        for i, (x, u) in enumerate(slopes):
+            for y, w in slopes[i:]:
+                term = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
+                if term != 0:
+                    sums.setdefault((x, y), []).append(half * term * (1 if x == y else 2))
+    total = [tidy(sympy.Add(*terms)) * moving[x] * moving[y] for (x, y), terms in sums.items()]
+    return sympy.Add(*total)
 
 
 def _lagrange(
@@ -360,17 +338,12 @@ def _at_rest(table: SymbolTable, value: sympy.Expr) -> sympy.Expr:
     """The part of a rate that is left where nothing moves: the term beside dt."""
     calculus = table.calculus
     moving = frozenset(calculus.moving.values())
-    still = {
-        s: ZERO
-        for s in calculus.symbols(value)
-        if s in moving or (s in calculus.known and not calculus.known[s].is_root and _moves(calculus, s))
-    }
+    still = dict.fromkeys(calculus.symbols(value) & moving, ZERO)
+    for symbol in calculus.symbols(value) & calculus.known.keys():
+        known = calculus.known[symbol]
+        if not known.is_root and calculus.symbols(known.inner) & moving:
+            still[symbol] = ZERO
     return value.xreplace(still)
-
-
-def _moves(calculus: Calculus, symbol: sympy.Symbol) -> bool:
-    moving = frozenset(calculus.moving.values())
-    return bool(calculus.symbols(calculus.known[symbol].inner) & moving)
 
 
 def _rigid(
@@ -399,15 +372,10 @@ def _rigid(
         height = None
         if geometry.gamma.size:
             height = constant(f"height {body.name} {names[k]}", float(geometry.gamma[row]))
-            normal = _normal(base)
+            (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
+            normal = b * z - c * y, c * x - a * z, a * y - b * x  # (r_2 - r_1) x (r_3 - r_1)
         for axis in range(3):
             point = sum((w * r[axis] for w, r in zip(weights, base, strict=True)), ZERO)
             if height is not None:
                 point += height * normal[axis]
             yield positions[k][axis] - point
-
-
-def _normal(base: list[Triple]) -> Triple:
-    """(r_2 - r_1) x (r_3 - r_1)."""
-    (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
-    return b * z - c * y, c * x - a * z, a * y - b * x

@@ -59,6 +59,12 @@ def subscript(name: str) -> str:
     return plain + ",".join(indices)
 
 
+def family(name: str) -> str:
+    """The name of a family of a member with indices; empty where there is none."""
+    base = name.partition("[")[0]
+    return base if base != name else ""
+
+
 def sign(name: str, vector: bool = False) -> Sign:
     """The sign of a parameter or coordinate."""
     base, indices = name.partition("[")[0], tuple(_INDEX.findall(name))
