@@ -75,35 +75,22 @@ def fault(location: TableLocation) -> str:
     return f"{location.name} at t = {location.t:.9g}: {location.value:.3g}, the limit is {location.limit:.3g}"
 
 
-def _where(location: TableLocation) -> str:
-    """The location of an entry; one over a window names its times itself."""
-    return location.name if " over t = " in location.name else f"{location.name}, t = {location.t:.6g}"
-
-
 def wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:
     """The table of checks, its headers first."""
     lines: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
     for check in checks:
-        law = f"{check.equation} ({check.law})" if check.law else check.equation
-        worst = check.worst
-        lines.append(
-            (
-                check.name,
-                law,
-                f"{worst.value:.1e}" if worst else "-",
-                f"{worst.limit:.1e}" if worst else "-",
-                _verdict(check),
-                _where(worst) if worst and worst.value else "-",
-            )
-        )
+        law, worst = f"{check.equation} ({check.law})" if check.law else check.equation, check.worst
+        verdict: str = check.verdict
+        if check.verdict == "partly judged" and check.fraction is not None:
+            verdict = f"{max(1, math.floor(100 * check.fraction))} % judged"
+        if worst is None:
+            lines.append((check.name, law, "-", "-", verdict, "-"))
+            continue
+        # An entry over a window names its times itself
+        time = "" if " over t = " in worst.name else f", t = {worst.t:.6g}"
+        where = f"{worst.name}{time}" if worst.value else "-"
+        lines.append((check.name, law, f"{worst.value:.1e}", f"{worst.limit:.1e}", verdict, where))
     return lines
-
-
-def _verdict(check: Check) -> str:
-    """The verdict; of a check that is judged in part how much of it."""
-    if check.verdict != "partly judged" or check.fraction is None:
-        return check.verdict
-    return f"{max(1, math.floor(100 * check.fraction))} % judged"
 
 
 def uniqueness(e: Evidence) -> tuple[str, ...]:

@@ -25,13 +25,20 @@ def rates(e: Evidence) -> list[Check]:
     """The recorded rates against differences of the recorded positions."""
     r = e.record
     q = e.grid.derivative(r.q, SAFETY * e.off_q)
-    limit = q.noise + SAFETY * e.off_v
     size = _grouped(np.abs(r.v).max(axis=0), e)
     truncation = q.truncation + e.grid.roughness(r.q, r.v)
-    judged = e.once(RowSpacing).is_resolved[0] & (truncation <= np.maximum(RESOLVED * size, limit))
-    limit = _sum(limit, truncation)
-    judged = e.once(RowSpacing).unaliased(q.value - r.v, limit, judged)
-    return [judge(RATES, e.names.v, r.t, q.value - r.v, limit, judged)]
+    found = Estimate(q.value - r.v, q.noise + SAFETY * e.off_v, truncation)
+    return _held(e, RATES, e.names.v, found, size, e.once(RowSpacing).is_resolved[0])
+
+
+def _held(
+    e: Evidence, law: CheckedLaw, names: tuple[str, ...], found: Estimate, size: Array, judged: Array
+) -> list[Check]:
+    """Residuals within their bounds, judged where truncation leaves little of a size open or less than noise."""
+    judged = judged & (found.truncation <= np.maximum(RESOLVED * size, found.noise))
+    limit = _sum(found.noise, found.truncation)
+    judged = e.once(RowSpacing).unaliased(found.value, limit, judged)
+    return [judge(law, names, e.record.t, found.value, limit, judged)]
 
 
 def path(e: Evidence) -> list[Check]:
@@ -76,16 +83,10 @@ def _integrated(
     total = e.grid.integral(moving, small)
     span = np.abs(e.record.t - e.record.t[0])[:, None]
     limit = np.concatenate([off[0], off_x]) * (1 + np.arange(rows) / SAFETY)[:, None] + small * span
-    limit = limit + total.noise
-    residual = whole - whole[0] - total.value
     size = np.maximum(np.abs(whole - whole[0]).max(axis=0), np.abs(total.value).max(axis=0))
-    judged = (
-        (total.truncation <= np.maximum(RESOLVED * size, limit)) & e.once(RowSpacing).is_slow & (rows > 2)
-    )
-    judged &= e.is_seen
-    limit = _sum(limit, total.truncation)
-    judged = e.once(RowSpacing).unaliased(residual, limit, judged)
-    return [judge(law, (*names[0], *names[1]), e.record.t, residual, limit, judged)]
+    found = Estimate(whole - whole[0] - total.value, limit + total.noise, total.truncation)
+    judged = e.is_seen & (e.once(RowSpacing).is_slow and rows > 2)
+    return _held(e, law, (*names[0], *names[1]), found, size, judged)
 
 
 def _sum(limit: Array, truncation: Array) -> Array:
@@ -102,22 +103,18 @@ def _grouped(size: Array, e: Evidence) -> Array:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ForceBalance:
-    """m a - F on coordinates (T, n) and on dependent particles (T, 3 Nd), with limits and what can be judged."""
+    """m a - F on coordinates and then on dependent particles, (T, n + 3 Nd), with limits and what can be judged."""
 
     inertia: Array
     limit: Array
     judged: Array
-    inertia_x: Array
-    limit_x: Array
-    judged_x: Array
 
 
 def force_balance(e: Evidence) -> ForceBalance:
     """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
-    r, values, index = e.record, e.values, e.laws.index
-    rows, own = len(r.t), index.first_generalized
-    noise = e.particle_noise
-    a, rate = e.acceleration, e.momentum_rate[0]
+    r, values, index, m_x = e.record, e.values, e.laws.index, e.masses_x
+    rows, own, noise = len(r.t), index.first_generalized, e.particle_noise
+    a, (rate, rate_x) = e.acceleration, e.momentum_rate
     force = e.laws.forces_on_coordinates(values)
     inertia = e.masses * a.value + rate.value - force
     limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")
@@ -126,13 +123,17 @@ def force_balance(e: Evidence) -> ForceBalance:
     truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
     truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
     size = np.maximum(np.abs(e.masses * a.value), np.abs(force))
-    inertia_x, limit_x, truncation_x, size_x = _of_dependent(e, noise)
+    a_x = e.grid.derivative(r.u, SAFETY * e.off_x + e.noise("u"))
+    force_x = e.particle_forces[:, index.dependent].reshape(r.u.shape)
+    inertia_x = m_x * a_x.value - force_x
+    limit_x = m_x * a_x.noise + noise[:, index.dependent].reshape(r.u.shape)
+    truncation_x = m_x * a_x.truncation + e.grid.roughness(m_x * r.u, force_x + r.R_x)
+    size_x = np.maximum(np.abs(m_x * a_x.value), np.abs(force_x))
     if r.x.size:
-        inner = inertia_x - (values.L_x - e.momentum_rate[1].value)
+        inner = inertia_x - (values.L_x - rate_x.value)
         inertia = inertia + e.pushed(inner)
-        limit = limit + e.pushed_limit(limit_x + e.noise("L_x") + e.momentum_rate[1].noise)
-        moved = e.laws.pushed(r.t, *e.moved, inner)
-        limit = limit + e.spread(e.pushed(inner), moved)
+        limit = limit + e.pushed_limit(limit_x + e.noise("L_x") + rate_x.noise)
+        limit = limit + e.spread(e.pushed(inner), e.laws.pushed(r.t, *e.moved, inner))
         pushed = e.pushed_limit(truncation_x)
         pushed[~np.isfinite(truncation_x).all(axis=1)] = np.inf
         truncation = truncation + pushed
@@ -145,46 +146,29 @@ def force_balance(e: Evidence) -> ForceBalance:
     top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
     limit_x = limit_x + e.tolerance.atol + e.recorded(r.R_x) + e.force_rounding.x
     judged_x = slow_x & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
-    return ForceBalance(
-        inertia, _sum(limit, truncation), judged, inertia_x, _sum(limit_x, truncation_x), judged_x
-    )
-
-
-def _of_dependent(e: Evidence, noise: Array) -> tuple[Array, Array, Array, Array]:
-    """m a - F of the dependent particles with limit, truncation and size, (T, 3 Nd) each."""
-    dependent = e.laws.index.dependent
-    if not dependent.size:
-        nothing = np.zeros(e.record.x.shape)
-        return nothing, nothing, nothing, nothing
-    a: Estimate = e.acceleration_x
-    force = e.particle_forces[:, dependent].reshape(a.value.shape)
-    limit = e.masses_x * a.noise + noise[:, dependent].reshape(a.value.shape)
-    size = np.maximum(np.abs(e.masses_x * a.value), np.abs(force))
-    rough = e.grid.roughness(e.masses_x * e.record.u, force + e.record.R_x)
-    return e.masses_x * a.value - force, limit, e.masses_x * a.truncation + rough, size
+    limits = _sum(limit, truncation), _sum(limit_x, truncation_x)
+    both = (inertia, inertia_x), limits, (judged, judged_x)
+    return ForceBalance(*(np.concatenate(parts, axis=1) for parts in both))
 
 
 def newton(e: Evidence) -> list[Check]:
     """m a = F + R of every coordinate and of every dependent particle."""
     b, r = e.once(force_balance), e.record
-    residual = np.concatenate([b.inertia - r.R_q, b.inertia_x - r.R_x], axis=1)
-    limit = np.concatenate([b.limit, b.limit_x], axis=1)
-    names = (*e.names.R_q, *e.names.R_x)
-    judged = e.once(RowSpacing).unaliased(residual, limit, np.concatenate([b.judged, b.judged_x], axis=1))
-    return [judge(NEWTON, names, r.t, residual, limit, judged)]
+    residual = b.inertia - np.concatenate([r.R_q, r.R_x], axis=1)
+    judged = e.once(RowSpacing).unaliased(residual, b.limit, b.judged)
+    return [judge(NEWTON, (*e.names.R_q, *e.names.R_x), r.t, residual, b.limit, judged)]
 
 
 def dalembert(e: Evidence) -> list[Check]:
     """The part of m a - F along virtual displacements."""
-    b, d, rows = e.once(force_balance), e.displacements, e.looked_at
-    w = b.inertia[rows]
-    limit = np.sqrt((b.limit[rows] ** 2).sum(axis=1))[:, None]
+    b, d, rows, n = e.once(force_balance), e.displacements, e.looked_at, e.laws.index.n
+    w = b.inertia[rows, :n]
+    limit = np.sqrt((b.limit[rows, :n] ** 2).sum(axis=1))[:, None]
     limit = limit + 1e-14 * d.condition[:, None] * np.linalg.norm(w, axis=1)[:, None]
-    judged = (b.judged[rows].all(axis=1) & ~d.is_singular)[:, None]
+    judged = (b.judged[rows, :n].all(axis=1) & ~d.is_singular)[:, None]
     found = d.virtual(w)
-    judged = np.broadcast_to(judged, found.shape) & ~(
-        e.once(RowSpacing).is_fast[rows].any() & (np.abs(found) > limit)
-    )
+    if e.once(RowSpacing).is_fast[rows].any():
+        judged = judged & ~(np.abs(found) > limit)
     return [judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)]
 
 
@@ -198,13 +182,6 @@ class Energies:
     work: Estimate
     limit: Array
     judged: Array
-
-
-def _is_driven(values: LawValues) -> bool:
-    """True if the `lagrangian` holds particles that time itself moves: how it changes with them at rest is not known
-    here, and what they bring to the energy is not known."""
-    through = (np.abs(slope).max(initial=0.0) > 0 for slope in (values.L_x, values.L_u))
-    return bool(np.abs(values.x_t).max(initial=0.0) > 0 and any(through))
 
 
 def energies(e: Evidence) -> Energies:
@@ -229,22 +206,22 @@ def energies(e: Evidence) -> Energies:
     work = e.grid.integral(power, np.array([small, small, np.inf]))
     # Each step of a run may be off by the tolerance, and no more is known of their number than the rows.
     noise = e.spread(E[:, None], E_moved[:, None])[:, 0]
-    # Where a force jumps, a run may be off by more than its estimate of a smooth step.
-    noise = noise.max(initial=0.0) * (1 + np.arange(rows) / SAFETY + np.cumsum(_is_rough(e)))
+    # Where stencils do not come closer together, as at a kink or a jump of a force, a run may be off by more than its
+    # estimate of a smooth step.
+    force, is_slow = e.total_force, e.once(RowSpacing).is_slow
+    small_force = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
+    is_rough = ~e.grid.resolved(force, small_force).all(axis=1) & is_slow
+    noise = noise.max(initial=0.0) * (1 + np.arange(rows) / SAFETY + np.cumsum(is_rough))
     rounding = SAFETY * e.tolerance.rtol * work.value[:, 2] + e.tolerance.atol
     largest = max(float(np.ptp(E)), float(np.ptp(values.V)), float(work.value[-1, 2]))
     truncation = work.truncation[:, 0]
-    judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & e.once(RowSpacing).is_slow & (rows > 2)
-    judged &= e.is_seen[:, 0] & (not _is_driven(values))
+    # How a `lagrangian` changes with particles that time itself moves, at rest, is not known here
+    through = any(np.abs(slope).max(initial=0.0) > 0 for slope in (values.L_x, values.L_u))
+    is_driven = bool(np.abs(values.x_t).max(initial=0.0) > 0 and through)
+    judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & is_slow & (rows > 2)
+    judged &= e.is_seen[:, 0] & (not is_driven)
     limit = _sum(noise + rounding, truncation)
     return Energies(E, E_moved, work, limit, judged)
-
-
-def _is_rough(e: Evidence) -> Array:
-    """Rows (T,) around which the forces have a kink or a jump: stencils do not come closer together."""
-    force = e.total_force
-    small = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
-    return np.asarray(~e.grid.resolved(force, small).all(axis=1)) & bool(e.once(RowSpacing).is_slow)
 
 
 def energy(e: Evidence) -> list[Check]:

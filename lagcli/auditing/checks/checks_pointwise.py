@@ -129,18 +129,13 @@ def carried(e: Evidence) -> list[Check]:
     carriers = e.pushed(r.R_x - values.L_x + rate_x.value)[:, own:]
     found = carriers - acting - r.R_q[:, own:]
     moved = e.laws.pushed(r.t, *e.moved, r.R_x)
-    limit = e.spread(e.pushed(r.R_x), moved)[:, own:] + e.pushed_limit(_reaction_noise(e))[:, own:]
+    # R of dependent particles is known to its rounding, and as F is
+    size, noise = np.abs(r.R_x), e.particle_noise[:, e.laws.index.dependent].reshape(r.R_x.shape)
+    noise = e.recorded(size + size.max(axis=0, initial=0.0)) + noise
+    limit = e.spread(e.pushed(r.R_x), moved)[:, own:] + e.pushed_limit(noise)[:, own:]
     limit += (e.noise("V_q") + e.noise("Q") + e.noise("L_q") + rate.noise)[:, own:] + e.tolerance.atol
     truncation = rate.truncation[:, own:] + np.abs(e.pushed_limit(rate_x.truncation))[:, own:]
     limit += np.abs(e.pushed_limit(e.noise("L_x") + rate_x.noise))[:, own:]
     judged = truncation <= np.maximum(1e-3 * np.abs(acting).max(axis=0), limit)
     limit = limit + np.where(np.isfinite(truncation), truncation, 0.0)
     return [judge(CARRIED, e.names.q[own:], r.t, found, limit, judged)]
-
-
-def _reaction_noise(e: Evidence) -> Array:
-    """The noise of R of dependent particles, (T, 3 Nd): by rounding, and as F is."""
-    index = e.laws.index
-    size = np.abs(e.record.R_x)
-    noise = e.particle_noise[:, index.dependent].reshape(size.shape)
-    return np.asarray(e.recorded(size + size.max(axis=0, initial=0.0)) + noise)

@@ -167,9 +167,11 @@ class Evidence:
 
     def spread(self, one: Array, moved: Array) -> Array:
         """The noise of any quantity from its values at the states and at the moved ones."""
-        change = np.abs(one - moved)
-        flat = change.reshape(len(change), int(np.prod(change.shape[1:])))
-        usual = _usual(flat)
+        flat = np.abs(one - moved).reshape(len(one), int(np.prod(one.shape[1:])))
+        usual = np.zeros(flat.shape[1])
+        if flat.size:  # nine in ten entries of each column are below: a pole at some rows is not the usual
+            known, index = np.where(np.isfinite(flat), flat, 0.0), min(len(flat) - 1, int(0.9 * len(flat)))
+            usual = np.partition(known, index, axis=0)[index]
         found = np.maximum(widest(np.nan_to_num(flat)), usual)
         size = np.nan_to_num(np.abs(one).reshape(flat.shape))
         return np.asarray((SAFETY * found + FORCE_ROUNDOFF * size).reshape(one.shape))
@@ -178,11 +180,6 @@ class Evidence:
     def acceleration(self) -> Estimate:
         """d/dt of the recorded rates, (T, n)."""
         return self.grid.derivative(self.record.v, SAFETY * self.off_v)
-
-    @functools.cached_property
-    def acceleration_x(self) -> Estimate:
-        """d/dt of the recorded velocities of dependent particles, (T, 3 Nd)."""
-        return self.grid.derivative(self.record.u, SAFETY * self.off_x + self.noise("u"))
 
     @functools.cached_property
     def momentum_rate(self) -> tuple[Estimate, Estimate]:
@@ -284,12 +281,3 @@ class Evidence:
             np.abs(self.pushed(finite * self._random.choice((-1.0, 1.0), size=limit.shape))) for _ in range(3)
         ]
         return np.asarray(2 * widest(np.maximum.reduce(draws)))
-
-
-def _usual(flat: Array) -> Array:
-    """The bound that nine in ten entries of each column are below: a pole at some rows is not the usual."""
-    if not flat.size:
-        return np.zeros(flat.shape[1])
-    known = np.where(np.isfinite(flat), flat, 0.0)
-    index = min(len(known) - 1, int(0.9 * len(known)))
-    return np.asarray(np.partition(known, index, axis=0)[index])
