@@ -7,7 +7,7 @@ between two stretches is judged by the incidents.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from lagcli.auditing.checks import checks_contact, checks_flight, checks_motion,
 from lagcli.auditing.checks.audit_report import FAR_APART, Check, merged
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
-from lagcli.auditing.evidence.table_input import Incidents
 from lagcli.auditing.evidence.tolerances import Evidence
 
 MOST = 60  # stretches, the longest ones, that are examined by differences
@@ -39,15 +38,24 @@ class OneSidedParts:
         self._closed = states.is_closed
         t, incidents = e.record.t, e.run.incidents if e.run else None
         self._has_incidents = incidents is not None
-        if incidents is not None:
-            self._cut = _holds_incident(t, incidents)
-        else:
+        if incidents is None:
             self._cut = checks_contact.may_hold_impact(t, states)
+        else:  # the steps with t_k < t <= t_k+1 for an incident that changes forces or velocities
+            times = incidents.t[incidents.cuts]
+            before = np.concatenate([t[1:-1] == t[2:], [False]])[
+                : len(t) - 1
+            ]  # of rows at one time the first
+            up_to = np.searchsorted(times, t[1:], "right")
+            up_to = np.where(before, np.searchsorted(times, t[1:], "left"), up_to)
+            self._cut = up_to > np.searchsorted(times, t[:-1], "right")
         # Between the two rows of an instant there is no step.
         is_step = np.diff(t) > 0
         self._steps, self._cut_steps = int(is_step.sum()), int((self._cut & is_step).sum())
-        stretches = [k for k in _split(t, self._closed, self._cut) if len(k) >= checks_flight.FEWEST_ROWS]
-        longest = sorted(stretches, key=len, reverse=True)[:MOST]
+        # Stretches of rows between cuts, with one set of closed contacts
+        ends = self._cut | ~is_step | (self._closed[1:] != self._closed[:-1]).any(axis=1)
+        stretches = np.split(np.arange(len(t)), np.flatnonzero(ends) + 1)
+        long = [k for k in stretches if len(k) >= checks_flight.FEWEST_ROWS]
+        longest = sorted(long, key=len, reverse=True)[:MOST]
         self._looked_at = sorted(longest, key=lambda k: int(k[0]))
         self.sentences: tuple[str, ...] = ()
         self.virtual_work = 0.0
@@ -74,8 +82,15 @@ class OneSidedParts:
         """Checks of rows by themselves, by the set of contacts that are closed at them."""
         self.are_reported = True
         parts: list[tuple[int, list[Check]]] = []
-        modes = sorted(_modes(self._closed), key=lambda mode: -len(mode[1]))
-        for number, (closed, rows) in enumerate(modes[:MOST_MODES]):
+        # The sets of closed contacts that occur, each with its rows
+        every = np.arange(len(self._closed))
+        modes = [(self._closed[0], every)] if len(every) and not self._closed.shape[1] else []
+        if self._closed.shape[1]:
+            kinds, which = np.unique(self._closed, axis=0, return_inverse=True)
+            modes = [(kind, every[which.ravel() == number]) for number, kind in enumerate(kinds)]
+        modes.sort(key=lambda mode: -len(mode[1]))
+        for number, (is_closed, rows) in enumerate(modes[:MOST_MODES]):
+            closed = np.flatnonzero(is_closed).tolist()
             own = self._evidence(rows, closed)
             parts.append((len(rows), [found for findings in checks for found in findings(own)]))
             self.virtual_work = max(self.virtual_work, own.virtual_work)
@@ -116,33 +131,6 @@ class OneSidedParts:
         part = e.record.part(rows)
         part = dataclasses.replace(part, lam=part.lam[:, [index[name] for name in laws.rows]])
         return Evidence(laws, part, e.tolerance, e.record)
-
-
-def _modes(closed: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
-    """The sets of closed contacts that occur, each with its rows."""
-    if not closed.shape[1]:
-        yield (), np.arange(len(closed))
-        return
-    kinds, which = np.unique(closed, axis=0, return_inverse=True)
-    for number, kind in enumerate(kinds):
-        yield tuple(np.flatnonzero(kind).tolist()), np.flatnonzero(which.ravel() == number)
-
-
-def _holds_incident(t: Array, incidents: Incidents) -> Array:
-    """True for the steps (T - 1,) with t_k < t <= t_k+1 for an incident that changes forces or velocities."""
-    times = incidents.t[incidents.cuts]
-    up_to = np.searchsorted(times, t[1:], "right")
-    before = np.concatenate([t[1:-1] == t[2:], [False]])[: len(up_to)]  # of rows at one time the first
-    up_to = np.where(before, np.searchsorted(times, t[1:], "left"), up_to)
-    return np.asarray(up_to > np.searchsorted(times, t[:-1], "right"))
-
-
-def _split(t: Array, closed: Array, cut: Array) -> list[Array]:
-    """The stretches: rows between cuts (T - 1,), with one set of closed contacts."""
-    if not len(t):
-        return []
-    ends = cut | (np.diff(t) == 0) | (closed[1:] != closed[:-1]).any(axis=1)
-    return np.split(np.arange(len(t)), np.flatnonzero(ends) + 1)
 
 
 def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:

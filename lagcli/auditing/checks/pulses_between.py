@@ -9,6 +9,7 @@ from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
 POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
+PARTS = np.arange(POINTS + 2) / (POINTS + 1)  # of a step, both ends among them
 BENDS, ROUNDED = 2.0, 1e-12  # times the bend that rows show, and a part of the size: what is above is hidden
 FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass it on
 
@@ -34,16 +35,24 @@ def _drives(e: Evidence, steps: Array) -> Array:
     """The pushes (K,) by which t alone changes momenta within steps (K,), in rows, dependent particles and inertia,
     beyond what the rows around show; 0 where t occurs in none of them."""
     r = e.record
-    s = np.arange(POINTS + 2) / (POINTS + 1)
     first, last = r.t[steps], r.t[steps + 1]
-    inside = first[:, None] + s * (last - first)[:, None]
+    inside = first[:, None] + PARTS * (last - first)[:, None]
     around = r.t[np.clip(steps[:, None] + np.arange(-1, 3), 0, len(r.t) - 1)]
     fine, coarse = _momenta(e, steps, inside), _momenta(e, steps, around)
-    straight = fine[:, :1] + s[None, :, None] * (fine[:, -1:] - fine[:, :1])
-    apart = np.linalg.norm(fine - straight, axis=2).max(axis=1)
-    bends = np.linalg.norm(np.diff(coarse, 2, axis=1), axis=2).max(axis=1)
+    apart, bends = _bulge(fine), np.linalg.norm(np.diff(coarse, 2, axis=1), axis=2).max(axis=1)
     rounding = ROUNDED * np.linalg.norm(fine, axis=2).max(axis=1)
     return np.where(apart > BENDS * bends + rounding, FORWARD * apart / (last - first), 0.0)
+
+
+def _bulge(y: Array) -> Array:
+    """The largest distances of values (K, S, k) within steps from the straight line between those at the ends, (K,)."""
+    straight = y[:, :1] + PARTS[None, :, None] * (y[:, -1:] - y[:, :1])
+    return np.asarray(np.linalg.norm(y - straight, axis=2).max(axis=1))
+
+
+def _root(masses: Array) -> Array:
+    """The roots of masses, 1 where there is none."""
+    return np.sqrt(np.where(masses > 0, masses, 1.0))
 
 
 def _impulses(e: Evidence, steps: Array) -> Array:
@@ -51,11 +60,10 @@ def _impulses(e: Evidence, steps: Array) -> Array:
 
     With t, positions and velocities on the straight line between those of the rows.
     """
-    r, laws, many = e.record, e.laws, POINTS + 2
-    s = np.arange(many) / (POINTS + 1)
-    t, q, v = (_between(y, steps, s) for y in (r.t, r.q, r.v))
+    r, laws = e.record, e.laws
+    t, q, v = (_between(y, steps) for y in (r.t, r.q, r.v))
     # Rows are states after what jumps at their times.
-    w = laws.values(t + 2 * e.clock, q, v, np.zeros((len(t), laws.C))).w.reshape(len(steps), many, -1)
+    w = laws.values(t + 2 * e.clock, q, v, np.zeros((len(t), laws.C))).w.reshape(len(steps), POINTS + 2, -1)
     changes = np.abs(np.diff(w, axis=1))
     largest = changes.max(axis=1, initial=0.0)
     is_sudden = largest > BENDS * np.median(changes, axis=1)
@@ -63,16 +71,15 @@ def _impulses(e: Evidence, steps: Array) -> Array:
         return np.zeros(len(steps))
     B = laws.matrix(r.t[steps], r.q[steps], r.v[steps])
     jumps = np.where(is_sudden & (largest > SAFETY * np.abs(B) @ e.off_v), largest, 0.0)
-    roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0))
-    lengths = np.linalg.norm(B / roots, axis=2)
+    lengths = np.linalg.norm(B / _root(e.masses), axis=2)
     struck = np.where(lengths > 0, jumps / np.where(lengths > 0, lengths, 1.0), 0.0)
     return np.asarray(FORWARD * struck.sum(axis=1) / (r.t[steps + 1] - r.t[steps]))
 
 
-def _between(y: Array, steps: Array, s: Array) -> Array:
-    """Values (K S, ...) at the parts s (S,) of the straight lines between rows of steps (K,)."""
+def _between(y: Array, steps: Array) -> Array:
+    """Values (K S, ...) at the parts of the straight lines between rows of steps (K,)."""
     first, last = y[steps][:, None], y[steps + 1][:, None]
-    wide = s.reshape((1, -1) + (1,) * (y.ndim - 1))
+    wide = PARTS.reshape((1, -1) + (1,) * (y.ndim - 1))
     return np.asarray((first + wide * (last - first)).reshape((-1, *y.shape[1:])))
 
 
@@ -83,8 +90,7 @@ def _momenta(e: Evidence, steps: Array, t: Array) -> Array:
     q, v = (np.repeat(y[steps], many, axis=0) for y in (r.q, r.v))
     found = e.laws.values(t.ravel(), q, v, np.zeros((t.size, e.laws.C)))
     heaviest = np.sqrt(max(e.masses.max(initial=0.0), e.masses_x.max(initial=0.0)) or 1.0)
-    roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0))
-    parts = [found.L_v / roots, found.x_t * np.sqrt(e.masses_x), found.b * heaviest]
+    parts = [found.L_v / _root(e.masses), found.x_t * np.sqrt(e.masses_x), found.b * heaviest]
     return np.concatenate(parts, axis=1).reshape(len(steps), many, -1)
 
 
@@ -94,14 +100,8 @@ def _pushes(e: Evidence, steps: Array) -> Array:
     At states on the straight line between those of the rows.
     """
     r, laws = e.record, e.laws
-    s = np.arange(POINTS + 2) / (POINTS + 1)
-    t, q, v = (_between(y, steps, s) for y in (r.t, r.q, r.v))
+    t, q, v = (_between(y, steps) for y in (r.t, r.q, r.v))
     values = laws.values(t, q, v, np.zeros((len(t), laws.C)))
-    force = laws.forces_on_coordinates(values)
     force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(len(t), -1)
-    roots = np.sqrt(np.where(e.masses > 0, e.masses, 1.0)), np.sqrt(np.where(e.masses_x > 0, e.masses_x, 1.0))
-    pushes = np.concatenate([force / roots[0], force_x / roots[1]], axis=1).reshape(
-        len(steps), POINTS + 2, -1
-    )
-    straight = pushes[:, :1] + s[None, :, None] * (pushes[:, -1:] - pushes[:, :1])
-    return np.asarray(FORWARD * np.linalg.norm(pushes - straight, axis=2).max(axis=1))
+    force = laws.forces_on_coordinates(values) / _root(e.masses), force_x / _root(e.masses_x)
+    return FORWARD * _bulge(np.concatenate(force, axis=1).reshape(len(steps), POINTS + 2, -1))

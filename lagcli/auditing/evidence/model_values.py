@@ -76,7 +76,18 @@ class ModelOnTable:
         self._batch: Integers = np.full(len(index.particles), -1, dtype=np.int64)
         self._row: Integers = np.zeros(len(index.particles), dtype=np.int64)
         self._values: dict[str, Value] = {}
-        self._fill()
+        # Definitions and positions in an order in which each finds what it uses, without recursion
+        for number, step in enumerate(index.model.order):
+            if isinstance(step, str):
+                self.definition(step)
+                continue
+            particle = index.model.particles[step.entry]
+            if self._free or not particle.is_dependent:
+                continue
+            numbers = step.member_numbers + index.particles.first(step.entry)
+            algebra = self.algebra(particle.members.taken(step.member_numbers))
+            self._positions[number] = (self.vector(particle.position, algebra), numbers)
+            self._batch[numbers], self._row[numbers] = number, np.arange(numbers.size)
 
     @property
     def data(self) -> Directions:
@@ -140,20 +151,6 @@ class ModelOnTable:
         """The numbers of a scalar, (T, count)."""
         return np.broadcast_to(value(x), (self.rows, count))
 
-    def _fill(self) -> None:
-        """Definitions and positions in an order in which each finds what it uses, without recursion."""
-        for number, step in enumerate(self.index.model.order):
-            if isinstance(step, str):
-                self.definition(step)
-                continue
-            particle = self.index.model.particles[step.entry]
-            if self._free or not particle.is_dependent:
-                continue
-            numbers = step.member_numbers + self.index.particles.first(step.entry)
-            algebra = self.algebra(particle.members.taken(step.member_numbers))
-            self._positions[number] = (self.vector(particle.position, algebra), numbers)
-            self._batch[numbers], self._row[numbers] = number, np.arange(numbers.size)
-
     def _vector(self, numbers: Integers, rates: bool) -> Triple:
         index = self.index
         dependent = index.is_dependent[numbers]
@@ -180,22 +177,20 @@ class ModelOnTable:
     def _evaluated(self, batch: int, numbers: Integers, rates: bool) -> Triple:
         triple, members = self._positions[batch]
         rows = self._row[numbers]
-        found = []
-        for part in triple:
-            scalar = self.graph.rate(part) if rates else part
-            same = rows.size == members.size and bool((rows == np.arange(rows.size)).all())
-            found.append(scalar if same else self._taken(scalar, rows))
-        return found[0], found[1], found[2]
+        is_whole = rows.size == members.size and bool((rows == np.arange(rows.size)).all())
 
-    def _taken(self, x: Scalar, rows: Integers) -> Scalar:
-        numbers = value(x)
-        if numbers.ndim < 2 or numbers.shape[1] == 1:
-            return x
-        return (
-            self.graph.node(numbers[:, rows], (Edge(x, 1.0, rows),))
-            if isinstance(x, GraphNode)
-            else numbers[:, rows]
-        )
+        def taken(part: Scalar) -> Scalar:
+            scalar = self.graph.rate(part) if rates else part
+            numbers = value(scalar)
+            if is_whole or numbers.ndim < 2 or numbers.shape[1] == 1:
+                return scalar
+            some = numbers[:, rows]
+            return (
+                self.graph.node(some, (Edge(scalar, 1.0, rows),)) if isinstance(scalar, GraphNode) else some
+            )
+
+        x, y, z = map(taken, triple)
+        return x, y, z
 
     def _joined(self, parts: list[tuple[Scalar, Integers]], count: int) -> Scalar:
         """Scalars of several groups of members put together in the order asked for."""

@@ -109,19 +109,14 @@ class RowSpacing:
             # Nothing swings that fast, and what is at rest under a force is no motion.
             coarse &= self._swing.max(axis=0) > LAZY
         found[:own] = np.repeat(coarse, 3)
-        found[own:] = self._turns
+        # Rows, forces or momenta that turn too far with generalized coordinates from a row to the next, all along: an
+        # error of a row lets few steps look so
+        if own < index.n:
+            part = SAFETY * self._e.tolerance.rtol + FORCE_ROUNDOFF
+            fast = turning.steps(self._e.laws, r, part, self._e.tolerance.atol).sum(axis=0)
+            rows = len(r.t)
+            found[own:] = (fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any()
         return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
-
-    @functools.cached_property
-    def _turns(self) -> bool:
-        """True if rows, forces or momenta turn too far with generalized coordinates from a row to the next, all along:
-        an error of a row lets few steps look so."""
-        if self._e.laws.index.first_generalized == self._e.laws.index.n:
-            return False
-        part = SAFETY * self._e.tolerance.rtol + FORCE_ROUNDOFF
-        fast = turning.steps(self._e.laws, self._e.record, part, self._e.tolerance.atol).sum(axis=0)
-        rows = len(self._e.record.t)
-        return bool((fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any())
 
 
 def _coarse(v: Array, a: Array, step: float, size: float) -> Array:

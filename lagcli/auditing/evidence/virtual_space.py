@@ -55,7 +55,8 @@ class VirtualSpace:
         smallest = self.sigma[:, self.usual - 1] if self.usual else np.ones(M)
         largest = top[:, 0] if self.usual else np.ones(M)
         self.is_singular = (smallest < NEAR * largest) | self._has_none
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._inverse = np.where(self._independent, 1 / self.sigma, 0.0)
             self.condition = largest / smallest
         shares = np.where(self._independent[:, None, :], self._left**2, 0.0).sum(axis=2)
         self.is_unique = (shares > 1 - 1e-6) & (self.lengths > 0)
@@ -72,8 +73,8 @@ class VirtualSpace:
 
     def step(self, f: Array) -> Array:
         """The shortest dq (M, n) with B dq = f (M, C)."""
+        inverse = self._inverse
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(self._independent, 1 / self.sigma, 0.0)
             scaled = np.where(self.lengths > 0, f / self.lengths, 0.0)
         return np.asarray(
             np.einsum("mkn,mk->mn", self._across, inverse * np.einsum("mck,mc->mk", self._left, scaled))
@@ -88,8 +89,8 @@ class VirtualSpace:
 
     def multipliers(self, R: Array, limit: Array) -> tuple[Array, Array]:
         """lambda (M, C) whose forces come nearest to R (M, n), and how far they may be off where R is by `limit`."""
+        inverse = self._inverse
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(self._independent, 1 / self.sigma, 0.0)
             along = inverse * np.einsum("mkn,mn->mk", self._across, R)
             found = np.einsum("mck,mk->mc", self._left, along) / self.lengths
             spread = np.sqrt(np.einsum("mck,mk->mc", self._left**2, inverse**2)) / self.lengths
