@@ -76,21 +76,21 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     is_smooth = not (model.inequality or model.events)
     incidents = None if table.events is None else table_input.incidents(laws, table.events)
     known = set(table_input.wanted(laws, table.columns))
-    found = table_input.read(laws, table.columns, table.rows, repeats=not is_smooth)
+    record = table_input.read(laws, table.columns, table.rows, repeats=not is_smooth)
     if incidents is not None:
-        incidents = table_input.at_rows(incidents, found)
-    checks = [_numbers(laws, found)]
+        incidents = table_input.at_rows(incidents, record)
+    checks = [_numbers(laws, record)]
     judged, written = _Judged([], (), (), ()), [written_digits.ALL, written_digits.ALL]
     short = written
 
     def judge_by(of_table: Tolerance, of_incidents: Tolerance) -> _Judged:
         with np.errstate(all="ignore"):
-            return _judged(Evidence(laws, found, of_table, run=WholeRun(table, incidents, of_incidents)))
+            return _judged(Evidence(laws, record, of_table, run=WholeRun(table, incidents, of_incidents)))
 
     if checks[0].verdict != "fail":
         judged = judge_by(tolerance, tolerance)
         if judged.fails:  # a table and that of its incidents are two files
-            short = [_digits(table.columns, table.rows, found.t)]
+            short = [_digits(table.columns, table.rows, record.t)]
             short += [
                 written_digits.ALL
                 if table.events is None
@@ -106,14 +106,14 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     return Audit(
         title=model.title,
         path=model.path,
-        rows=len(found.t),
-        start=float(found.t[0]),
-        end=float(found.t[-1]),
+        rows=len(record.t),
+        start=float(record.t[0]),
+        end=float(record.t[-1]),
         rtol=tolerance.rtol,
         atol=tolerance.atol,
         checks=(*checks, *judged.checks),
         sentences=judged.sentences,
-        notes=(*notes, *judged.notes, *_elsewhere(model, found, tolerance)),
+        notes=(*notes, *judged.notes, *_elsewhere(model, record, tolerance)),
         figures=judged.figures,
         written=written[0] if written[0].is_short else None,
         written_events=written[1] if written[1].is_short else None,
@@ -205,23 +205,23 @@ def _judged(e: Evidence) -> _Judged:
     return _Judged(checks, parts.sentences, figures, parts.notes)
 
 
-def _numbers(laws: ModelLaws, found: Record) -> Check:
+def _numbers(laws: ModelLaws, record: Record) -> Check:
     """Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others."""
     names = table_input.names(laws)
     # Positions, velocities and reactions, then multipliers
-    parts = [(getattr(names, part), getattr(found, part)) for part in ("q", "v", "x", "u", "R_q", "R_x")]
-    parts.append((names.lam, np.where(np.isinf(found.lam), np.nan, 0.0)))
+    parts = [(getattr(names, part), getattr(record, part)) for part in ("q", "v", "x", "u", "R_q", "R_x")]
+    parts.append((names.lam, np.where(np.isinf(record.lam), np.nan, 0.0)))
     entries = np.concatenate([values for _, values in parts], axis=1)
     residual = np.where(np.isfinite(entries), 0.0, np.nan)
-    return judge(NUMBERS, [name for part, _ in parts for name in part], found.t, residual, np.ones((1, 1)))
+    return judge(NUMBERS, [name for part, _ in parts for name in part], record.t, residual, np.ones((1, 1)))
 
 
-def _elsewhere(model: nouns.Model, found: Record, tolerance: Tolerance) -> list[str]:
+def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list[str]:
     """A table that begins at another position than the model says is that of another run, or of another model."""
     t, q, v = model_values.start(model)
-    if found.t[0] != t or model.simulation.assemble:
+    if record.t[0] != t or model.simulation.assemble:
         return []
-    apart = np.abs(np.concatenate([found.q[0] - q, found.v[0] - v]))
+    apart = np.abs(np.concatenate([record.q[0] - q, record.v[0] - v]))
     size = np.abs(np.concatenate([q, v])).max(initial=0.0)
     if not (apart > 1e3 * tolerance.rtol * size + 1e3 * tolerance.atol).any():
         return []

@@ -24,7 +24,7 @@ class AuditLines(NamedTuple):
     sentences: list[str]
 
 
-def of(found: Audit) -> AuditLines:
+def of(audit: Audit) -> AuditLines:
     """All lines of an audit."""
     failures = [
         (
@@ -32,19 +32,19 @@ def of(found: Audit) -> AuditLines:
             [fault(location) for location in check.failing[:MOST_FAULTS_LISTED]],
             max(0, check.failures - MOST_FAULTS_LISTED),
         )
-        for check in found.checks
+        for check in audit.checks
         if check.verdict == "fail"
     ]
-    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in found.sentences]
-    if found.figures:
-        sentences.append(work(dict(found.figures)))
-    if found.unread:
-        sentences.append(unread(found.unread))
-    if found.written is not None:
-        sentences.append(found.written.sentence())
-    if found.written_events is not None:
-        sentences.append(found.written_events.sentence("table of events"))
-    return AuditLines(wide_rows(found.checks), failures, [*sentences, found.conclusion])
+    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in audit.sentences]
+    if audit.figures:
+        sentences.append(work(dict(audit.figures)))
+    if audit.unread:
+        sentences.append(unread(audit.unread))
+    if audit.written is not None:
+        sentences.append(audit.written.sentence())
+    if audit.written_events is not None:
+        sentences.append(audit.written_events.sentence("table of events"))
+    return AuditLines(wide_rows(audit.checks), failures, [*sentences, audit.conclusion])
 
 
 def failure(check: Check) -> str:
@@ -100,17 +100,17 @@ def uniqueness(e: Evidence) -> tuple[str, ...]:
     n = laws.index.n
     if not laws.C:
         return (f"there are no rows: all {n} coordinates are free, R = 0, and the motion is unique",)
-    found = [_rank(laws.C, d.usual, n)]
+    sentences = [_rank(laws.C, d.usual, n)]
     regular = ~d.is_singular
     if regular.any():
         worst = int((d.condition * regular).argmax())
-        found.append(
+        sentences.append(
             f"the condition of the rows, each divided by its length, is at most {d.condition[worst]:.2g}"
             f" (at t = {times[worst]:.6g})"
         )
     if d.is_singular.any():
         first = times[d.is_singular][0]
-        found.append(
+        sentences.append(
             f"{int(d.is_singular.sum())} of the {len(times)} rows of the table that were looked at are at or next to a"
             f" singular configuration, the first at t = {first:.6g}: multipliers may have poles there, R has none"
         )
@@ -118,21 +118,21 @@ def uniqueness(e: Evidence) -> tuple[str, ...]:
         row for row, unique in zip(laws.rows, d.is_unique[regular].all(axis=0), strict=True) if not unique
     ]
     if not regular.any():
-        found.append(
+        sentences.append(
             "which multipliers are determined is not known: no row of the table that was looked at is regular"
         )
     elif open_:
         shown = ", ".join(f"`{row}`" for row in open_[:SHOWN]) + (" ..." if len(open_) > SHOWN else "")
-        found.append(
+        sentences.append(
             f"{len(open_)} of {laws.C} multipliers are not determined ({shown}): their rows depend on each other;"
             " the others, R and the motion are unique"
         )
     else:
-        found.append(
+        sentences.append(
             "all multipliers are determined, lambda(0) too: they follow from (B M^-1 B^T) lambda = gamma - B M^-1 F"
             " at every instant"
         )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def _rank(C: int, rank: int, n: int) -> str:

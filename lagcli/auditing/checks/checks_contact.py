@@ -39,13 +39,13 @@ class ContactStates:
     def is_closed(self) -> Array:
         """True where it pushes; and where it touches between rows at which it does."""
         pushes = self.lam != 0
-        found = pushes.copy()
-        for k in range(1, len(found)):
-            found[k] |= found[k - 1] & self.rests[k]
+        closed = pushes.copy()
+        for k in range(1, len(closed)):
+            closed[k] |= closed[k - 1] & self.rests[k]
         later = pushes[-1:]
-        back = np.concatenate([found[:-1], later]) if len(found) else found
-        for k in range(len(found) - 2, -1, -1):
-            back[k] = found[k] & (pushes[k] | back[k + 1])
+        back = np.concatenate([closed[:-1], later]) if len(closed) else closed
+        for k in range(len(closed) - 2, -1, -1):
+            back[k] = closed[k] & (pushes[k] | back[k + 1])
         return np.asarray(back)
 
 
@@ -90,14 +90,14 @@ def may_hold_impact(t: Array, states: ContactStates) -> Array:
 def contacts(e: Evidence) -> list[Check]:
     """The conditions of every row; e: of laws with all inequalities closed."""
     names, t, s = e.laws.contacts, e.record.t, e.once(contact_states)
-    found = [
+    checks = [
         judge(GAPS, names, t, np.minimum(s.g, 0.0), s.g_limit),
         judge(PUSHES, names, t, np.minimum(np.nan_to_num(s.lam), 0.0), np.full((1, 1), s.lam_limit)),
         judge(COMPLEMENTARY, names, t, s.lam * s.g, (np.abs(s.lam) + s.lam_limit) * s.g_limit),
     ]
     if not len(e.laws.index.coordinates) and e.laws.model.lagrangian is None:
-        found.append(_pressed(e, s))
-    return found
+        checks.append(_pressed(e, s))
+    return checks
 
 
 def _pressed(e: Evidence, s: ContactStates) -> Check:
@@ -118,12 +118,12 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
             return laws.demanded(r.t + later, q, v, force / e.masses)[:, laws.s - own : laws.s]
 
         # A wall that bends at the time itself lets go of what rests on it.
-        found = np.maximum.reduce([second(r.q, r.v, total, side * e.clock) for side in (-1, 0, 1)])
+        rates = np.maximum.reduce([second(r.q, r.v, total, side * e.clock) for side in (-1, 0, 1)])
         moved = second(e.moved[0][at], e.moved[1][at], total + noise)
-        residual[at] = np.where(touches[at], np.minimum(found, 0.0), 0.0)
-        judged[at] = _stay(e, s, touches, at, found)
-        size = SAFETY * e.tolerance.rtol * np.abs(found).max(initial=0.0)
-        limit[at] = widest(e.spread(found, moved)) + size + e.tolerance.atol
+        residual[at] = np.where(touches[at], np.minimum(rates, 0.0), 0.0)
+        judged[at] = _stay(e, s, touches, at, rates)
+        size = SAFETY * e.tolerance.rtol * np.abs(rates).max(initial=0.0)
+        limit[at] = widest(e.spread(rates, moved)) + size + e.tolerance.atol
     return judge(PRESSED, laws.contacts, e.record.t, residual, limit, judged)
 
 
@@ -146,7 +146,7 @@ def missed(e: Evidence) -> list[Check]:
     if e.run is None or e.run.incidents is None:
         return []
     t, s, incidents = e.record.t, e.once(contact_states), e.run.incidents
-    found = np.zeros(s.g.shape)
+    is_missed = np.zeros(s.g.shape)
     kinds, hits = incidents.kinds, incidents.kinds == "impact"
     off = (np.abs(s.g) > s.g_limit) | (np.abs(s.rate) > s.rate_limit)
     on = s.lam > s.lam_limit
@@ -163,5 +163,5 @@ def missed(e: Evidence) -> list[Check]:
         ):
             since, until = before[changes], after[changes]
             recorded = np.searchsorted(times, t[until], "right") > np.searchsorted(times, t[since], "left")
-            found[until[~recorded], j] = 1.0
-    return [judge(MISSED, e.laws.contacts, t, found, np.full((1, 1), 0.5))]
+            is_missed[until[~recorded], j] = 1.0
+    return [judge(MISSED, e.laws.contacts, t, is_missed, np.full((1, 1), 0.5))]

@@ -101,9 +101,9 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     return Flights(begin, end, closed, known, rebounds, left)
 
 
-def _joined(one: Record, other: Record) -> Record:
+def _joined(first: Record, second: Record) -> Record:
     fields = (f.name for f in dataclasses.fields(Record))
-    return Record(**{name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in fields})
+    return Record(**{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in fields})
 
 
 def flights(e: Evidence) -> list[Check]:
@@ -114,17 +114,17 @@ def flights(e: Evidence) -> list[Check]:
         return []
     if e.record.x.size or laws.index.coordinates.names or laws.model.lagrangian:
         return [_kinematics(e, impact)]
-    found = _flights(e, e.once(checks_contact.contact_states), impact)
+    every_flight = _flights(e, e.once(checks_contact.contact_states), impact)
     names = (*e.names.q, *e.names.v)
-    every = np.arange(len(found.closed))
-    sets, which = np.unique(found.closed, axis=0, return_inverse=True)
-    groups = [every[(which.ravel() == number) & found.is_known] for number in range(len(sets))]
+    every = np.arange(len(every_flight.closed))
+    sets, which = np.unique(every_flight.closed, axis=0, return_inverse=True)
+    groups = [every[(which.ravel() == number) & every_flight.is_known] for number in range(len(sets))]
     longest = sorted((k for k in zip(sets, groups, strict=True) if k[1].size), key=lambda k: -k[1].size)
     parts, count = [], 0
     for closed, numbers in longest[:MOST_SETS]:
         motion = _FreeMotion(e, np.flatnonzero(closed).tolist())
         k = motion.looked_at(numbers)
-        parts.append((found.end.t[k], *_flown(e, impact, motion, found.part(k))))
+        parts.append((every_flight.end.t[k], *_flown(e, impact, motion, every_flight.part(k))))
         count += len(k)
     if not parts:
         return [FLIGHTS.unjudged("contacts open or close all along", len(every) * len(names))]
@@ -229,33 +229,33 @@ def _off(e: Evidence, impact: ImpactEvidence) -> tuple[Array, Array, float]:
 
 
 def _flown(
-    e: Evidence, impact: ImpactEvidence, motion: _FreeMotion, found: Flights
+    e: Evidence, impact: ImpactEvidence, motion: _FreeMotion, flown: Flights
 ) -> tuple[Array, Array, Array]:
     """Residuals, their limits, and which are judged, of flights, (P, 2 n) each."""
-    one, other = found.begin, found.end
-    h = (other.t - one.t)[:, None]
+    begin, end = flown.begin, flown.end
+    h = (end.t - begin.t)[:, None]
     off_q, off_v, clock = _off(e, impact)
     rtol = max(e.tolerance.rtol, impact.tolerance.rtol)
-    way = _integrals(one, other, motion.accelerations)
+    way = _integrals(begin, end, motion.accelerations)
     unknown_v = way.unknown_velocities + np.abs(way.velocities) * SAFETY * rtol
     if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
         unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(way.middle, way.acceleration))
-    residual_v = other.v - one.v - way.velocities
+    residual_v = end.v - begin.v - way.velocities
     unknown_bend = way.unknown_positions
-    residual_q = other.q - one.q - h / 2 * (one.v + other.v) - way.positions
+    residual_q = end.q - begin.q - h / 2 * (begin.v + end.v) - way.positions
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
-    size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * one.v))
+    size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * begin.v))
     if motion.has_rows:
         unknown_bend = _of_particles(unknown_bend)
         size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
-    rebounds = found.has_rebounds[:, None]
-    unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v) + found.left, unknown_v)
+    rebounds = flown.has_rebounds[:, None]
+    unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v) + flown.left, unknown_v)
     unknown_q = unknown_bend + np.where(rebounds, 0.0, h * unknown_v)
-    unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q) + h * found.left, unknown_q)
+    unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q) + h * flown.left, unknown_q)
     # Times that are rounded are the length of the flight.
     if e.tolerance.written.time or impact.tolerance.written.time:
         unknown_v = unknown_v + clock * np.abs(way.acceleration)
-        unknown_q = unknown_q + clock * np.maximum(np.abs(one.v), np.abs(other.v))
+        unknown_q = unknown_q + clock * np.maximum(np.abs(begin.v), np.abs(end.v))
     limit_v, limit_q = 2 * SAFETY * off_v + unknown_v, 2 * SAFETY * (off_q + h * off_v) + unknown_q
     judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * off_v)
     judged_q = unknown_q <= np.maximum(RESOLVED * size_q, 2 * SAFETY * off_q)
@@ -309,13 +309,13 @@ class _FreeMotion:
             & np.isfinite(demanded).all(axis=1)
         )
         usable &= W.shape[1] <= W.shape[2]
-        found = np.full(a.shape, np.nan)
+        constrained = np.full(a.shape, np.nan)
         if not usable.any():
-            return found
+            return constrained
         space = VirtualSpace(W[usable])
         pulled = space.step(demanded[usable]) / self._roots
-        found[usable] = np.where(space.are_apart[:, None], a[usable] - pulled, np.nan)
-        return found
+        constrained[usable] = np.where(space.are_apart[:, None], a[usable] - pulled, np.nan)
+        return constrained
 
     def spread(self, r: Record, a: Array) -> Array:
         """By how much a (P, n) at states changes as these are moved by parts of their tolerance."""
@@ -338,12 +338,12 @@ class FlightIntegrals:
     acceleration: Array
 
 
-def _integrals(one: Record, other: Record, accelerations: Callable[[Record], Array]) -> FlightIntegrals:
+def _integrals(start: Record, stop: Record, accelerations: Callable[[Record], Array]) -> FlightIntegrals:
     """The integrals from states to later states, by Boole's formula on the quintic curve through positions, velocities
     and accelerations at both ends (Hermite); `accelerations` (P, n) of states."""
-    h = (other.t - one.t)[:, None]
-    begin, end = accelerations(one), accelerations(other)
-    inner = [_between(one, other, (begin, end), u) for u in (0.25, 0.5, 0.75)]
+    h = (stop.t - start.t)[:, None]
+    begin, end = accelerations(start), accelerations(stop)
+    inner = [_between(start, stop, (begin, end), u) for u in (0.25, 0.5, 0.75)]
     a = np.stack([begin, *(accelerations(r) for r in inner), end])
     boole = h / 90 * (7 * (a[0] + a[4]) + 32 * (a[1] + a[3]) + 12 * a[2])
     simpson = h / 6 * (a[0] + 4 * a[2] + a[4])
@@ -362,15 +362,15 @@ def _integrals(one: Record, other: Record, accelerations: Callable[[Record], Arr
     )
 
 
-def _between(one: Record, other: Record, ends: tuple[Array, Array], u: float) -> Record:
+def _between(begin: Record, end: Record, ends: tuple[Array, Array], u: float) -> Record:
     """The states at the part u of the way, on the quintic curve."""
-    h = (other.t - one.t)[:, None]
-    (v, w), (a, b) = (h * one.v, h * other.v), (h * h * ends[0], h * h * ends[1])
-    rise = other.q - one.q
+    h = (end.t - begin.t)[:, None]
+    (v, w), (a, b) = (h * begin.v, h * end.v), (h * h * ends[0], h * h * ends[1])
+    rise = end.q - begin.q
     s, p, r = u**2, u**3, u**4
     x = 10 * p - 15 * r + 6 * u * r
     q = (
-        one.q
+        begin.q
         + rise * x
         + v * (u - 6 * p + 8 * r - 3 * u * r)
         + w * (-4 * p + 7 * r - 3 * u * r)
@@ -384,4 +384,4 @@ def _between(one: Record, other: Record, ends: tuple[Array, Array], u: float) ->
         + a * (2 * u - 9 * s + 12 * p - 5 * r) / 2
         + b * (3 * s - 8 * p + 5 * r) / 2
     )
-    return dataclasses.replace(one, t=one.t + u * (other.t - one.t), q=q, v=rate / h)
+    return dataclasses.replace(begin, t=begin.t + u * (end.t - begin.t), q=q, v=rate / h)

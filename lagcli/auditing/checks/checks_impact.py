@@ -145,7 +145,7 @@ class ImpactEvidence:
         may follow each other at one instant, each with its own.
         """
         incidents, names = self.incidents, self.laws.contacts
-        found = np.zeros((len(incidents.t), len(names)))
+        is_wrong = np.zeros((len(incidents.t), len(names)))
         impulses = incidents.impulses[:, self.contacts]
         pushes = impulses > self.impulse_limit
         kinds = incidents.kinds
@@ -160,20 +160,20 @@ class ImpactEvidence:
                 is_missing = is_large.any() and not {"impact", "accumulation"} & own
                 is_idle = "impact" in own and not (impulses[at, j] > -self.tolerance.written.unit).any()
                 jumps = {(kinds[k], incidents.impulses[k].tobytes()) for k in rows.tolist()}
-                found[begin, j] = is_missing or is_idle or len(jumps) < rows.size
-        return judge(RECORDED, names, incidents.t, found, np.full((1, 1), 0.5))
+                is_wrong[begin, j] = is_missing or is_idle or len(jumps) < rows.size
+        return judge(RECORDED, names, incidents.t, is_wrong, np.full((1, 1), 0.5))
 
     @cached_property
     def unrecorded_rebounds(self) -> tuple[tuple[int, float, float], ...]:
         """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
         release before, from which they are no longer recorded, and that of the accumulation."""
-        incidents, found = self.incidents, []
+        incidents, rebounds = self.incidents, []
         for k in np.flatnonzero(incidents.kinds == "accumulation").tolist():
             j = int(incidents.contact[k])
             leaves = np.isin(incidents.kinds, ("impact", "release")) & (incidents.contact == j)
             end = float(incidents.t[k])
-            found.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
-        return tuple(found)
+            rebounds.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
+        return tuple(rebounds)
 
     def left_by_rebounds(self, j: int, since: float) -> Array:
         """The most by which rebounds of a contact after the one at a time change the rates (n,): each gives less by e
@@ -187,22 +187,22 @@ class ImpactEvidence:
     def _are_struck_soon(self, most: Array, rates: Array) -> Array:
         """True for contacts that approach at rates (E, K) and of which it is recorded that they close as soon as they
         come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
-        incidents, found = self.incidents, np.zeros(rates.shape, dtype=bool)
+        incidents, is_struck = self.incidents, np.zeros(rates.shape, dtype=bool)
         closing = np.isin(incidents.kinds, CLOSING)
         for j in range(rates.shape[1]):
             rows = np.flatnonzero(closing & (incidents.contact == j))
             following = np.searchsorted(rows, np.arange(len(rates)), "right")
             k = np.flatnonzero((following < len(rows)) & (rates[:, j] < 0))
             way = -rates[k, j] * (incidents.t[rows[following[k]]] - incidents.t[k])
-            found[k, j] = way <= SOON * most[k, j]
-        return found
+            is_struck[k, j] = way <= SOON * most[k, j]
+        return is_struck
 
     @property
     def _limits_of_series(self) -> Array:
         """True for contacts (E, K) that accumulate by an impact, the limit of infinitely many: they were struck before
         and had no time to leave, or one of them was, and others are struck first within it."""
         incidents, limit = self.incidents, self._gaps[1]
-        kinds, found = incidents.kinds, np.zeros(limit.shape, dtype=bool)
+        kinds, is_limit = incidents.kinds, np.zeros(limit.shape, dtype=bool)
         pushed = (np.abs(incidents.impulses) > self.impulse_limit).any(axis=1)
         is_other = (np.diff(incidents.t) > 0) | (np.diff(incidents.impulses, axis=0) != 0).any(axis=1)
         group = np.concatenate([[0], np.cumsum(is_other)])[: len(kinds)]
@@ -214,10 +214,10 @@ class ImpactEvidence:
                 struck = np.flatnonzero((kinds[:k] == "impact") & (incidents.contact[:k] == j))
                 last = int(struck[-1]) if struck.size else k
                 way = abs(after[last, j]) * (incidents.t[k] - incidents.t[last])
-                found[group == number, j] = way <= MERGED * limit[k, j] and (last < k or before[k, j] < 0)
+                is_limit[group == number, j] = way <= MERGED * limit[k, j] and (last < k or before[k, j] < 0)
                 is_series |= last < k
-            found[group == number] &= is_series
-        return found
+            is_limit[group == number] &= is_series
+        return is_limit
 
     def impacts(self) -> Check:
         """Complementarity of impulses and rates after, of the contacts with g = 0; others have no impulse."""
@@ -334,10 +334,10 @@ def impacts(e: Evidence) -> list[Check]:
     impact = e.once(impact_evidence)
     if impact is None:
         return []
-    found = [impact.recorded(), impact.jumps(), impact.touched(), impact.impacts()]
+    checks = [impact.recorded(), impact.jumps(), impact.touched(), impact.impacts()]
     if impact.rows.size or impact.before.record.x.size:
-        found.append(impact.rows_hold())
-    return [*found, impact.losses()]
+        checks.append(impact.rows_hold())
+    return [*checks, impact.losses()]
 
 
 def balance(e: Evidence) -> list[Check]:

@@ -27,18 +27,18 @@ def rates(e: Evidence) -> list[Check]:
     q = e.grid.derivative(r.q, SAFETY * e.off_q)
     size = _grouped(np.abs(r.v).max(axis=0), e)
     truncation = q.truncation + e.grid.roughness(r.q, r.v)
-    found = Estimate(q.value - r.v, q.noise + SAFETY * e.off_v, truncation)
-    return _held(e, RATES, e.names.v, found, size, e.once(RowSpacing).is_resolved[0])
+    residual = Estimate(q.value - r.v, q.noise + SAFETY * e.off_v, truncation)
+    return _held(e, RATES, e.names.v, residual, size, e.once(RowSpacing).is_resolved[0])
 
 
 def _held(
-    e: Evidence, law: CheckedLaw, names: tuple[str, ...], found: Estimate, size: Array, judged: Array
+    e: Evidence, law: CheckedLaw, names: tuple[str, ...], residual: Estimate, size: Array, judged: Array
 ) -> list[Check]:
     """Residuals within their bounds, judged where truncation leaves little of a size open or less than noise."""
-    judged = judged & (found.truncation <= np.maximum(RESOLVED * size, found.noise))
-    limit = _sum(found.noise, found.truncation)
-    judged = e.once(RowSpacing).unaliased(found.value, limit, judged)
-    return [judge(law, names, e.record.t, found.value, limit, judged)]
+    judged = judged & (residual.truncation <= np.maximum(RESOLVED * size, residual.noise))
+    limit = _sum(residual.noise, residual.truncation)
+    judged = e.once(RowSpacing).unaliased(residual.value, limit, judged)
+    return [judge(law, names, e.record.t, residual.value, limit, judged)]
 
 
 def path(e: Evidence) -> list[Check]:
@@ -84,9 +84,9 @@ def _integrated(
     span = np.abs(e.record.t - e.record.t[0])[:, None]
     limit = np.concatenate([off[0], off_x]) * (1 + np.arange(rows) / SAFETY)[:, None] + small * span
     size = np.maximum(np.abs(whole - whole[0]).max(axis=0), np.abs(total.value).max(axis=0))
-    found = Estimate(whole - whole[0] - total.value, limit + total.noise, total.truncation)
+    residual = Estimate(whole - whole[0] - total.value, limit + total.noise, total.truncation)
     judged = e.is_seen & (e.once(RowSpacing).is_slow and rows > 2)
-    return _held(e, law, (*names[0], *names[1]), found, size, judged)
+    return _held(e, law, (*names[0], *names[1]), residual, size, judged)
 
 
 def _sum(limit: Array, truncation: Array) -> Array:
@@ -96,9 +96,9 @@ def _sum(limit: Array, truncation: Array) -> Array:
 def _grouped(size: Array, e: Evidence) -> Array:
     """The largest of the three components of each Cartesian particle, others as they are, (n,)."""
     own = e.laws.index.first_generalized
-    found = size.copy()
-    found[:own] = np.repeat(size[:own].reshape(-1, 3).max(axis=1, initial=0.0), 3)
-    return found
+    largest = size.copy()
+    largest[:own] = np.repeat(size[:own].reshape(-1, 3).max(axis=1, initial=0.0), 3)
+    return largest
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -166,10 +166,10 @@ def dalembert(e: Evidence) -> list[Check]:
     limit = np.sqrt((b.limit[rows, :n] ** 2).sum(axis=1))[:, None]
     limit = limit + 1e-14 * d.condition[:, None] * np.linalg.norm(w, axis=1)[:, None]
     judged = (b.judged[rows, :n].all(axis=1) & ~d.is_singular)[:, None]
-    found = d.virtual(w)
+    along = d.virtual(w)
     if e.once(RowSpacing).is_fast[rows].any():
-        judged = judged & ~(np.abs(found) > limit)
-    return [judge(DALEMBERT, e.names.q, e.record.t[rows], found, limit, judged)]
+        judged = judged & ~(np.abs(along) > limit)
+    return [judge(DALEMBERT, e.names.q, e.record.t[rows], along, limit, judged)]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -226,8 +226,8 @@ def energies(e: Evidence) -> Energies:
 
 def energy(e: Evidence) -> list[Check]:
     """Energy gained against the work done on the way."""
-    found = e.once(energies)
-    apart = (found.E - found.E[0] - found.work.value[:, 0])[:, None]
-    limit = found.limit[:, None]
-    judged = e.once(RowSpacing).unaliased(apart, limit, found.judged[:, None])
+    balance = e.once(energies)
+    apart = (balance.E - balance.E[0] - balance.work.value[:, 0])[:, None]
+    limit = balance.limit[:, None]
+    judged = e.once(RowSpacing).unaliased(apart, limit, balance.judged[:, None])
     return [judge(ENERGY, ("the whole system",), e.record.t, apart, limit, judged)]

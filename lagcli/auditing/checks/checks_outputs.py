@@ -38,18 +38,20 @@ def columns(e: Evidence) -> list[Check]:
     at = {name: k for k, name in enumerate(table.columns)}
     r, model, more = e.record, e.laws.model, 1 + e.tolerance.rtol
     names = [ENERGY, *(name for output in model.outputs for name in output.columns)]
-    here = _results(e.laws, e.values, r.lam, r.R_q, r.R_x)
+    recorded_results = _results(e.laws, e.values, r.lam, r.R_q, r.R_x)
     moved = _results(e.laws, e.moved_values, r.lam * more, r.R_q * more, r.R_x * more)
-    first, known = _evaluated(e.laws, r.t, r.q, r.v, here)
-    found = [np.column_stack([energy.E, first])]
+    first, known = _evaluated(e.laws, r.t, r.q, r.v, recorded_results)
+    expected_columns = [np.column_stack([energy.E, first])]
     q, v = e.moved
     clock = CLOCK * np.abs(r.t).max() + e.tolerance.written.time
     for sign in (1.0, -1.0):  # on both sides, so that what jumps there is seen
-        lam, R, a = (part + sign * (other - part) for part, other in zip(here, moved, strict=True))
+        lam, R, a = (
+            part + sign * (other - part) for part, other in zip(recorded_results, moved, strict=True)
+        )
         there = r.t + sign * clock, r.q + sign * (q - r.q), r.v + sign * (v - r.v), (lam, R, a)
-        found.append(np.column_stack([energy.E_moved, _evaluated(e.laws, *there)[0]]))
+        expected_columns.append(np.column_stack([energy.E_moved, _evaluated(e.laws, *there)[0]]))
     retained = [k for k, name in enumerate(names) if name in at]
-    expected, *others = (part[:, retained] for part in found)
+    expected, *others = (part[:, retained] for part in expected_columns)
     recorded = table.rows[:, [at[names[k]] for k in retained]]
     limit = np.maximum(e.spread(expected, others[0]), e.spread(expected, others[1])) + e.tolerance.atol
     alike = (recorded == expected) | (np.isnan(recorded) & np.isnan(expected))
@@ -66,11 +68,11 @@ def _results(laws: ModelLaws, values: LawValues, lam: Array, R_q: Array, R_x: Ar
     index, rows = laws.index, len(R_q)
 
     def of_all(own: Array, dependent: Array) -> Array:
-        found = np.zeros((rows, 3 * len(index.particles)))
+        components = np.zeros((rows, 3 * len(index.particles)))
         for numbers, part in ((index.cartesian, own), (index.dependent, dependent)):
             places = (3 * numbers[:, None] + np.arange(3)).ravel()
-            found[:, places] = part[:, : places.size]
-        return found
+            components[:, places] = part[:, : places.size]
+        return components
 
     force = of_all(R_q - values.V_q + values.L_q, R_x - values.V_x) + values.F.reshape(rows, -1)
     moving = np.zeros(3 * len(index.particles), dtype=bool)
@@ -88,9 +90,9 @@ def _evaluated(laws: ModelLaws, t: Array, q: Array, v: Array, results: Results) 
     parts, known = [], []
     for k in laws.chunks(len(t)):
         lam, R, a = (part[k] for part in results)
-        found = _Outputs(laws, laws.free(t[k], q[k], v[k]), (lam, R, a))
-        parts.append(found.values())
-        known = found.known
+        outputs = _Outputs(laws, laws.free(t[k], q[k], v[k]), (lam, R, a))
+        parts.append(outputs.values())
+        known = outputs.known
     return np.concatenate(parts), known
 
 
@@ -112,7 +114,7 @@ class _Outputs:
 
     def values(self) -> Array:
         """The columns of all outputs, (T, columns)."""
-        found = [np.zeros((self._on_table.rows, 0))]
+        columns = [np.zeros((self._on_table.rows, 0))]
         for entry, output in enumerate(self._laws.model.outputs):
             count, width = output.members.count, len(output.columns)
             if not count:
@@ -125,7 +127,7 @@ class _Outputs:
                 fault = diagnostics.Diagnostic(error.code, error.message, where, error.hint)
                 raise diagnostics.ModelError([fault]) from None
             except _UnknownError:
-                found.append(np.full((self._on_table.rows, width), np.nan))
+                columns.append(np.full((self._on_table.rows, width), np.nan))
                 self.known += [False] * width
                 continue
             parts = value if isinstance(value, tuple) else (value,)
@@ -134,9 +136,9 @@ class _Outputs:
                 self._known[self._member_index.first(entry) + member] = tuple(
                     x[:, member : member + 1] for x in wide
                 )
-            found.append(np.stack(wide, axis=2).reshape(self._on_table.rows, -1))
+            columns.append(np.stack(wide, axis=2).reshape(self._on_table.rows, -1))
             self.known += [True] * width
-        return np.concatenate(found, axis=1)
+        return np.concatenate(columns, axis=1)
 
     def __call__(self, node: tree.Node, variables: Mapping[str, Integers]) -> Value:
         """The value of what stands in outputs alone; index vectors (K,) of a family give (T, K)."""
@@ -192,10 +194,10 @@ class _Outputs:
         return x, y, z
 
     def _acceleration(self, node: Reference, member: str, variables: Mapping[str, Integers]) -> Value:
-        found = _triple(self._a, self._index.names.numbers(node, self._index.particles, variables))
-        if np.isnan(found[0]).all():
+        a = _triple(self._a, self._index.names.numbers(node, self._index.particles, variables))
+        if np.isnan(a[0]).all():
             raise _UnknownError
-        return found["xyz".index(member)] if member else found
+        return a["xyz".index(member)] if member else a
 
     def _multipliers(self, node: Reference, names: list[str], member: str) -> Value:
         """lambda of rows, or of the three of each vector equation."""

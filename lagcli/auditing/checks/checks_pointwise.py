@@ -23,13 +23,13 @@ POWER = CheckedLaw("work", "D.6", "sum_k R_k . v_k = - sum_i lambda_i B_it")
 def constraints(e: Evidence) -> list[Check]:
     """f and B v + b, and the positions and velocities of dependent particles."""
     r, values, names = e.record, e.values, e.names
-    found = [
+    checks = [
         judge(POSITIONS, e.laws.holonomic, r.t, values.f, e.noise("f") + e.tolerance.atol),
         judge(VELOCITIES, e.laws.rows, r.t, values.w, e.noise("w") + e.tolerance.atol),
     ]
     if r.x.size:
-        found.append(judge(DEPENDENT, (*names.x, *names.u), r.t, *dependent(e)))
-    return found
+        checks.append(judge(DEPENDENT, (*names.x, *names.u), r.t, *dependent(e)))
+    return checks
 
 
 def dependent(e: Evidence) -> tuple[Array, Array]:
@@ -50,21 +50,21 @@ def demand(e: Evidence) -> list[Check]:
         return laws.demanded(r.t + later, q, v, (forces.reshape(len(q), -1) + r.R_q) / e.masses)
 
     forces = e.particle_forces[rows]
-    found = second(r.q, r.v, forces)
-    limit = e.spread(found, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
+    rates = second(r.q, r.v, forces)
+    limit = e.spread(rates, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
     # What bends at the time itself has the state after it where it is a contact; of an equation it is one in between.
-    sides = np.stack([found, *(second(r.q, r.v, forces, side * e.clock) for side in (-1, 1))])
+    sides = np.stack([rates, *(second(r.q, r.v, forces, side * e.clock) for side in (-1, 1))])
     bends = np.ptp(np.sign(sides), axis=0) > 1
     nearest = np.take_along_axis(
         sides, np.abs(np.nan_to_num(sides, nan=np.inf)).argmin(axis=0)[None], axis=0
     )[0]
-    found = np.where(bends & ~np.isin(laws.rows, laws.contacts), 0.0, nearest)
+    rates = np.where(bends & ~np.isin(laws.rows, laws.contacts), 0.0, nearest)
     # F is known to its own noise, R to that of B^T lambda.
     off = e.particle_noise[rows].reshape(len(r.t), -1) + e.reaction_limit[rows]
     off = off + e.recorded(np.abs(r.R_q).max(axis=1, initial=0.0))[:, None]
     limit = limit + np.einsum("mcn,mn->mc", np.abs(e.displacements.B), off / e.masses)
     return [
-        judge(DEMAND, laws.rows, r.t, found, widest(limit), ~np.any(np.isnan(r.lam), axis=1, keepdims=True))
+        judge(DEMAND, laws.rows, r.t, rates, widest(limit), ~np.any(np.isnan(r.lam), axis=1, keepdims=True))
     ]
 
 
@@ -84,12 +84,12 @@ def reactions(e: Evidence) -> list[Check]:
 def _multipliers(e: Evidence) -> Check:
     """lambda of the rows looked at, where it is unique; one that is no number must have a pole there."""
     rows, d, r = e.looked_at, e.displacements, e.record
-    found, spread = d.multipliers(r.R_q[rows], e.reaction_limit[rows])
+    expected, spread = d.multipliers(r.R_q[rows], e.reaction_limit[rows])
     lam = r.lam[rows]
-    limit = spread + d.condition[:, None] * e.recorded(found) + e.tolerance.atol
+    limit = spread + d.condition[:, None] * e.recorded(expected) + e.tolerance.atol
     judged = d.is_unique & ~d.is_singular[:, None]
     missing = np.isnan(lam)
-    apart = np.where(missing, np.inf, lam - np.nan_to_num(found))
+    apart = np.where(missing, np.inf, lam - np.nan_to_num(expected))
     judged |= missing & ~d.is_singular[:, None]
     limit = np.where(missing, e.tolerance.atol, limit)
     # A multiplier that is unique nowhere is not compared with R; that it is not is stated in words.
@@ -127,7 +127,7 @@ def carried(e: Evidence) -> list[Check]:
     rate, rate_x = e.momentum_rate
     acting = (-values.V_q + values.Q + values.L_q - rate.value)[:, own:]
     carriers = e.pushed(r.R_x - values.L_x + rate_x.value)[:, own:]
-    found = carriers - acting - r.R_q[:, own:]
+    residual = carriers - acting - r.R_q[:, own:]
     moved = e.laws.pushed(r.t, *e.moved, r.R_x)
     # R of dependent particles is known to its rounding, and as F is
     size, noise = np.abs(r.R_x), e.particle_noise[:, e.laws.index.dependent].reshape(r.R_x.shape)
@@ -138,4 +138,4 @@ def carried(e: Evidence) -> list[Check]:
     limit += np.abs(e.pushed_limit(e.noise("L_x") + rate_x.noise))[:, own:]
     judged = truncation <= np.maximum(1e-3 * np.abs(acting).max(axis=0), limit)
     limit = limit + np.where(np.isfinite(truncation), truncation, 0.0)
-    return [judge(CARRIED, e.names.q[own:], r.t, found, limit, judged)]
+    return [judge(CARRIED, e.names.q[own:], r.t, residual, limit, judged)]

@@ -70,7 +70,7 @@ class TableSteps:
     def weights(self) -> dict[int, tuple[Array, Array, Array]]:
         """By order: indices (T - 1, m), weights of the integral of s -> y and of s -> (h/2 - s) y over each step."""
         nodes, shares = np.polynomial.legendre.leggauss(NODES)
-        found = {}
+        by_order = {}
         for m in self.orders:
             first = np.clip(np.arange(len(self.h)) - (m // 2 - 1), 0, len(self.t) - m)
             indices = first[:, None] + np.arange(m)
@@ -81,8 +81,8 @@ class TableSteps:
                 here *= (shares[i] / 2 * self.h)[:, None]
                 plain += here
                 moment += here * (self.h / 2 - s[i])[:, None]
-            found[m] = indices, plain, moment
-        return found
+            by_order[m] = indices, plain, moment
+        return by_order
 
     @functools.cached_property
     def is_around(self) -> dict[int, Array]:
@@ -115,7 +115,7 @@ def quantities(e: Evidence) -> list[Quantity]:
     L_v, off_L_v = e.values.L_v, e.noise("L_v")
     off_q, off_v = (np.broadcast_to(SAFETY * off, r.q.shape) for off in (e.off_q, e.off_v))
     p, off_p = e.masses * r.v + L_v, e.masses * off_v + off_L_v
-    found, particles = [], []
+    listed, particles = [], []
     if own:
         of_q = tuple(y[:, :own] for y in (r.q, off_q, r.v, off_v, p, off_p, F, off_F))
         particles.append((e.names.q[:own], e.names.v[:own], e.masses[:own], coarse[:own], of_q))
@@ -139,7 +139,7 @@ def quantities(e: Evidence) -> list[Quantity]:
         roots = np.sqrt(np.where(m > 0, m, 1.0))
         is_plain = (m > 0).all() and np.array_equal(momentum, m * v)
         a = (force / m, off_force / m) if is_plain else (None, None)
-        found += [
+        listed += [
             Quantity(name, y, v, off_y, off_rate, is_coarse, _of_triples(v), roots, *a),
             Quantity(name_p, momentum, force, off_momentum, off_force, is_coarse, _of_triples(force), roots),
         ]
@@ -151,10 +151,10 @@ def quantities(e: Evidence) -> list[Quantity]:
             push, size = (np.sqrt((y[:, k] ** 2).mean(axis=0)) for y in (F, L_v))
             is_coarse = is_coarse | np.any(step * push > COARSE * size)
             rates = F[:, k], off_L_v[:, k], off_F[:, k], is_coarse, np.abs(F[:, k]).max(axis=0), roots
-            found.append(Quantity(e.names.v[k], L_v[:, k], *rates))
+            listed.append(Quantity(e.names.v[k], L_v[:, k], *rates))
         rates = r.v[:, k], off_q[:, k], off_v[:, k], is_coarse, np.abs(r.v[:, k]).max(axis=0), roots
-        found.append(Quantity(e.names.q[k], r.q[:, k], *rates))
-    return found
+        listed.append(Quantity(e.names.q[k], r.q[:, k], *rates))
+    return listed
 
 
 def _of_triples(y: Array) -> Array:
@@ -168,9 +168,9 @@ def steps(e: Evidence) -> list[Check]:
     h = grid.h[:, None]
     rows = np.asarray(e.once(RowSpacing).is_fast.any(axis=1))
     fast = rows[1:] | rows[:-1]
-    found = quantities(e)
-    parts = [judged_steps(grid, quantity, fast) for quantity in found]
-    names = [name for quantity in found for name in quantity.names]
+    every_quantity = quantities(e)
+    parts = [judged_steps(grid, quantity, fast) for quantity in every_quantity]
+    names = [name for quantity in every_quantity for name in quantity.names]
     residual, limit, judged = (np.concatenate([part[k] for part in parts], axis=1) for k in range(3))
     beyond = judged & (np.abs(residual) > limit)
     if beyond.any():
@@ -179,14 +179,14 @@ def steps(e: Evidence) -> list[Check]:
         # By how much the forces of the rows bend around each step, divided by the root of the mass
         shown = np.full(len(grid.h), np.inf)
         if 2 in grid.orders:
-            bends = [grid.spread(2, each.rate) / each.root for each in found if each.second is None]
+            bends = [grid.spread(2, each.rate) / each.root for each in every_quantity if each.second is None]
             shown = np.linalg.norm(np.concatenate(bends, axis=1), axis=1)
         push = pulses_between.hidden_push(e, wrong, SUDDEN * shown)
         e.hidden |= push > 0
         # The most that a push within a step changes: a momentum, or a position
         changes = (
             h * push[:, None] * each.root if each.second is None else h * h * push[:, None] / each.root
-            for each in found
+            for each in every_quantity
         )
         limit = limit + np.concatenate(list(changes), axis=1)
     beyond = judged & (np.abs(residual) > limit) & fast[:, None]
@@ -199,43 +199,43 @@ def steps(e: Evidence) -> list[Check]:
         if each.second is None
         else np.abs(np.diff(each.y, axis=0))
         > each.off[1:] + FAR * h * (each.size + h * _of_triples(each.second))
-        for each in found
+        for each in every_quantity
     ]
     judged |= np.concatenate(far, axis=1) & (np.abs(residual) > limit)
     return [judge(STEPS, names, e.record.t[:-1], residual, limit, judged)]
 
 
-def judged_steps(grid: TableSteps, one: Quantity, fast: Array) -> tuple[Array, Array, Array]:
+def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Array, Array, Array]:
     """Residuals and limits of the steps of a quantity and what can be judged, (T - 1, k) each.
 
     fast (T - 1,): where particles may swing faster than the rows show, so that a polynomial of high order is none.
     """
-    shape = (len(grid.h), one.y.shape[1])
+    shape = (len(grid.h), quantity.y.shape[1])
     residual, best, truncation = np.zeros(shape), np.full(shape, np.inf), np.full(shape, np.inf)
     h = grid.h[:, None]
-    change = np.diff(one.y, axis=0)
-    off = np.maximum(one.off[1:], one.off[:-1])
-    off = off + grid.clock * np.abs(one.rate[1:]) + differences.CLOCK * np.abs(one.y[1:])
-    off_rate = np.maximum(one.off_rate[1:], one.off_rate[:-1])
+    change = np.diff(quantity.y, axis=0)
+    off = np.maximum(quantity.off[1:], quantity.off[:-1])
+    off = off + grid.clock * np.abs(quantity.rate[1:]) + differences.CLOCK * np.abs(quantity.y[1:])
+    off_rate = np.maximum(quantity.off_rate[1:], quantity.off_rate[:-1])
     for m, (indices, plain, moment) in grid.weights.items():
-        if one.second is None:
-            found = change - differences.combined(indices, plain, one.rate)
-            open_ = ORDERS[m] * h * grid.spread(m, one.rate)
+        if quantity.second is None:
+            apart = change - differences.combined(indices, plain, quantity.rate)
+            open_ = ORDERS[m] * h * grid.spread(m, quantity.rate)
             limit = off + h * off_rate + open_
         else:
-            assert one.off_second is not None
-            found = change - h * (one.rate[1:] + one.rate[:-1]) / 2
-            found = found - differences.combined(indices, moment, one.second)
-            open_ = ORDERS[m] * h * h / 4 * grid.spread(m, one.second)
-            off_second = np.maximum(one.off_second[1:], one.off_second[:-1])
+            assert quantity.off_second is not None
+            apart = change - h * (quantity.rate[1:] + quantity.rate[:-1]) / 2
+            apart = apart - differences.combined(indices, moment, quantity.second)
+            open_ = ORDERS[m] * h * h / 4 * grid.spread(m, quantity.second)
+            off_second = np.maximum(quantity.off_second[1:], quantity.off_second[:-1])
             limit = off + h * off_rate + h * h / 4 * off_second + open_
         if m == 2:
             limit = limit + np.where(fast[:, None], (UNSEEN - 1) * open_, 0.0)
         better = (limit < best) & grid.is_around[m][:, None] & ~(fast[:, None] & (m > 2))
         residual, best, truncation = (
-            np.where(better, new, old) for new, old in ((found, residual), (limit, best), (open_, truncation))
+            np.where(better, new, old) for new, old in ((apart, residual), (limit, best), (open_, truncation))
         )
     # A wide bound is no reason to pass, but what is beyond it fails all the same.
-    close = truncation <= np.maximum(OPEN * h * one.size, best - truncation)
-    judged = (close | (np.abs(residual) > best)) & ~one.coarse
+    close = truncation <= np.maximum(OPEN * h * quantity.size, best - truncation)
+    judged = (close | (np.abs(residual) > best)) & ~quantity.coarse
     return residual, best, judged

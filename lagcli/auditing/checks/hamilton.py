@@ -68,9 +68,9 @@ def windows(e: Evidence) -> list[Window]:
         cuts = [
             (int(first), int(first) + most) for first in (starts if len(e.looked_at) == T else starts[1:2])
         ]
-    found = [Window(e, np.arange(first, last)) for first, last in cuts]
+    every_window = [Window(e, np.arange(first, last)) for first, last in cuts]
     # Where the rank is the same all along, displacements go along smoothly
-    regular = [window for window in found if not window.space.is_singular.any() and len(window.basis)]
+    regular = [window for window in every_window if not window.space.is_singular.any() and len(window.basis)]
     return [window for window in regular if not e.hidden[window.rows[:-1]].any()]
 
 
@@ -124,10 +124,10 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     noise = SAFETY * (e.tolerance.rtol + 1e-15) * scale * float(window.space.condition.max())
     noise += float(rounded.max(initial=0.0)) * float(np.ptp(r.t))
     noise += e.tolerance.atol + float(total.noise[-1, 0]) + abs(float(total.value[-1, 3]))
-    found = float(total.value[-1, 0])
+    integral = float(total.value[-1, 0])
     judged = truncation <= max(RESOLVED * scale, noise) and e.once(RowSpacing).is_slow
-    judged = judged and not (e.once(RowSpacing).is_fast[rows].any() and abs(found) > noise + truncation)
-    return found, noise + truncation, judged
+    judged = judged and not (e.once(RowSpacing).is_fast[rows].any() and abs(integral) > noise + truncation)
+    return integral, noise + truncation, judged
 
 
 def action(e: Evidence) -> list[Check]:

@@ -35,7 +35,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
     rows = np.unique(np.linspace(0, len(r.t) - 1, min(SAMPLES, len(r.t))).astype(np.int64))
     shift = 1e-3 * np.abs(r.q[rows]).max(axis=0, initial=0.0)
     beside = r.q[rows] + shift * np.random.default_rng(6).standard_normal((len(rows), r.q.shape[1]))
-    still, found = np.zeros(r.q.shape), []
+    still, unfelt = np.zeros(r.q.shape), []
 
     def try_(name: str, xi: Array, rate: Array, xi_beside: Array) -> None:
         felt, size = 0.0, 0.0
@@ -47,7 +47,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
             felt = max(felt, float(np.abs(L.imag / TINY).max(initial=0.0)))
             size = max(size, float(np.abs(L.real).max() * np.abs(along).max() / extent))
         if felt <= SYMMETRIC * size or felt == 0.0:
-            found.append(Symmetry(name, xi, rate))
+            unfelt.append(Symmetry(name, xi, rate))
 
     for j in range(own, index.n):
         xi = still.copy()
@@ -60,7 +60,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
     for axis, name in enumerate("xyz" if own else ""):
         turned = [_turned(y, own, axis) for y in (r.q, r.v, beside)]
         try_(f"rotation about {name}", *turned)
-    return found
+    return unfelt
 
 
 def _turned(y: Array, own: int, axis: int) -> Array:

@@ -21,14 +21,14 @@ def hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
     for impulses, which no row shows.
     A push is divided by the root of the mass: in that metric reactions to a force are not larger than the force.
     """
-    found = np.zeros(len(e.record.t) - 1)
+    excess = np.zeros(len(e.record.t) - 1)
     for first in range(0, len(steps), AT_ONCE):
         some = steps[first : first + AT_ONCE]
         push = np.maximum(_pushes(e, some), _drives(e, some))
-        found[some] = np.maximum(np.where(push > shown[some], push, 0.0), _impulses(e, some))
-        if not found[some].any():
+        excess[some] = np.maximum(np.where(push > shown[some], push, 0.0), _impulses(e, some))
+        if not excess[some].any():
             break
-    return found
+    return excess
 
 
 def _drives(e: Evidence, steps: Array) -> Array:
@@ -88,9 +88,9 @@ def _momenta(e: Evidence, steps: Array, t: Array) -> Array:
     the first rows of steps, (K, S, k)."""
     r, many = e.record, t.shape[1]
     q, v = (np.repeat(y[steps], many, axis=0) for y in (r.q, r.v))
-    found = e.laws.values(t.ravel(), q, v, np.zeros((t.size, e.laws.C)))
+    values = e.laws.values(t.ravel(), q, v, np.zeros((t.size, e.laws.C)))
     heaviest = np.sqrt(max(e.masses.max(initial=0.0), e.masses_x.max(initial=0.0)) or 1.0)
-    parts = [found.L_v / _root(e.masses), found.x_t * np.sqrt(e.masses_x), found.b * heaviest]
+    parts = [values.L_v / _root(e.masses), values.x_t * np.sqrt(e.masses_x), values.b * heaviest]
     return np.concatenate(parts, axis=1).reshape(len(steps), many, -1)
 
 

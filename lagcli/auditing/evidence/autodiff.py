@@ -81,9 +81,9 @@ class AutodiffGraph:
 
     def node(self, result: Array, links: Sequence[Edge]) -> GraphNode:
         """The result of an operation."""
-        found = GraphNode(self, len(self.nodes), result, tuple(links))
-        self.nodes.append(found)
-        return found
+        added = GraphNode(self, len(self.nodes), result, tuple(links))
+        self.nodes.append(added)
+        return added
 
     def result(self, result: Array, *operands: tuple[Scalar, Array | float]) -> Scalar:
         """The result of an operation on operands with their partial derivatives; a constant of constants."""
@@ -94,23 +94,23 @@ class AutodiffGraph:
         """d/dt along the motion of a function of coordinates and time (D.5)."""
         if not isinstance(x, GraphNode):
             return np.zeros((1, 1))
-        found = self.node(self.moved(x), (Edge(x, None),))
-        found.kind = "rate"
-        return found
+        rate = self.node(self.moved(x), (Edge(x, None),))
+        rate.kind = "rate"
+        return rate
 
     def moved(self, node: GraphNode) -> Array:
         """The values (T, K) of d/dt of a function of coordinates and time."""
         for other in self.nodes[len(self._rates) : node.number + 1]:
             self._rates.append(_tangent(other, self._rates, self._motion))
-        found = self._rates[node.number]
-        return np.zeros_like(node.value) if found is None else found
+        rate = self._rates[node.number]
+        return np.zeros_like(node.value) if rate is None else rate
 
     def forward(self, directions: Directions, last: int | None = None) -> list[Array | None]:
         """The change of every node along directions (T, width) of the kinds given; None where there is none."""
-        found: list[Array | None] = []
+        changes: list[Array | None] = []
         for node in self.nodes[:last]:
-            found.append(_tangent(node, found, directions))
-        return found
+            changes.append(_tangent(node, changes, directions))
+        return changes
 
     def gradient(
         self, seeds: Sequence[tuple[Scalar, Array]], laws: Sequence[tuple[Scalar, Array]] = ()

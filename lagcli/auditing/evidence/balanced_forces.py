@@ -33,27 +33,27 @@ class ForceRounding:
     a: Array
 
 
-def rounding(laws: ModelLaws, found: Record, values: LawValues) -> ForceRounding:
+def rounding(laws: ModelLaws, record: Record, values: LawValues) -> ForceRounding:
     """The rounding of the forces of a record with the values of the laws at its rows."""
     index, own = laws.index, laws.index.first_generalized
-    if not len(found.t):
-        return ForceRounding(*(np.zeros(part.shape[1]) for part in (found.q, found.x, found.q)))
-    rows = np.unique(np.linspace(0, len(found.t) - 1, min(SAMPLES, len(found.t))).astype(np.int64))
+    if not len(record.t):
+        return ForceRounding(*(np.zeros(part.shape[1]) for part in (record.q, record.x, record.q)))
+    rows = np.unique(np.linspace(0, len(record.t) - 1, min(SAMPLES, len(record.t))).astype(np.int64))
     random = np.random.default_rng(6)
-    part = found.part(rows)
+    part = record.part(rows)
     moved = part.q * (1 + FURTHER * FORCE_ROUNDOFF * random.choice((-1.0, 1.0), size=part.q.shape))
     there = laws.values(part.t, moved, part.v, part.lam)
 
     def largest(y: Array) -> Array:
         return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
 
-    q = FORCE_ROUNDOFF * largest(found.R_q)
+    q = FORCE_ROUNDOFF * largest(record.R_q)
     for name in PARTS:
         whole, shifted = getattr(values, name), getattr(there, name)
         q = q + FORCE_ROUNDOFF * largest(whole) + largest(shifted - whole[rows])
     pushed = FORCE_ROUNDOFF * largest(values.F) + largest(there.F - values.F[rows])
     q[:own] += pushed[index.cartesian].ravel()
-    x = FORCE_ROUNDOFF * (largest(found.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
+    x = FORCE_ROUNDOFF * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
     x = x + pushed[index.dependent].ravel()
     # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
     M, M_x = _inertia(laws, part), np.repeat(index.masses[index.dependent], 3)
@@ -67,12 +67,12 @@ def _ratio(y: Array, by: Array) -> Array:
     return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
 
 
-def _inertia(laws: ModelLaws, found: Record) -> Array:
+def _inertia(laws: ModelLaws, record: Record) -> Array:
     """The diagonal of the mass matrix (n,) at the first row."""
     index, n = laws.index, laws.index.n
     M = np.zeros(n)
     M[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
-    t, q, lam = (np.repeat(part[:1], n + 1, axis=0) for part in (found.t, found.q, found.lam))
+    t, q, lam = (np.repeat(part[:1], n + 1, axis=0) for part in (record.t, record.q, record.lam))
     unit = np.vstack([np.eye(n), np.zeros((1, n))])
     if laws.model.lagrangian is not None:
         L_v = laws.values(t, q, unit, lam).L_v

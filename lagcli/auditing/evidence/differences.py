@@ -102,12 +102,12 @@ class DifferenceGrid:
     @functools.cached_property
     def _stencils(self) -> list[tuple[Array, Array]]:
         """Indices (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
-        found = []
+        stencils = []
         for width in PARAMETERS.widths:
             if width <= len(self.t):
                 indices = self._around(np.arange(len(self.t)) - width // 2, width)
-                found.append((indices, _weights(self.t[indices] - self.t[:, None])[1]))
-        return found
+                stencils.append((indices, _weights(self.t[indices] - self.t[:, None])[1]))
+        return stencils
 
     def derivative(self, y: Array, noise: Array) -> Estimate:
         """d/dt of columns y (T, k) whose entries are known to `noise`, (k,) or (T, k)."""
@@ -120,9 +120,9 @@ class DifferenceGrid:
         best: Estimate | None = None
         narrower, before = None, np.zeros(y.shape)
         for indices, weights in self._stencils:
-            found = combined(indices, weights, y, about=True)
+            slope = combined(indices, weights, y, about=True)
             if narrower is not None:
-                now = np.abs(found - narrower)
+                now = np.abs(slope - narrower)
                 wrong = PARAMETERS.caution * widest(
                     np.maximum(now, PARAMETERS.last * before), PARAMETERS.reach
                 )
@@ -133,15 +133,15 @@ class DifferenceGrid:
                     spread = sizes.sum(axis=1)[:, None] * noise
                 else:
                     spread = combined(indices, sizes, noise)
-                spread = spread + clock * np.abs(found) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
-                wider = Estimate(found, spread, wrong)
+                spread = spread + clock * np.abs(slope) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
+                wider = Estimate(slope, spread, wrong)
                 if best is not None:
                     keep = best.bound <= wider.bound
-                    value = np.where(keep, best.value, found)
+                    value = np.where(keep, best.value, slope)
                     noise_of_best = np.where(keep, best.noise, spread)
                     wider = Estimate(value, noise_of_best, np.where(keep, best.truncation, wrong))
                 best = wider
-            narrower = found
+            narrower = slope
         assert best is not None
         return best
 
@@ -206,19 +206,19 @@ class DifferenceGrid:
             self._largest_in_stencil(scaled_differences(self.t, rate, order), order),
         )
 
-    def _largest_in_stencil(self, found: Array, order: int) -> Array:
+    def _largest_in_stencil(self, differences: Array, order: int) -> Array:
         """The largest difference of an order within the stencils of each row."""
-        weights = np.full(len(found), PARAMETERS.kinked)
+        weights = np.full(len(differences), PARAMETERS.kinked)
         weights[: order // 2] = weights[-(order // 2) :] = PARAMETERS.kinked_end
-        centred = np.zeros((len(self.t), found.shape[1]))
-        centred[order // 2 : order // 2 + len(found)] = np.abs(found) * weights[:, None]
+        centred = np.zeros((len(self.t), differences.shape[1]))
+        centred[order // 2 : order // 2 + len(differences)] = np.abs(differences) * weights[:, None]
         return widest(centred, PARAMETERS.around)
 
     @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:
         """Indices and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
         nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
-        found: list[tuple[Array, Array]] = []
+        rules: list[tuple[Array, Array]] = []
         widest = min(2 * PARAMETERS.gauss, len(self.t))
         for width in (widest, max(1, widest - 2), max(1, widest - 4)):
             indices = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
@@ -227,8 +227,8 @@ class DifferenceGrid:
             weights = np.zeros(indices.shape)
             for share, value in zip(shares, values.reshape(PARAMETERS.gauss, *indices.shape), strict=True):
                 weights += share / 2 * self._steps[:, None] * value
-            found.append((indices, weights))
-        return found
+            rules.append((indices, weights))
+        return rules
 
     def _around(self, first: Array, width: int) -> Array:
         first = np.clip(first, 0, len(self.t) - width)
@@ -240,7 +240,7 @@ def combined(indices: Array, weights: Array, y: Array, about: bool = False) -> A
 
     In blocks; `about` a near row, where the weights add up to 0.
     """
-    found = np.empty((len(indices), y.shape[1]))
+    sums = np.empty((len(indices), y.shape[1]))
     for start in range(0, len(indices), PARAMETERS.block):
         rows = slice(start, start + PARAMETERS.block)
         taken = indices[rows]
@@ -248,17 +248,17 @@ def combined(indices: Array, weights: Array, y: Array, about: bool = False) -> A
         band = np.zeros((len(taken), high - low))
         band.reshape(-1)[taken + (np.arange(len(taken)) * (high - low) - low)[:, None]] = weights[rows]
         near = y[low:high]
-        found[rows] = band @ (near - y[(low + high) // 2] if about else near)
-    return found
+        sums[rows] = band @ (near - y[(low + high) // 2] if about else near)
+    return sums
 
 
 def scaled_differences(t: Array, y: Array, order: int) -> Array:
     """Differences (T - order, k) of columns y (T, k): of equal steps the usual ones, of others as the longest."""
-    found = y
+    differences = y
     for k in range(1, order + 1):
-        found = (found[1:] - found[:-1]) / (t[k:] - t[:-k])[:, None]
+        differences = (differences[1:] - differences[:-1]) / (t[k:] - t[:-k])[:, None]
     steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), order).max(axis=1)
-    return np.asarray(found * (math.factorial(order) * steps**order)[:, None])
+    return np.asarray(differences * (math.factorial(order) * steps**order)[:, None])
 
 
 def values_at(x: Array) -> Array:
@@ -268,11 +268,11 @@ def values_at(x: Array) -> Array:
 
 def widest(y: Array, reach: int = 2) -> Array:
     """The largest of each column within `reach` rows."""
-    found = y.copy()
+    largest = y.copy()
     for k in range(1, min(reach, len(y) - 1) + 1):
-        np.maximum(found[k:], y[:-k], out=found[k:])
-        np.maximum(found[:-k], y[k:], out=found[:-k])
-    return found
+        np.maximum(largest[k:], y[:-k], out=largest[k:])
+        np.maximum(largest[:-k], y[k:], out=largest[:-k])
+    return largest
 
 
 def _weights(x: Array) -> tuple[Array, Array]:

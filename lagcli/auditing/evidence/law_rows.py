@@ -61,12 +61,12 @@ def geometries(index: ModelIndex) -> tuple[rigid.Geometry, ...]:
     """The geometry of each rigid body at the declared start."""
     t, q, v = model_values.start(index.model)
     on_table = ModelOnTable(index, np.full((1, 1), t), q[None, :], v[None, :])
-    found = []
+    by_body = []
     for body in index.model.rigid:
         numbers = np.array(body.particles, dtype=np.int64)
         parts = on_table.position(numbers)
-        found.append(rigid.geometry(np.stack([on_table.wide(p, numbers.size)[0] for p in parts], axis=1)))
-    return tuple(found)
+        by_body.append(rigid.geometry(np.stack([on_table.wide(p, numbers.size)[0] for p in parts], axis=1)))
+    return tuple(by_body)
 
 
 def _add_rows(
@@ -93,9 +93,9 @@ def members(
     first = 0
     for law in laws:
         count = law.members.count
-        found = numbers[(numbers >= first) & (numbers < first + count)] - first
-        if found.size:
-            yield law, found
+        own = numbers[(numbers >= first) & (numbers < first + count)] - first
+        if own.size:
+            yield law, own
         first += count
 
 

@@ -161,17 +161,17 @@ class ModelLaws:
 
     def particle_forces(self, values: LawValues) -> Array:
         """F_k of all forces and potentials declared, (T, N, 3)."""
-        index, found = self.index, values.F.copy()
-        found[:, index.cartesian] -= values.V_q[:, : index.first_generalized].reshape(len(found), -1, 3)
-        found[:, index.dependent] -= values.V_x.reshape(len(found), -1, 3)
-        return found
+        index, forces = self.index, values.F.copy()
+        forces[:, index.cartesian] -= values.V_q[:, : index.first_generalized].reshape(len(forces), -1, 3)
+        forces[:, index.dependent] -= values.V_x.reshape(len(forces), -1, 3)
+        return forces
 
     def forces_on_coordinates(self, values: LawValues, reactions: Array | float = 0.0) -> Array:
         """`reactions` with all that forces, potentials and the `lagrangian` do on coordinates themselves, (T, n): not
         what dependent particles hand on, nor -d/dt dL/dv."""
-        index, found = self.index, reactions - values.V_q + values.Q + values.L_q
-        found[:, : index.first_generalized] += values.F[:, index.cartesian].reshape(len(found), -1)
-        return np.asarray(found)
+        index, forces = self.index, reactions - values.V_q + values.Q + values.L_q
+        forces[:, : index.first_generalized] += values.F[:, index.cartesian].reshape(len(forces), -1)
+        return np.asarray(forces)
 
     def total_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
@@ -195,12 +195,12 @@ class ModelLaws:
     def parts_of_reactions(self, on_table: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); on_table: as of `free`."""
         onto = _reactions(on_table, law_rows.build(on_table, self.bodies, self._closed), lam)
-        found = np.zeros((on_table.rows, 3 * len(self.index.particles)))
+        reactions = np.zeros((on_table.rows, 3 * len(self.index.particles)))
         for numbers, kind in ((self.index.cartesian, "q"), (self.index.dependent, "x")):
             if numbers.size:
                 indices = (3 * numbers[:, None] + np.arange(3)).ravel()
-                found[:, indices] = onto[kind][:, : indices.size]
-        return found
+                reactions[:, indices] = onto[kind][:, : indices.size]
+        return reactions
 
     def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
         """The model on rows t (T,), q and v (T, n), in which positions of dependent particles are numbers."""
@@ -267,8 +267,8 @@ class ModelLaws:
     def _pull(
         self, true: ModelOnTable, free: ModelOnTable, surfaces: RowValues, laws: RowValues, lam: Array
     ) -> Array:
-        found = _reactions(free, (surfaces, laws), lam)
-        return found["q"] if true is free else found["q"] + _onto_coordinates(true, found["x"])
+        by_leaf = _reactions(free, (surfaces, laws), lam)
+        return by_leaf["q"] if true is free else by_leaf["q"] + _onto_coordinates(true, by_leaf["x"])
 
     def _potentials(self, on_table: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
         """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
@@ -312,8 +312,8 @@ class ModelLaws:
         for force in self.model.forces:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
                 algebra = on_table.algebra(force.action.variables(force.members))
-                found = on_table.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
-                scatter(Q, index.first_generalized + force.action.targets, found)
+                values = on_table.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
+                scatter(Q, index.first_generalized + force.action.targets, values)
         return F.reshape(on_table.rows, len(index.particles), 3), Q
 
 
@@ -359,8 +359,8 @@ def _changed(on_table: ModelOnTable, parts: Sequence[Scalar], directions: Direct
     changes = on_table.graph.forward(directions)
 
     def take(x: Scalar) -> Array:
-        found = changes[x.number] if isinstance(x, GraphNode) else None
-        return np.zeros((1, 1)) if found is None else found
+        change = changes[x.number] if isinstance(x, GraphNode) else None
+        return np.zeros((1, 1)) if change is None else change
 
     return _interleaved(on_table, parts, take)
 
@@ -368,5 +368,5 @@ def _changed(on_table: ModelOnTable, parts: Sequence[Scalar], directions: Direct
 def _interleaved(on_table: ModelOnTable, parts: Sequence[Scalar], take: Callable[[Scalar], Array]) -> Array:
     """x1, y1, z1, x2, ... of vectors of K members, (T, 3 K)."""
     count = on_table.index.dependent.size
-    found = [np.broadcast_to(take(part), (on_table.rows, count)) for part in parts]
-    return np.stack(found, axis=2).reshape(on_table.rows, 3 * count)
+    components = [np.broadcast_to(take(part), (on_table.rows, count)) for part in parts]
+    return np.stack(components, axis=2).reshape(on_table.rows, 3 * count)

@@ -131,8 +131,8 @@ class ModelOnTable:
         results: Results[Scalar] | None = None,
     ) -> NumberAlgebra:
         """An algebra with index vectors (K,) of a family, `m`, `r`, `v` of a particle, and results of the run."""
-        found = Resolver(self.index.names, self, variables or {}, own or {}, results)
-        return NumberAlgebra(self.graph, found.atom, found.special)
+        resolver = Resolver(self.index.names, self, variables or {}, own or {}, results)
+        return NumberAlgebra(self.graph, resolver.atom, resolver.special)
 
     def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
         """The components of a vector expression."""
@@ -166,11 +166,11 @@ class ModelOnTable:
         for group in np.unique(groups):
             member_numbers = np.flatnonzero(groups == group)
             if group < 0:
-                found = self._vector(numbers[member_numbers], rates)
+                vector = self._vector(numbers[member_numbers], rates)
             else:
-                found = self._evaluated(int(group), numbers[member_numbers], rates)
+                vector = self._evaluated(int(group), numbers[member_numbers], rates)
             for axis in range(3):
-                parts[axis].append((found[axis], member_numbers))
+                parts[axis].append((vector[axis], member_numbers))
         x, y, z = (self._joined(part, numbers.size) for part in parts)
         return x, y, z
 

@@ -57,11 +57,11 @@ class RowSpacing:
         """True where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same
         lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
         looks slow."""
-        found = np.zeros(self._e.record.q.shape, dtype=bool)
+        can_swing = np.zeros(self._e.record.q.shape, dtype=bool)
         own = self._e.laws.index.first_generalized
-        if own and len(found) > 1:
-            found[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
-        return found
+        if own and len(can_swing) > 1:
+            can_swing[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
+        return can_swing
 
     @functools.cached_property
     def _swing(self) -> Array:
@@ -102,21 +102,21 @@ class RowSpacing:
         own = index.first_generalized
         a = (forces[:, index.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self._e.masses[:own]
         a_x = (forces[:, index.dependent].reshape(len(r.t), -1) + r.R_x) / self._e.masses_x
-        found = np.zeros(index.n, dtype=bool)
+        is_far = np.zeros(index.n, dtype=bool)
         size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
         coarse = _coarse(r.v[:, :own], a, step, size)
         if own and not np.any(self._e.values.b):
             # Nothing swings that fast, and what is at rest under a force is no motion.
             coarse &= self._swing.max(axis=0) > LAZY
-        found[:own] = np.repeat(coarse, 3)
+        is_far[:own] = np.repeat(coarse, 3)
         # Rows, forces or momenta that turn too far with generalized coordinates from a row to the next, all along: an
         # error of a row lets few steps look so
         if own < index.n:
             part = SAFETY * self._e.tolerance.rtol + FORCE_ROUNDOFF
             fast = turning.steps(self._e.laws, r, part, self._e.tolerance.atol).sum(axis=0)
             rows = len(r.t)
-            found[own:] = (fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any()
-        return found, np.repeat(_coarse(r.u, a_x, step, size), 3)
+            is_far[own:] = (fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any()
+        return is_far, np.repeat(_coarse(r.u, a_x, step, size), 3)
 
 
 def _coarse(v: Array, a: Array, step: float, size: float) -> Array:

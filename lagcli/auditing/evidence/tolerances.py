@@ -68,25 +68,25 @@ class Evidence:
     def __init__(
         self,
         laws: ModelLaws,
-        found: Record,
+        record: Record,
         tolerance: Tolerance,
         whole: Record | None = None,
         run: WholeRun | None = None,
     ) -> None:
-        self._whole, self.run = whole or found, run
-        self.laws, self.record, self.tolerance = laws, found, tolerance
+        self._whole, self.run = whole or record, run
+        self.laws, self.record, self.tolerance = laws, record, tolerance
         self.names: TableNames = table_input.names(laws)
         rounding = differences.CLOCK * np.abs(self._whole.t).max(initial=0.0)
         self.clock = rounding + written_digits.PARAMETERS.halves * tolerance.written.time
-        self.grid = DifferenceGrid(found.t, self.clock)
+        self.grid = DifferenceGrid(record.t, self.clock)
         # A row before an instant is on that side of what jumps there.
-        self._t = found.t + 2 * rounding * found.side
-        self.values: LawValues = laws.values(self._t, found.q, found.v, found.lam)
+        self._t = record.t + 2 * rounding * record.side
+        self.values: LawValues = laws.values(self._t, record.q, record.v, record.lam)
         index = laws.index
         self.masses = np.zeros(index.n)
         self.masses[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
         self.masses_x = np.repeat(index.masses[index.dependent], 3)
-        self.hidden = np.zeros(max(0, len(found.t) - 1), dtype=bool)  # steps with a push that no row shows
+        self.hidden = np.zeros(max(0, len(record.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
         self._made: dict[object, object] = {}
 
@@ -160,10 +160,10 @@ class Evidence:
 
     def noise(self, name: str) -> Array:
         """The noise of one of the `Values`, of its own shape, time first."""
-        found = self.spread(getattr(self.values, name), getattr(self.moved_values, name))
+        noise = self.spread(getattr(self.values, name), getattr(self.moved_values, name))
         if self.tolerance.written.is_short and name in ("x", "u"):  # recorded, beside what the model says
-            found = found + self.recorded(getattr(self.record, name))
-        return found
+            noise = noise + self.recorded(getattr(self.record, name))
+        return noise
 
     def spread(self, one: Array, moved: Array) -> Array:
         """The noise of any quantity from its values at the states and at the moved ones."""
@@ -208,11 +208,11 @@ class Evidence:
     @functools.cached_property
     def particle_noise(self) -> Array:
         """The noise of F_k, (T, N, 3)."""
-        index, found = self.laws.index, self.noise("F")
+        index, noise = self.laws.index, self.noise("F")
         own = index.first_generalized
-        found[:, index.cartesian] += self.noise("V_q")[:, :own].reshape(len(found), -1, 3)
-        found[:, index.dependent] += self.noise("V_x").reshape(len(found), -1, 3)
-        return found
+        noise[:, index.cartesian] += self.noise("V_q")[:, :own].reshape(len(noise), -1, 3)
+        noise[:, index.dependent] += self.noise("V_x").reshape(len(noise), -1, 3)
+        return noise
 
     @functools.cached_property
     def looked_at(self) -> Array:

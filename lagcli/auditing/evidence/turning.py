@@ -33,20 +33,20 @@ PARAMETERS = TurningParameters()
 GOLDEN = (np.sqrt(5.0) - 1) / 2
 
 
-def steps(laws: ModelLaws, found: Record, part: float, atol: float) -> Array:
+def steps(laws: ModelLaws, record: Record, part: float, atol: float) -> Array:
     """True for the steps and columns (T - 1, 3 n) in which something turns too far along a coordinate: the rows,
     the forces on it, its momenta.
 
     Each row is gone on from with its own rates, so that rows out of order look as they are. part: of the size of a
     column what is noise, beside `atol`.
     """
-    sizes = _weights(laws, found)
-    rows = _on_coordinates(laws, found.t, found.q, *sizes)
+    sizes = _weights(laws, record)
+    rows = _on_coordinates(laws, record.t, record.q, *sizes)
     ahead = np.zeros((len(rows) - 1, rows.shape[1]))
-    h = np.diff(found.t)
+    h = np.diff(record.t)
     for number in range(1, PARAMETERS.between + 1):
         s = h * np.modf(GOLDEN * number**2)[0]
-        there = _on_coordinates(laws, found.t[:-1] + s, found.q[:-1] + s[:, None] * found.v[:-1], *sizes)
+        there = _on_coordinates(laws, record.t[:-1] + s, record.q[:-1] + s[:, None] * record.v[:-1], *sizes)
         ahead = np.maximum(ahead, np.abs(there - rows[:-1]))
     floor = part * np.abs(rows).max(axis=0) + atol
     swing = np.sqrt(2 * np.mean((rows - rows.mean(axis=0)) ** 2, axis=0))
@@ -56,11 +56,11 @@ def steps(laws: ModelLaws, found: Record, part: float, atol: float) -> Array:
     return np.asarray(turned & (ahead > floor))
 
 
-def _weights(laws: ModelLaws, found: Record) -> tuple[Array, Array]:
+def _weights(laws: ModelLaws, record: Record) -> tuple[Array, Array]:
     """Rates (n,) of the size of those of a record, and multipliers (C,) by which rows pull alike at its first row."""
     random = np.random.default_rng(6)
-    lengths = np.nan_to_num(np.linalg.norm(laws.matrix(found.t[:1], found.q[:1], found.v[:1])[0], axis=1))
-    rates = np.abs(found.v).max(axis=0) * random.uniform(0.5, 1.0, found.v.shape[1])
+    lengths = np.nan_to_num(np.linalg.norm(laws.matrix(record.t[:1], record.q[:1], record.v[:1])[0], axis=1))
+    rates = np.abs(record.v).max(axis=0) * random.uniform(0.5, 1.0, record.v.shape[1])
     return rates, random.uniform(0.5, 1.0, len(lengths)) / np.where(lengths > 0, lengths, 1.0)
 
 

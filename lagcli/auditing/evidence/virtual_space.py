@@ -41,11 +41,11 @@ class VirtualSpace:
 
     def part(self, rows: slice) -> VirtualSpace:
         """The space at some of the rows."""
-        found = copy.copy(self)
+        space = copy.copy(self)
         for name in ("B", "lengths", "sigma", "_left", "_across", "_independent", "_has_none"):
-            setattr(found, name, getattr(self, name)[rows])
-        found._judge()
-        return found
+            setattr(space, name, getattr(self, name)[rows])
+        space._judge()
+        return space
 
     def _judge(self) -> None:
         M = len(self.sigma)
@@ -92,6 +92,6 @@ class VirtualSpace:
         inverse = self._inverse
         with np.errstate(divide="ignore", invalid="ignore"):
             along = inverse * np.einsum("mkn,mn->mk", self._across, R)
-            found = np.einsum("mck,mk->mc", self._left, along) / self.lengths
+            lam = np.einsum("mck,mk->mc", self._left, along) / self.lengths
             spread = np.sqrt(np.einsum("mck,mk->mc", self._left**2, inverse**2)) / self.lengths
-        return np.asarray(found), np.asarray(spread * np.linalg.norm(limit, axis=1)[:, None])
+        return np.asarray(lam), np.asarray(spread * np.linalg.norm(limit, axis=1)[:, None])

@@ -112,14 +112,14 @@ ALL = WrittenDigits()
 def of(rows: Array, t: Array) -> WrittenDigits:
     """The digits of the numbers of a table, with its times t (T,) among them or not."""
     numbers = np.abs(rows[np.isfinite(rows) & (rows != 0)])
-    found = ALL
+    digits = ALL
     for part in (numbers[:: max(1, len(numbers) // PARAMETERS.sample)], numbers):
-        found = _of_numbers(np.unique(part))
+        digits = _of_numbers(np.unique(part))
         # A column that moves would tell its digits in so many rows.
-        enough = len(t) * max(found.digits, found.decimals) >= PARAMETERS.together
-        if not found.is_short or (enough and not found.is_told):
+        enough = len(t) * max(digits.digits, digits.decimals) >= PARAMETERS.together
+        if not digits.is_short or (enough and not digits.is_told):
             return ALL
-    return found.of_times(t)
+    return digits.of_times(t)
 
 
 def _of_numbers(numbers: Array) -> WrittenDigits:
