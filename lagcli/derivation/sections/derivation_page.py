@@ -109,26 +109,26 @@ class Derivation:
     def equations(self) -> tuple[sympy.Eq, ...]:
         """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy; with the lambda of inequalities."""
         system = self.system.all_closed
-        found = []
+        equations = []
         for i in range(len(system.q)):
             left = sum((system.matrix(i, j) * a for j, a in enumerate(system.a)), sympy.Integer(0))
             right = system.h[i] + sum(
                 (row.B[i] * lam for row, lam in zip(system.rows, system.lam, strict=True) if i in row.B),
                 sympy.Integer(0),
             )
-            found.append(sympy.Eq(self._plain(left), self._plain(right), evaluate=False))
-        return tuple(found)
+            equations.append(sympy.Eq(self._plain(left), self._plain(right), evaluate=False))
+        return tuple(equations)
 
     def constraints(self) -> tuple[sympy.Eq, ...]:
         """f = 0 of holonomic rows (D.2), B v + b = 0 of differential ones (D.4), in SymPy."""
         system = self.system
-        found = []
+        constraints = []
         for row in system.rows:
             value = row.f
             if value is None:
                 value = row.b + sum((slope * system.v[i] for i, slope in row.B.items()), sympy.Integer(0))
-            found.append(sympy.Eq(self._plain(value), 0, evaluate=False))
-        return tuple(found)
+            constraints.append(sympy.Eq(self._plain(value), 0, evaluate=False))
+        return tuple(constraints)
 
     def inequalities(self) -> tuple[sympy.Rel, ...]:
         """g >= 0, in SymPy."""
@@ -267,16 +267,16 @@ def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:
     """A long sum in pieces of a line each."""
     if not isinstance(node, f.FormulaSum) or render_text.width(render_text.text(node)) <= LONG:
         return [node]
-    found: list[list[tuple[int, f.FormulaNode]]] = [[]]
+    chunks: list[list[tuple[int, f.FormulaNode]]] = [[]]
     used = 0
     for sign, term in node.terms:
         own = render_text.width(render_text.text(term)) + 3
-        if found[-1] and used + own > LONG:
-            found.append([])
+        if chunks[-1] and used + own > LONG:
+            chunks.append([])
             used = 0
-        found[-1].append((sign, term))
+        chunks[-1].append((sign, term))
         used += own
-    return [f.FormulaSum(tuple(part)) for part in found]
+    return [f.FormulaSum(tuple(part)) for part in chunks]
 
 
 def _latex(line: Line) -> str:

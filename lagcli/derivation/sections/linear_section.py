@@ -38,7 +38,7 @@ def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
         return
     system = whole.closed(point.closed)
     try:
-        found = matrices(system, point)
+        linear = matrices(system, point)
     except NotLinearizedError as error:
         general = "the declared start is no equilibrium and no steady motion, and about any point of rest "
         yield Line(note=f"Not written out: {general if point.kind == 'general' else ''}{error}.")
@@ -50,15 +50,15 @@ def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
         yield Line(note=f"Contacts that press count as rows: {names}.")
     elif whole.contacts.rows:
         yield Line(note="No contact counts as a row: they are open.")
-    if not (found.C or found.K or found.B or found.D):
+    if not (linear.C or linear.K or linear.B or linear.D):
         yield Line(note="C and K are zero, and there are no rows: M δq̈ = 0, deviations drift.")
         return
-    yield from _equations(system, signs, found)
+    yield from _equations(system, signs, linear)
     if point.kind != "general":
-        yield from _values(system, signs, found, point)
+        yield from _values(system, signs, linear, point)
 
 
-def _equations(system: Symbolic, signs: Signs, found: Matrices) -> Iterator[Line]:
+def _equations(system: Symbolic, signs: Signs, linear: Matrices) -> Iterator[Line]:
     """The equations of motion by coordinate; B dq = 0 of holonomic rows, A dq' + D dq = 0 of differential rows."""
     # Symbols of dq, dq', dq'' by coordinate, and of dlambda by row, with their signs
     levels: list[Symbols] = []
@@ -70,19 +70,19 @@ def _equations(system: Symbolic, signs: Signs, found: Matrices) -> Iterator[Line
     dq, dv, da, dlam = levels
     for i, name in enumerate(system.names):
         left = [
-            *_terms(signs, found.M, i, da),
-            *_terms(signs, found.C, i, dv),
-            *_terms(signs, found.K, i, dq),
+            *_terms(signs, linear.M, i, da),
+            *_terms(signs, linear.C, i, dv),
+            *_terms(signs, linear.K, i, dq),
         ]
         right: list[tuple[int, f.FormulaNode]] = []
         for r, lam in enumerate(dlam):
-            if (r, i) in found.B:
-                right += terms_of(signs.node(found.B[r, i] * lam))
+            if (r, i) in linear.B:
+                right += terms_of(signs.node(linear.B[r, i] * lam))
         yield Line(sides=(joined(left), joined(right)), kind="deviation", family=paper_names.family(name))
     for r, row in enumerate(system.rows):
         is_holonomic = row.f is not None
-        left = _terms(signs, found.B, r, dq if is_holonomic else dv)
-        left += [] if is_holonomic else _terms(signs, found.D, r, dq)
+        left = _terms(signs, linear.B, r, dq if is_holonomic else dv)
+        left += [] if is_holonomic else _terms(signs, linear.D, r, dq)
         if left:
             yield Line(sides=(joined(left), NIL), kind="deviation row", family=row.family)
 
@@ -98,9 +98,9 @@ def _terms(
     return terms
 
 
-def _values(system: Symbolic, signs: Signs, found: Matrices, point: LinearPoint) -> Iterator[Line]:
+def _values(system: Symbolic, signs: Signs, linear: Matrices, point: LinearPoint) -> Iterator[Line]:
     """The values of letters at the start, as far as they are in the equations."""
-    present = found.symbols
+    present = linear.symbols
     for letters, numbers in zip((system.q, system.v, system.a, system.lam), point.numbers, strict=True):
         for letter, number in zip(letters, numbers, strict=True):
             if letter in present:

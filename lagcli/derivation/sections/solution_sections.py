@@ -52,13 +52,13 @@ def sections(
             lines.append(Line("D.24", sides, kind="S", family=row.family))
     elif system.rows:
         lines.append(Line(note=f"B M⁻¹ Bᵀ is not written out: {inverted.reason}."))
-    found = [(title, lines), (TITLE, list(contacts.contact(equation))), ("Impact", list(contacts.impact()))]
+    drafts = [(title, lines), (TITLE, list(contacts.contact(equation))), ("Impact", list(contacts.impact()))]
     if solve and equation is None:
         note = f"λ in closed form is not written out: {inverted.reason}."
-        found.append(("Solution", [Line(note=note)]))
+        drafts.append(("Solution", [Line(note=note)]))
     elif solve:
-        found += _solutions(system, parts, contacts, inverted)
-    return found
+        drafts += _solutions(system, parts, contacts, inverted)
+    return drafts
 
 
 def _solutions(
@@ -155,5 +155,5 @@ def _closed(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Ex
     """The form of an acceleration that reads best, with what the rows say put in."""
     whole = tidy(multiplier_equations.put(system, value, on))
     small = whole.count_ops() <= 2 * multiplier_equations.MAX_OPERATIONS
-    found = multiplier_equations.cancelled(whole, system.v) if small else []
-    return min(*found, polynomial(whole, system.v), whole, key=multiplier_equations.complexity)
+    shorter = multiplier_equations.cancelled(whole, system.v) if small else []
+    return min(*shorter, polynomial(whole, system.v), whole, key=multiplier_equations.complexity)

@@ -50,12 +50,12 @@ class Calculus:
 
     def symbols(self, value: sympy.Expr) -> frozenset[sympy.Symbol]:
         """Everything a value depends on, also through abbreviations, these included."""
-        found = set(value.free_symbols)
+        symbols = set(value.free_symbols)
         for symbol in value.free_symbols & self.known.keys():
             if symbol not in self._symbols:
                 self._symbols[symbol] = self.symbols(self.known[symbol].inner)
-            found |= self._symbols[symbol]
-        return frozenset(found)
+            symbols |= self._symbols[symbol]
+        return frozenset(symbols)
 
     def partial(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         """dvalue/dx with everything else fixed."""
@@ -88,9 +88,9 @@ class Calculus:
             value = value.xreplace(found)
 
     def _plain(self, value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
-        found = slope(value, x)
+        derivative = slope(value, x)
         # A jump has no slope; where it stands the compiled equations have none either.
-        return found.replace(sympy.DiracDelta, lambda *_: ZERO) if self.has_jumps else found
+        return derivative.replace(sympy.DiracDelta, lambda *_: ZERO) if self.has_jumps else derivative
 
     def _of(self, symbol: sympy.Symbol, x: sympy.Symbol) -> sympy.Expr:
         """The slope of an abbreviation."""
@@ -134,8 +134,8 @@ def slope(value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
 @memory.remembered(128)
 def _terms(value: sympy.Expr) -> dict[sympy.Expr, list[sympy.Expr]]:
     """The terms of a long sum by the symbols they hold: it is differentiated by each of them."""
-    found: dict[sympy.Expr, list[sympy.Expr]] = {}
+    terms: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in value.args:
         for symbol in term.free_symbols:
-            found.setdefault(symbol, []).append(term)
-    return found
+            terms.setdefault(symbol, []).append(term)
+    return terms

@@ -80,11 +80,11 @@ def matrices(system: Symbolic, point: LinearPoint) -> Matrices:
     if sum(value.count_ops() for value in residual) > MOST_DIFFERENTIATED:
         raise NotLinearizedError("the equations of motion are too long to be differentiated")
     at.require_smooth(residual)
-    found = Matrices({}, {}, {}, {}, {})
+    linear = Matrices({}, {}, {}, {}, {})
     for i in range(count):
         for j in range(count):
-            at.enter(found.M, (i, j), system.matrix(i, j))
-        for part, value, letters in ((found.C, inertial[i], system.v), (found.K, residual[i], system.q)):
+            at.enter(linear.M, (i, j), system.matrix(i, j))
+        for part, value, letters in ((linear.C, inertial[i], system.v), (linear.K, residual[i], system.q)):
             at.enter_slopes(part, i, value, letters)
     for r, row in enumerate(system.rows):
         if point.kind == "general" and row.b != 0:
@@ -92,11 +92,11 @@ def matrices(system: Symbolic, point: LinearPoint) -> Matrices:
                 f"the row {row.name} moves, so that there is no point of rest in general"
             )
         for i, slope in row.B.items():
-            at.enter(found.B, (r, i), slope)
+            at.enter(linear.B, (r, i), slope)
         if row.f is None:
             rate = sum((slope * system.v[i] for i, slope in row.B.items()), row.b)
-            at.enter_slopes(found.D, r, rate, system.q)
-    return found
+            at.enter_slopes(linear.D, r, rate, system.q)
+    return linear
 
 
 class _Substitution:

@@ -37,7 +37,7 @@ class Inverse:
 
 def inverse(system: Symbolic) -> Inverse:
     """M^-1 for the coordinates that do not obey Newton's equations, block by block."""
-    found: dict[tuple[int, int], sympy.Expr] = {}
+    entries: dict[tuple[int, int], sympy.Expr] = {}
     # The coordinates that M couples
     neighbours: dict[int, set[int]] = {i: {i} for i in system.lagrange}
     for i, j in system.M:
@@ -58,13 +58,13 @@ def inverse(system: Symbolic) -> Inverse:
                 if entry.count_ops() > MAX_ENTRY:
                     return Inverse(None, f"an entry of M⁻¹ has {entry.count_ops()} operations")
                 if entry != 0:
-                    found[i, j] = entry
-    return Inverse(found)
+                    entries[i, j] = entry
+    return Inverse(entries)
 
 
 def components(neighbours: dict[int, set[int]]) -> list[list[int]]:
     """The connected parts of a graph, each in order."""
-    found, seen = [], set[int]()
+    parts, seen = [], set[int]()
     for start in neighbours:
         if start in seen:
             continue
@@ -74,8 +74,8 @@ def components(neighbours: dict[int, set[int]]) -> list[list[int]]:
                 part.add(other)
                 stack.append(other)
         seen |= part
-        found.append(sorted(part))
-    return found
+        parts.append(sorted(part))
+    return parts
 
 
 class Products:
@@ -197,20 +197,20 @@ def solve(system: Symbolic, equation: Equation) -> ClosedForm:
         right = sympy.Matrix([put(system, equation.right[r], on) for r in block])
         above = matrix.adjugate() * right
         for r, value in zip(block, above, strict=True):
-            found = _shortest(value, determinant, system.v)
-            if found.count_ops() > MAX_OPERATIONS:
-                reason = f"λ of {system.rows[r].name} would have {found.count_ops()} operations"
+            shortest = _shortest(value, determinant, system.v)
+            if shortest.count_ops() > MAX_OPERATIONS:
+                reason = f"λ of {system.rows[r].name} would have {shortest.count_ops()} operations"
                 reason += f", and {MAX_OPERATIONS} are still read"
             else:
-                values[r] = found
+                values[r] = shortest
     return ClosedForm(values, reason, on)
 
 
 def _shortest(above: sympy.Expr, below: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
-    found = [tidy(tidy(above) / below), tidy(above) / below]
+    forms = [tidy(tidy(above) / below), tidy(above) / below]
     if above.count_ops() + below.count_ops() <= 2 * MAX_OPERATIONS:
-        found += cancelled(above / below, rates)
-    return min(found, key=complexity)
+        forms += cancelled(above / below, rates)
+    return min(forms, key=complexity)
 
 
 def cancelled(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> list[sympy.Expr]:
@@ -218,7 +218,7 @@ def cancelled(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> list[sympy.
 
     sin^2 + cos^2 = 1 hides a common factor where both stand, so that it is looked for with each of them alone too.
     """
-    found = []
+    forms = []
     together = sympy.together(value)
     for squared, other in ((None, None), (sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
         above, below = sympy.fraction(together)
@@ -226,11 +226,11 @@ def cancelled(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> list[sympy.
             above, below = (without_squares(part, squared, other) for part in (above, below))
         if below == 0:  # sin^2 + cos^2 - 1 in disguise: nothing is known of such a quotient
             continue
-        found.append(_factored(above / below))
+        forms.append(_factored(above / below))
         if not below.free_symbols & set(rates):
             terms = by_monomials(sympy.expand(above), rates)
-            found.append(sympy.Add(*(monomial * _factored(part / below) for monomial, part in terms)))
-    return found
+            forms.append(sympy.Add(*(monomial * _factored(part / below) for monomial, part in terms)))
+    return forms
 
 
 def _factored(value: sympy.Expr) -> sympy.Expr:
@@ -263,13 +263,13 @@ def put(system: Symbolic, value: sympy.Expr, on: dict[sympy.Symbol, sympy.Expr])
 def surface(system: Symbolic) -> dict[sympy.Symbol, sympy.Expr]:
     """Lengths and coordinates that single rows hold at a value: d = L and d' = L', y = 0 and y' = 0."""
     calculus = system.table.calculus
-    found: dict[sympy.Symbol, sympy.Expr] = {}
+    on_surface: dict[sympy.Symbol, sympy.Expr] = {}
     rates = dict(zip(system.q, system.v, strict=True))
     for row in system.rows:
         if row.f is None:
             continue
         moving = [s for s in row.f.free_symbols if s in rates or s in calculus.known]
-        if len(moving) != 1 or moving[0] in found:
+        if len(moving) != 1 or moving[0] in on_surface:
             continue
         symbol = moving[0]
         slope = sympy.diff(row.f, symbol)
@@ -280,10 +280,10 @@ def surface(system: Symbolic) -> dict[sympy.Symbol, sympy.Expr]:
         if symbol in calculus.known and not slope.is_number:
             continue
         value = tidy(-row.f.xreplace({symbol: ZERO}) / slope)
-        found[symbol] = value
+        on_surface[symbol] = value
         moved = sympy.diff(value, TIME)
         if symbol in rates:
-            found[rates[symbol]] = moved
+            on_surface[rates[symbol]] = moved
         elif symbol in calculus.products:
-            found[calculus.products[symbol][0]] = tidy(value * moved)
-    return found
+            on_surface[calculus.products[symbol][0]] = tidy(value * moved)
+    return on_surface

@@ -110,11 +110,11 @@ class Signs:
             if isinstance(node, f.FormulaSum) and len(node.terms) == 1:
                 sign, node = node.terms[0]
             return [(sign, f.FormulaProduct((node, self.vector(triple))))]
-        found: list[tuple[int, f.FormulaNode]] = []
+        terms: list[tuple[int, f.FormulaNode]] = []
         for own, key in pieces(vector):
             node = self._layout.node(self._times(shorter(tidy(factor * own), factor * own), key))
-            found += node.terms if isinstance(node, f.FormulaSum) else [(1, node)]
-        return found
+            terms += node.terms if isinstance(node, f.FormulaSum) else [(1, node)]
+        return terms
 
     def _times(self, factor: sympy.Expr, key: Key) -> sympy.Expr:
         """factor * combination; a minus sign turns a difference of vectors round."""
@@ -168,13 +168,13 @@ class Signs:
         """The abbreviations for lengths with what they stand for."""
         self._abbreviations()
         known = self._system.table.calculus.known
-        found: list[tuple[f.FormulaNode, f.FormulaNode]] = []
+        definitions: list[tuple[f.FormulaNode, f.FormulaNode]] = []
         for symbol, abbreviation in known.items():
             if abbreviation.is_root and abbreviation.left is not None:
-                found.append((self._shown[symbol], f.Bars(self.key(abbreviation.left))))
+                definitions.append((self._shown[symbol], f.Bars(self.key(abbreviation.left))))
             elif abbreviation.is_root:
-                found.append((self._shown[symbol], f.Root(self._layout.node(abbreviation.inner))))
-        return found
+                definitions.append((self._shown[symbol], f.Root(self._layout.node(abbreviation.inner))))
+        return definitions
 
     def _show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str, kind: int, first: int = 2) -> f.Sign:
         sign = self._register.take(wanted, name)

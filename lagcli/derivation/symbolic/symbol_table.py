@@ -217,8 +217,8 @@ class SymbolTable:
 
     def _abbreviated(self, inner: sympy.Expr, key: Key | None) -> sympy.Expr:
         known = self.calculus.by_vectors
-        if (found := known.get(inner)) is not None:
-            return found
+        if (known_symbol := known.get(inner)) is not None:
+            return known_symbol
         symbol = sympy.Symbol(f"root {len(self.calculus.known)}", positive=True)
         self.calculus.known[symbol] = Abbreviation(inner, True, key, key)
         known[inner] = symbol
@@ -302,5 +302,5 @@ def _located(expression: nouns.Expression) -> Iterator[None]:
     except notation.TooLarge as failure:
         message = f"the equations cannot be written out: {failure}"
         hint = "`check` and `simulate` have no such limit"
-        found = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
-        raise diagnostics.ModelError([found]) from None
+        fault = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
+        raise diagnostics.ModelError([fault]) from None

@@ -247,8 +247,8 @@ def _kinetic(table: SymbolTable) -> sympy.Expr:
                 f" {MAX_PRODUCTS} products of slopes from `{table.particles.names[number]}` on"
             )
             hint = "Cartesian particles with rows have equations of bounded length"
-            found = diagnostics.Diagnostic("too-large-to-derive", message, particle.location, hint)
-            raise diagnostics.ModelError([found])
+            fault = diagnostics.Diagnostic("too-large-to-derive", message, particle.location, hint)
+            raise diagnostics.ModelError([fault])
         half = table.mass(number) / 2
         for i, (x, u) in enumerate(slopes):
             for y, w in slopes[i:]:

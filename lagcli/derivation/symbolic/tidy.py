@@ -25,15 +25,15 @@ def tidy(value: sympy.Expr) -> sympy.Expr:
     operations = value.count_ops()
     if operations > MAX_OPERATIONS or (operations <= FEW and not value.has(sympy.sin, sympy.cos)):
         return value
-    found = [value, sympy.factor_terms(value)]
+    forms = [value, sympy.factor_terms(value)]
     if math.prod(_expanded(value)) > MOST_PARTS:
-        return min(found, key=_length)
+        return min(forms, key=_length)
     wide = sympy.expand(value)
     if wide.count_ops() <= MAX_OPERATIONS:
-        found += [wide, sympy.factor_terms(wide)]
+        forms += [wide, sympy.factor_terms(wide)]
         if wide.is_Add and wide.has(sympy.sin, sympy.cos):
-            found += _trigonometric(wide)
-    return min(found, key=_length)
+            forms += _trigonometric(wide)
+    return min(forms, key=_length)
 
 
 def _expanded(value: sympy.Expr) -> tuple[int, int]:
@@ -84,11 +84,11 @@ def _trigonometric(wide: sympy.Expr) -> list[sympy.Expr]:
         less = without_squares(wide, first, second)
         if less != wide:
             sums.append(less)
-    found = []
+    forms = []
     for value in sums:
         joined = _of_two_angles(value)
-        found += [joined, sympy.factor_terms(joined)] if joined != wide else []
-    return found
+        forms += [joined, sympy.factor_terms(joined)] if joined != wide else []
+    return forms
 
 
 def _of_two_angles(value: sympy.Expr) -> sympy.Expr:
@@ -105,16 +105,16 @@ def _of_two_angles(value: sympy.Expr) -> sympy.Expr:
         one, other = sorted(waves, key=lambda wave: sympy.default_sort_key(wave.args[0]))
         others = sympy.Mul(*(x for x in factors if x not in waves))
         kind = "".join("s" if isinstance(wave, sympy.sin) else "c" for wave in (one, other))
-        found = pairs.setdefault((others, one.args[0], other.args[0]), {})
-        found[kind] = found.get(kind, sympy.Integer(0)) + coefficient
-    for (others, a, b), found in pairs.items():
-        rest.append(others * _added(a, b, found))
+        by_kind = pairs.setdefault((others, one.args[0], other.args[0]), {})
+        by_kind[kind] = by_kind.get(kind, sympy.Integer(0)) + coefficient
+    for (others, a, b), by_kind in pairs.items():
+        rest.append(others * _added(a, b, by_kind))
     return sympy.Add(*rest)
 
 
-def _added(a: sympy.Expr, b: sympy.Expr, found: dict[str, sympy.Expr]) -> sympy.Expr:
+def _added(a: sympy.Expr, b: sympy.Expr, by_kind: dict[str, sympy.Expr]) -> sympy.Expr:
     """The four products of two angles with these coefficients, in sums of angles where that is shorter."""
-    cc, ss, sc, cs = (found.get(kind, sympy.Integer(0)) for kind in ("cc", "ss", "sc", "cs"))
+    cc, ss, sc, cs = (by_kind.get(kind, sympy.Integer(0)) for kind in ("cc", "ss", "sc", "cs"))
     sin, cos = sympy.sin, sympy.cos
     if cc and cc == ss:
         even = cc * cos(a - b)

@@ -46,7 +46,7 @@ class VectorRecognizer:
         return self._found[triple]
 
     def _vector(self, triple: Triple) -> RecognizedVector | None:
-        found: list[dict[str, sympy.Expr]] = []
+        by_axis: list[dict[str, sympy.Expr]] = []
         rest = []
         for value, names in zip(triple, self._axes, strict=True):
             own = [s for s in value.free_symbols if s in names]
@@ -57,8 +57,8 @@ class VectorRecognizer:
             if left.free_symbols & self._components:
                 return None
             rest.append(left)
-            found.append({names[s]: linear[s] for s in own})
-        x, y, z = found
+            by_axis.append({names[s]: linear[s] for s in own})
+        x, y, z = by_axis
         if not (x.keys() == y.keys() == z.keys()):
             return None
         if any(not _same(x[n], y[n]) or not _same(x[n], z[n]) for n in x):
@@ -82,10 +82,10 @@ def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
 
     The rest along the axes, where there is one, is the last piece.
     """
-    found = _differences(dict(vector.parts)) or _with_shared_factor(vector.parts)
+    summands = _differences(dict(vector.parts)) or _with_shared_factor(vector.parts)
     if vector.rest != NOTHING:
-        found.append((sympy.Integer(1), ((), vector.rest)))
-    return found
+        summands.append((sympy.Integer(1), ((), vector.rest)))
+    return summands
 
 
 def _differences(parts: dict[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
@@ -97,11 +97,11 @@ def _differences(parts: dict[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:
     for name, c in parts.items():
         if name != centre:
             merged.setdefault(c, {})[name] = 1
-    found = []
+    differences = []
     for c, names in merged.items():
         combination = (*((n, sympy.Integer(1)) for n in names), (centre, sympy.Integer(-len(names))))
-        found.append(_signed(c, tuple(sorted(combination, key=lambda part: part[0]))))
-    return found
+        differences.append(_signed(c, tuple(sorted(combination, key=lambda part: part[0]))))
+    return differences
 
 
 def _with_shared_factor(parts: Mapping[str, sympy.Expr]) -> list[tuple[sympy.Expr, Key]]:

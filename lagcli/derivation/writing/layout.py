@@ -34,9 +34,7 @@ class Layout:
             signed = [self._signed(term) for term in terms]
             first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
             return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
-        if value.is_Rational:
-            return _rational(value)
-        if value.is_Mul:
+        if value.is_Rational or value.is_Mul:
             sign, node = self._signed(value)
             return node if sign > 0 else f.negative(node)
         if value.is_Pow and not isinstance(value, sympy.exp):
@@ -68,20 +66,20 @@ class Layout:
 
     def _term_key(self, term: sympy.Expr) -> tuple[object, ...]:
         """Accelerations first, then rates, then positions; each as they are declared."""
-        found: list[tuple[int, int]] = []
+        kinds_of: list[tuple[int, int]] = []
         for symbol in term.free_symbols:
-            found.append(self._kinds.get(symbol, (SUM, 0)))
-        kinds = {kind for kind, _ in found}
+            kinds_of.append(self._kinds.get(symbol, (SUM, 0)))
+        kinds = {kind for kind, _ in kinds_of}
         order = [ACCELERATION, RATE, LAMBDA, PRODUCT, COORDINATE, LENGTH, VECTOR, PARAMETER]
         leading = next((i for i, kind in enumerate(order) if kind in kinds), len(order))
-        leads = sorted(n for kind, n in found if leading < len(order) and kind == order[leading])
+        leads = sorted(n for kind, n in kinds_of if leading < len(order) and kind == order[leading])
         degree = term.as_coeff_Mul()[1]
         power = sum(
             int(e)
             for b, e in degree.as_powers_dict().items()
             if self._kinds.get(b, (SUM, 0))[0] == RATE and e.is_Integer
         )
-        return leading, -power, leads, sorted(found), sympy.default_sort_key(term)
+        return leading, -power, leads, sorted(kinds_of), sympy.default_sort_key(term)
 
     def _signed(self, term: sympy.Expr) -> tuple[int, f.FormulaNode]:
         """The sign of a term and the term without it."""
@@ -131,18 +129,6 @@ class Layout:
             kind = VECTOR if VECTOR in kinds else PARAMETER if kinds == {PARAMETER} else SUM
             return kind, inner[0][1] if inner else 0, str(base)
         return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)
-
-
-def _rational(value: sympy.Expr) -> f.FormulaNode:
-    p, q = int(value.p), int(value.q)
-    if p < 0:
-        return f.negative(_rational(-value))
-    decimal = None if (p, q) in _SIMPLE else _decimal(p, q)
-    if q == 1:
-        return f.FormulaNumber(_integer(p))
-    if decimal is not None:
-        return f.FormulaNumber(decimal)
-    return f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q)))
 
 
 def scientific(digits: int, exponent: int) -> str:

@@ -73,7 +73,9 @@ def _product(factors: tuple[f.FormulaNode, ...]) -> str:
     for index, factor in enumerate(factors):
         last = index == len(factors) - 1
         following = None if last else factors[index + 1]
-        if isinstance(factor, f.Apply) and not (last or isinstance(following, f.Apply) or _moves(following)):
+        # A differential: sin θ dφ is read right
+        moves = isinstance(following, f.Sign) and len(following.base) == 2 and following.base[0] in "dδ"
+        if isinstance(factor, f.Apply) and not (last or isinstance(following, f.Apply) or moves):
             # "sin θ r" would be read as sin(θ r).
             parts.append(_apply(factor, closed=True)[0])
         elif isinstance(factor, f.Fraction) and index == 0 and _small(factor):
@@ -81,11 +83,6 @@ def _product(factors: tuple[f.FormulaNode, ...]) -> str:
         else:
             parts.append(_grouped(factor, APPLIED))
     return " ".join(parts)
-
-
-def _moves(node: f.FormulaNode | None) -> bool:
-    """True if this is a differential: sin θ dφ is read right."""
-    return isinstance(node, f.Sign) and len(node.base) == 2 and node.base[0] in "dδ"
 
 
 def _small(node: f.Fraction) -> str | None:
@@ -100,19 +97,20 @@ def _fraction(node: f.Fraction) -> str:
     return _small(node) or f"{_grouped(node.above, PRODUCT)}/{_grouped(node.below, APPLIED)}"
 
 
-def _power(base: f.FormulaNode, exponent: f.FormulaNode) -> str:
-    grouped = _grouped(base, ATOM)
+def _raised(exponent: f.FormulaNode) -> str:
+    """A whole exponent in raised digits; empty for another."""
     digits = text(exponent).replace("−", "-")
-    if digits.lstrip("-").isdecimal() and digits.isascii():
-        return grouped + digits.translate(_SUPER)
-    return f"{grouped}^{_grouped(exponent, ATOM)}"
+    return digits.translate(_SUPER) if digits.lstrip("-").isdecimal() and digits.isascii() else ""
+
+
+def _power(node: f.FormulaPower) -> str:
+    return _grouped(node.base, ATOM) + (_raised(node.exponent) or f"^{_grouped(node.exponent, ATOM)}")
 
 
 def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
     name = node.name
     if node.power is not None:
-        digits = text(node.power).replace("−", "-")
-        name += digits.translate(_SUPER) if digits.lstrip("-").isdecimal() else f"^{digits}"
+        name += _raised(node.power) or "^" + text(node.power).replace("−", "-")
     if len(node.arguments) == 1 and not closed and isinstance(node.arguments[0], (f.Sign, f.FormulaNumber)):
         inner, hold = _write(node.arguments[0])
         if hold == ATOM:
@@ -137,7 +135,7 @@ _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
     f.FormulaSum: lambda node: (_sum(node.terms), SUM),
     f.FormulaProduct: lambda node: (_product(node.factors), PRODUCT),
     f.Fraction: lambda node: (_fraction(node), PRODUCT),
-    f.FormulaPower: lambda node: (_power(node.base, node.exponent), ATOM),
+    f.FormulaPower: lambda node: (_power(node), ATOM),
     f.Root: lambda node: (f"√{_grouped(node.inner, ATOM)}", ATOM),
     f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
     f.Apply: _apply,
