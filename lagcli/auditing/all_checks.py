@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -163,9 +163,17 @@ class _Judged(NamedTuple):
     def unless_rounded(self, rounded: _Judged) -> _Judged:
         """The findings, of which those are not judged that fail but would not if the numbers were rounded."""
         right = {check.name for check in rounded.checks if check.verdict != "fail"}
-        nothing: dict[str, Any] = {"worst": None, "failing": (), "failures": 0, "judged": 0, "curve": ()}
         checks = [
-            dataclasses.replace(check, verdict="not judged", note=FEW_NUMBERS, **nothing)
+            dataclasses.replace(
+                check,
+                verdict="not judged",
+                worst=None,
+                failing=(),
+                failures=0,
+                judged=0,
+                note=FEW_NUMBERS,
+                curve=(),
+            )
             if check.verdict == "fail" and check.name in right
             else check
             for check in self.checks

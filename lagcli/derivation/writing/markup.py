@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 from lagcli.derivation.writing import formula as f
 
@@ -77,7 +76,7 @@ def _slope(to: Markup, node: f.Slope) -> str:
     return to.fraction(to.row(letter + above), to.row(letter + to.write(node.below)))
 
 
-_WRITERS: dict[type[f.FormulaNode], Callable[[Markup, Any], str]] = {
+_WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
     f.Sign: lambda to, node: to.sign(node),
     f.FormulaNumber: lambda to, node: to.number(*node.text.partition("e")[::2]),
     f.FormulaText: lambda to, node: to.text(node.text),
