@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from lagcli.api.compare import compare
     from lagcli.api.count_dof import dof
     from lagcli.api.derive import derive
-    from lagcli.api.equilibrium import equilibrium
     from lagcli.api.find_displacements import displacements
     from lagcli.api.find_modes import modes
     from lagcli.api.limit import limit
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from lagcli.api.plot import plot
     from lagcli.api.report import report
     from lagcli.api.simulate import simulate
-    from lagcli.api.stationary import stationary
+    from lagcli.api.static_points import equilibrium, stationary
     from lagcli.api.sweep import sweep
     from lagcli.auditing.checks.audit_report import Audit
     from lagcli.derivation.sections.derivation_page import Derivation
@@ -108,7 +107,7 @@ _FUNCTIONS = {
     "derive": "derive",
     "displacements": "find_displacements",
     "dof": "count_dof",
-    "equilibrium": "equilibrium",
+    "equilibrium": "static_points",
     "limit": "limit",
     "load": "models.load",
     "loads": "models.load",
@@ -116,7 +115,7 @@ _FUNCTIONS = {
     "plot": "plot",
     "report": "report",
     "simulate": "simulate",
-    "stationary": "stationary",
+    "stationary": "static_points",
     "sweep": "sweep",
 }
 

@@ -1,4 +1,4 @@
-"""The commands as Python functions, one a file: each calls the stages in their order.
+"""The commands as Python functions: each calls the stages in their order.
 
 In: `model.Model` or a path, options
 Out: the result of a command
@@ -7,6 +7,6 @@ No physics and no printing here. What several commands need stands in rooms, eac
 before it:
 
 - `models`: reads and compiles; compiled systems stay for another run, which changes no answer
-- `runs`: starts and resumes runs, each a `SimulationRun` of `output`
+- `runs`: starts and resumes runs, each a `SimulationRun` of `running`
 - `sweeps`: many runs
 """

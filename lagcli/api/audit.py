@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -13,21 +13,21 @@ from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.api.simulate import simulate
+from lagcli.auditing import all_checks, rest_audit
+from lagcli.auditing.checks.audit_report import Audit
+from lagcli.auditing.evidence import table_input, tolerances
+from lagcli.auditing.evidence.table_input import EventTable
 from lagcli.equations import system
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
-from lagcli.output.tables import incident_table
+from lagcli.output.tables import incident_table, read_table
 from lagcli.output.tables.incident_table import IncidentTable
+from lagcli.output.tables.read_table import ReadTable
 from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
-
-if TYPE_CHECKING:
-    from lagcli.auditing.checks.audit_report import Audit
-    from lagcli.auditing.evidence.table_input import EventTable
-    from lagcli.output.tables.read_table import ReadTable
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,9 +53,6 @@ def audit(
     check fails, `checks` has each with its worst entry and limit. Raises `ModelError`, `ValueError` for a table that
     lacks columns and for bad options, `OSError`, `SimulationStopped` for a run without a row.
     """
-    # Other commands audit nothing and read no tables.
-    from lagcli.auditing import all_checks
-    from lagcli.auditing.evidence import table_input, tolerances
 
     model = as_model(model)
     chosen = run_settings.chosen(model, settings)
@@ -65,9 +62,6 @@ def audit(
     if isinstance(run, Trajectory):
         columns, rows = run.columns, run.rows
     elif run is not None:
-        from lagcli.auditing import rest_audit
-        from lagcli.output.tables import read_table
-
         table_file = read_table.opened(run)
         if rest_audit.is_table(table_file.columns):
             picked = _picked(table_file, rest_audit.wanted(model, table_file.columns))
@@ -78,8 +72,6 @@ def audit(
         columns, rows = table.columns, table.rows
         events = table.events if events is None and model.inequality else events
     if events is not None and not isinstance(events, IncidentTable):
-        from lagcli.output.tables import incident_table
-
         events = incident_table.read(events)
     tolerance = tolerances.Tolerance(
         chosen.rtol,
@@ -106,7 +98,6 @@ def _picked(
 
 def _event_table(events: IncidentTable | None) -> EventTable | None:
     """The incidents as an audit takes them: it knows nothing of their tables."""
-    from lagcli.auditing.evidence.table_input import EventTable
 
     if events is None:
         return None

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Unpack
+import pathlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 
@@ -15,15 +16,16 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.equations import particle_form, size_limits
+from lagcli.formulations import comparison, formulation_plan, reduced_run
+from lagcli.formulations.comparison import Comparison, Formulation, RunEvent
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
-from lagcli.output.tables import column_choice
-from lagcli.running import table_columns
+from lagcli.output.files import write_guard
+from lagcli.output.tables import column_choice, provenance
+from lagcli.running import safe_table, table_columns
+from lagcli.running.safe_table import TablePlan
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
-
-if TYPE_CHECKING:
-    from lagcli.formulations.comparison import Comparison, Formulation
 
 # With the vakonomic motion the reduction by the null space, which solves for a basis in every stage, is made of models
 # of up to so many coordinates.
@@ -53,8 +55,6 @@ def compare(
     how it compares. Raises `ModelError`, `ValueError` for bad options and models that share no column, `OverrideError`
     for `mu` of a row there is not.
     """
-    # Other commands compare nothing.
-    from lagcli.formulations import comparison, formulation_plan
 
     model = as_model(model)
     if tolerance is None:
@@ -96,8 +96,8 @@ def _with_principles(
     found: Comparison, run: SimulationRun, kinds: Mapping[str, str], mu: Mapping[str, float | str]
 ) -> Comparison:
     """The comparison with the vakonomic motion after the others."""
+    # Most comparisons are of one principle.
     from lagcli.api import compare_principles
-    from lagcli.formulations import comparison, formulation_plan
 
     first = found.formulations[0]
     other = compare_principles.beside(run, first, mu, _table)
@@ -150,7 +150,6 @@ def _beside(
 
     Raises `ValueError` where they share none.
     """
-    from lagcli.formulations import formulation_plan
 
     chosen = dataclasses.replace(run.model.simulation, assemble=other.simulation.assemble, keep=())
     beside = prepare_run.start(other, chosen)
@@ -167,7 +166,6 @@ def _beside(
 def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> Iterator[Formulation]:
     """The model of a run in the other formulations that fit it, from the same start; vakonomic: without the
     reduction of many coordinates."""
-    from lagcli.formulations import formulation_plan, reduced_run
 
     if not len(first.table):
         return
@@ -194,7 +192,6 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
 
 def _table(name: str, run: SimulationRun) -> Formulation:
     """A run to its end, or as far as it goes."""
-    from lagcli.formulations.comparison import Formulation, RunEvent
 
     blocks, stopped = [np.zeros((0, len(run.columns)))], ""
     events: list[RunEvent] = []
@@ -219,3 +216,56 @@ def _table(name: str, run: SimulationRun) -> Formulation:
         stopped=stopped,
         events=tuple(events),
     )
+
+
+def compare_to_files(
+    models: Sequence[Model], asked: Mapping[str, object], output: str | None, plot: str | None
+) -> tuple[Comparison, list[str]]:
+    """The comparison of one model or two, and lines to print about its table, if any.
+
+    asked: keywords of `compare`; output: `-` for standard output. Raises what `compare` raises, `WriteError`,
+    `BadRequest`.
+    """
+    found = compare(*models, **asked)  # type: ignore[arg-type]
+    lines = []
+    if found.principles is not None and output is not None:
+        vakonomic = found.formulations[-1]
+        whence = provenance.of(models[0]).as_json() | {"vakonomic": {"mu": dict(found.principles.mu)}}
+        plan, is_partial = TablePlan.of_option(output, vakonomic.columns), bool(vakonomic.stopped)
+        saved = safe_table.write(plan, whence, vakonomic.table, is_partial)
+        if is_partial:
+            lines.append(f"lagcli: the vakonomic motion stopped; {saved}" if saved else "")
+    if found.principles is not None and plot is not None:
+        _draw(models[0], found, plot)
+    return found, lines
+
+
+def _draw(model: Model, found: Comparison, path: str) -> None:
+    first, other = found.formulations[0], found.formulations[-1]
+    with write_guard.drawing(path):
+        # matplotlib takes a third of a second to load: only where a figure is asked for.
+        from lagcli.output.figures import figure_page, principles_figure
+
+        tables = (
+            principles_figure.MotionTable("d'Alembert", first.columns, first.table),
+            principles_figure.MotionTable("vakonomic", other.columns, other.table),
+        )
+        title = f"{model.title or pathlib.Path(model.path).stem}: two principles"
+        shown = _apart(model, first, other)
+        figure_page.write(path, principles_figure.compose(tables, shown, title, model.units.time))
+
+
+def _apart(model: Model, first: Formulation, other: Formulation) -> list[str]:
+    """Positions in the order of the table, those that differ most of all where they are many."""
+    from lagcli.output.figures.principles_figure import MOST
+
+    of = comparison.kinds(model, first.columns)
+    shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
+    count = min(len(first.table), len(other.table))
+
+    def gap(name: str) -> float:
+        one, two = (run.table[:count, run.columns.index(name)] for run in (first, other))
+        return float(np.abs(one - two).max(initial=0.0))
+
+    chosen = set(sorted(shared, key=gap, reverse=True)[:MOST])
+    return [name for name in shared if name in chosen]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -16,16 +15,15 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
 from lagcli.equations import size_limits
 from lagcli.errors import diagnostics
+from lagcli.formulations import action_forces, vakonomic_system
+from lagcli.formulations.comparison import Formulation
+from lagcli.formulations.principles import Principles
 from lagcli.input import given_expression
 from lagcli.input.overrides import OverrideError
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.running import table_columns
 from lagcli.running.simulation_run import SimulationRun
-
-if TYPE_CHECKING:
-    from lagcli.formulations.comparison import Formulation
-    from lagcli.formulations.principles import Principles
 
 Floats = npt.NDArray[np.float64]
 TableMaker = Callable[[str, SimulationRun], "Formulation"]
@@ -76,8 +74,6 @@ def beside(
 
     Raises `ModelError` for forces without a potential, one-sided rows, rows that are too many, and `OverrideError`.
     """
-    from lagcli.formulations import action_forces, vakonomic_system
-    from lagcli.formulations.principles import Principles
 
     built, model = run.built, run.model
     differential = built.rows.rows[built.holonomic_count :]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 from lagcli import progress
+from lagcli.analysis import displacement_set
+from lagcli.analysis.displacement_set import Displacements
 from lagcli.api import assemble_start
 from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model
@@ -15,9 +17,6 @@ from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.running import table_columns
 from lagcli.start import assembly, assembly_moves, initial, sample_points
-
-if TYPE_CHECKING:
-    from lagcli.analysis.displacement_set import Displacements
 
 
 @progress.phase("looking for displacements")
@@ -32,8 +31,6 @@ def displacements(
     Also the dependent and independent components (D.16), and whether forces between particles are central. Options
     as of `simulate`. Raises `ModelError`, `ValueError` for a time before the start, `SimulationStopped`.
     """
-    # Other commands look for no displacements.
-    from lagcli.analysis import displacement_set
 
     model = as_model(model)
     chosen = run_settings.chosen(model, settings)
@@ -55,7 +52,6 @@ def displacements(
 
 def _at_start(model: Model) -> Displacements:
     """The displacements at the start, whose velocities need not satisfy the rows: no row depends on them."""
-    from lagcli.analysis import displacement_set
 
     moved = None
     if model.simulation.assemble:

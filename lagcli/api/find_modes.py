@@ -12,19 +12,20 @@ from lagcli import progress
 from lagcli.analysis import redundancy
 from lagcli.api import linear_point
 from lagcli.api.models import cache
+from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
+from lagcli.compiled import NumericSystem
 from lagcli.equations import jump_warnings
+from lagcli.linearization import assembled_modes, floquet, reference
+from lagcli.linearization.linear_modes import Modes
+from lagcli.linearization.linearized import LinearizedFunctions, Reference
+from lagcli.linearization.reference import Steady
 from lagcli.model.model import Model
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.api.models.cache import CompiledModel
     from lagcli.api.rest_point import RestPoints
-    from lagcli.compiled import NumericSystem
-    from lagcli.linearization.linear_modes import Modes
-    from lagcli.linearization.linearized import LinearizedFunctions, Reference
-    from lagcli.linearization.reference import Steady
 
 
 ABOUT = ("auto", "start", "equilibrium")
@@ -62,8 +63,6 @@ def modes(
 
     Raises `ModelError`, `ValueError` for bad options, `NoEquilibriumError`, `SimulationStopped`.
     """
-    # Other commands linearize nothing.
-    from lagcli.linearization import assembled_modes
 
     wanted = assembled_modes.WANTED if lowest is None else lowest
     if wanted < 1:
@@ -84,7 +83,6 @@ def _about(
 ) -> Modes:
     """The modes about a start or the nearest equilibrium. Raises `NoEquilibriumError`."""
     from lagcli.api.rest_point import RestPoints
-    from lagcli.linearization import reference
 
     functions, rest = _functions(ready, closed, seconds), RestPoints(ready, seconds)
     found = _of_start(ready, functions, here, about, wanted, rest)
@@ -138,7 +136,6 @@ def _of_start(
     rest: RestPoints,
 ) -> Modes | None:
     """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
-    from lagcli.linearization import assembled_modes, floquet, reference
 
     closed = functions.closed
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
@@ -169,7 +166,6 @@ def _steady(
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
     looked at where the linear equations do not decide."""
-    from lagcli.linearization import assembled_modes
 
     if found.kind != "equilibrium" or found.here.q.size > assembled_modes.DENSE:
         return assembled_modes.modes(functions, found, notes, wanted)
@@ -187,7 +183,6 @@ def _varying(
     ready: CompiledModel, functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...]
 ) -> Modes | None:
     """The multipliers where the linear equations have a period in t, or None."""
-    from lagcli.linearization import assembled_modes, floquet, reference
 
     size = float(np.abs(found.linear.values).max(initial=0.0)) or 1.0
     if functions.closed or found.here.q.size > MOST_FOLLOWED:
@@ -210,7 +205,6 @@ def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
 
 def _nearest(ready: CompiledModel, rest: RestPoints) -> tuple[Reference, tuple[int, ...]]:
     """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
-    from lagcli.linearization.linearized import Reference
     from lagcli.statics.refine import NoEquilibrium
 
     point = rest.nearest()
@@ -228,7 +222,6 @@ def _nearest(ready: CompiledModel, rest: RestPoints) -> tuple[Reference, tuple[i
 
 def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> LinearizedFunctions:
     """The linear equations, with the leaves of integrable differential rows as holonomic rows."""
-    from lagcli.linearization.linearized import LinearizedFunctions
 
     known = ready.first_integrals(limit)
     return LinearizedFunctions(ready.system, closed, known.integrals)

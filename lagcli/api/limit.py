@@ -7,14 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Unpack
 
 from lagcli import progress
+from lagcli.api import stiff_runs
+from lagcli.api.constrained_run import LimitPlan
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
+from lagcli.formulations import stiff_ladder
+from lagcli.formulations.stiff_ladder import StiffLimit
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
+from lagcli.output.tables import provenance
+from lagcli.running import safe_table
+from lagcli.running.safe_table import TablePlan
 
 if TYPE_CHECKING:
-    from lagcli.formulations.stiff_ladder import StiffLimit
     from lagcli.output.figures.limit_figure import LimitCurves
 
 STIFFNESS = "1e3:1e5"
@@ -41,10 +47,6 @@ def limit(
     Raises `ModelError` where the row is not holonomic, redundant, or has no spring, and `ValueError` for a name there
     is not and for bad options.
     """
-    # Other commands make no limit.
-    from lagcli.api import stiff_runs
-    from lagcli.api.constrained_run import LimitPlan
-    from lagcli.formulations import stiff_ladder
 
     model = as_model(model)
     if ramp is not None:
@@ -73,11 +75,6 @@ def limit_to_files(
     found = limit(model, **asked)  # type: ignore[arg-type]
     lines = []
     if output is not None:
-        # Most limits are printed alone.
-        from lagcli.output.tables import provenance
-        from lagcli.running import safe_table
-        from lagcli.running.safe_table import TablePlan
-
         names, rows = found.table
         whence = provenance.of(model).as_json() | {"limit": {"constraint": found.constraint}}
         saved = safe_table.write(TablePlan.of_option(output, names), whence, rows, bool(found.stopped))

@@ -12,6 +12,8 @@ from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.errors import diagnostics
+from lagcli.linearization import reference
+from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.running import run_in_memory, table_columns
@@ -20,7 +22,6 @@ from lagcli.start import initial
 
 if TYPE_CHECKING:
     from lagcli.derivation.symbolic.linear_matrices import LinearPoint
-    from lagcli.linearization.linearized import Linear, Reference
 
 # What is rounding beside the largest coordinate or rate.
 COORDINATE_ROUNDOFF = 1e-14
@@ -32,7 +33,6 @@ def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...
     limit: seconds for the first integrals of differential rows, for which whoever asks `ready` again asks no second
     time. Raises `ModelError`, `SimulationStopped`.
     """
-    from lagcli.linearization.linearized import Reference
 
     built = ready.system
     model, known = built.model, ready.examined_start(limit=limit).known
@@ -49,9 +49,8 @@ def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...
 
 def of_start(model: Model) -> LinearPoint:
     """The declared start as a point of linear equations, or why there are none about it."""
+    # SymPy is not loaded by `modes`, which begins at the same point.
     from lagcli.derivation.symbolic.linear_matrices import MOST, LinearPoint
-    from lagcli.linearization import reference
-    from lagcli.linearization.linearized import LinearizedFunctions
 
     ready = cache.compiled(model)
     count = len(model.coordinate_names)
@@ -86,7 +85,6 @@ def _without_rounding(values: npt.NDArray[np.float64]) -> tuple[float, ...]:
 
 def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], s: int) -> tuple[float, ...]:
     """lambda, 0 where its force is rounding beside the largest force."""
-    from lagcli.linearization import reference
 
     B, A = (np.array(part) for part in (linear.matrices.B, linear.matrices.A))
     rows = np.vstack([B[:s], A, B[s:]])

@@ -8,19 +8,21 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
+from lagcli.api import defined_columns
 from lagcli.api.models.load import Path
 from lagcli.api.runs import run_settings as model_settings
 from lagcli.api.simulate import as_far, simulate
 from lagcli.model.model import Model
+from lagcli.output.charts import chart_table, compose
+from lagcli.output.charts.chart_table import ChartTable
+from lagcli.output.charts.compose import ChartChoice
+from lagcli.output.figures.chart import ChartData
 from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.tables import read_table
+from lagcli.output.tables import incident_table, read_table
 from lagcli.running.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from lagcli.output.charts.chart_table import ChartTable
-    from lagcli.output.charts.compose import ChartChoice
-    from lagcli.output.figures.chart import ChartData
     from lagcli.output.figures.figure_page import NotebookFigure
 
 
@@ -77,8 +79,6 @@ def steps(
     run_settings, begin: the settings of the runs of models and the row that they start from. Raises `BadRequest`,
     worded for the options of the command, and `ModelError`.
     """
-    # Other functions draw no charts.
-    from lagcli.output.charts import chart_table, compose
 
     tables: list[ChartTable] = []
     stopped: list[str] = []
@@ -115,8 +115,6 @@ def _reading() -> Iterator[None]:
 
 def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
     """The chart of columns of tables, and of those that the choice defines. Raises `compose.UndrawableColumns`."""
-    from lagcli.api import defined_columns
-    from lagcli.output.charts import compose
 
     return compose.chart(*defined_columns.added(tables, choice))
 
@@ -125,7 +123,6 @@ def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartT
     """The tables with the incidents of a file in place of their own. Raises as `incident_table.read`."""
     if events is None:
         return tables
-    from lagcli.output.tables import incident_table
 
     found = incident_table.read(events)
     incidents = [(float(t), kind) for t, kind in zip(found.t, found.kinds, strict=True)]
@@ -133,7 +130,6 @@ def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartT
 
 
 def _table(run: Trajectory | Model | Path) -> ChartTable:
-    from lagcli.output.charts import chart_table
 
     if isinstance(run, Trajectory):
         return chart_table.of_run(run)

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import dataclasses
 import pathlib
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 from lagcli import progress
-from lagcli.api import audit, check, derive, simulate
+from lagcli.api import animate, audit, check, derive, simulate
 from lagcli.api.models import cache
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
+from lagcli.auditing.checks.audit_report import Audit
 from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
+from lagcli.output.animation import point_tracks, still
+from lagcli.output.animation.scene import Scene
+from lagcli.output.charts import chart_figure
+from lagcli.output.figures import audit_figure, panels
+from lagcli.reporting import report_contents, report_page, report_sections
+from lagcli.reporting.report_contents import PageEquations, PageFigure
+from lagcli.reporting.report_page import ReportPage
 from lagcli.running import table_columns
 from lagcli.running.trajectory import Trajectory
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
-
-if TYPE_CHECKING:
-    from lagcli.auditing.checks.audit_report import Audit
-    from lagcli.output.animation.scene import Scene
-    from lagcli.reporting.report_contents import PageEquations, PageFigure
-    from lagcli.reporting.report_page import ReportPage
 
 
 @progress.phase("writing the report")
@@ -44,8 +46,6 @@ def report(
     `save(path)`; a run that stops before its end and an audit that fails are shown on the page, and as `stopped` and
     `passed`. Raises `ModelError` where the model is invalid or its start inconsistent, `ValueError` for bad options.
     """
-    # Other commands write no pages.
-    from lagcli.reporting import report_page, report_sections
 
     model = as_model(model)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, settings))
@@ -81,7 +81,6 @@ def _audited(model: Model, run: Trajectory) -> Audit:
 
 def _equations(model: Model, limit: float | None) -> PageEquations | str:
     """The equations, or why they are not written."""
-    from lagcli.reporting.report_contents import PageEquations
 
     try:
         found = derive.derive(model, limit=limit)
@@ -94,9 +93,6 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
     """The first instant as `animate` draws it; None where there is nothing to be drawn."""
     if not len(run.rows):
         return None
-    from lagcli.api import animate
-    from lagcli.output.animation import point_tracks, still
-    from lagcli.reporting import report_contents
 
     try:
         animate.require_few(model)
@@ -119,9 +115,6 @@ def _curves(model: Model, run: Trajectory) -> PageFigure | None:
     """The figure of multipliers and reactions."""
     if not len(run.rows):
         return None
-    from lagcli.output.charts import chart_figure
-    from lagcli.output.figures import panels
-    from lagcli.reporting import report_contents
 
     marks = list(zip(run.events.t.tolist(), run.events.kinds, strict=True)) if len(run.events) else []
     facts = panels.PanelFacts(
@@ -142,8 +135,6 @@ def _zeros(model: Model, run: Trajectory) -> list[str]:
 
 def _checks(found: Audit, time: str) -> PageFigure:
     """The figure of the audit."""
-    from lagcli.output.figures import audit_figure
-    from lagcli.reporting import report_contents
 
     words = "The checks of the audit over time, each as a part of its limit."
     return report_contents.picture("audit", audit_figure.compose(found, time), words)

@@ -1,4 +1,4 @@
-"""The stages that `stationary` and `equilibrium` share: a search, its completeness, and the report of it."""
+"""`lagcli.equilibrium` and `lagcli.stationary`: points of rest, and stationary points of a function on surfaces."""
 
 from __future__ import annotations
 
@@ -9,15 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
+from lagcli.api import rest_point
+from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
+from lagcli.api.models.load import Path, as_model
 from lagcli.api.rest_point import StaticStart
+from lagcli.equations import level_functions
+from lagcli.input import given_expression
 from lagcli.linear import rank
+from lagcli.model.model import Model
 from lagcli.statics import (
     all_zeros,
     kink_points,
     one_unknown,
     point_values,
     singular_rows,
+    static_laws,
     static_problem,
 )
 from lagcli.statics.point_search import FoundPoint, PointSearch, SearchOptions
@@ -41,7 +48,58 @@ class StaticQuestion:
     notes: tuple[str, ...]
 
 
-def require(starts: int, seed: int) -> None:
+@progress.phase("looking for points of rest")
+def equilibrium(
+    model: Model | Path, *, starts: int = STARTS, seed: int = SEED, limit: float | None = None
+) -> StaticReport:
+    """Return the points of rest (D.25): q' = q'' = 0 satisfies the equations of motion at every t.
+
+    With multipliers, constraint forces, the effective potential and the type by the bordered Hessian; contacts push.
+    From the declared start and from `starts` others, the same for one `seed`; `limit` is the seconds to find the first
+    integrals of differential rows, whose leaf through the start is fixed. Raises `ModelError`, `ValueError`.
+    """
+    _require(starts, seed)
+    model = as_model(model)
+    ready = cache.compiled(model)
+    start = rest_point.begin(ready, limit)
+    laws = static_laws.of_rest(ready.system, start.invariant_values)
+    problem = rest_point.problem(ready, laws, start)
+    rows = tuple(range(len(ready.system.rows.rows)))
+    return _answered(ready, StaticQuestion("potential", problem, start, rows, ()), starts, seed)
+
+
+@progress.phase("looking for stationary points")
+def stationary(
+    model: Model | Path, of: str, *, starts: int = STARTS, seed: int = SEED, limit: float | None = None
+) -> StaticReport:
+    """Return the stationary points of `of`, an expression of positions and coordinates: grad f = sum lambda_i grad f_i
+    (D.25).
+
+    Masses and forces play no part; integrable differential rows count as their leaf through the start, nonholonomic
+    ones are left out; closed inequalities push or pull. Other arguments as of `equilibrium`. Raises `ModelError`, for
+    what is wrong with `of` too, and `ValueError`.
+    """
+    _require(starts, seed)
+    model = as_model(model)
+    written = given_expression.function(model, of, "--of")
+    ready = cache.compiled(model)
+    start = rest_point.begin(ready, limit)
+    laws = static_laws.of_function(
+        ready.system, level_functions.value(ready.system, written), start.invariant_values
+    )
+    problem = rest_point.problem(ready, laws, start)
+    system = ready.system
+    names = [row.name for row in system.rows.rows]
+    left_out = [name for name in names[system.holonomic_count :] if name not in start.enforced]
+    rows = tuple(i for i, name in enumerate(names) if name not in left_out)
+    notes: tuple[str, ...] = ()
+    if left_out:
+        listed = ", ".join(f"`{name}`" for name in left_out)
+        notes = (f"{listed} cannot be integrated and {'are' if len(left_out) > 1 else 'is'} left out",)
+    return _answered(ready, StaticQuestion("value", problem, start, rows, notes), starts, seed)
+
+
+def _require(starts: int, seed: int) -> None:
     """Raise `ValueError` for a number of starts, or a seed, that is none."""
     if not 0 <= starts <= MOST_STARTS:
         raise ValueError(f"starts: a number from 0 to {MOST_STARTS} is needed")
@@ -50,7 +108,7 @@ def require(starts: int, seed: int) -> None:
 
 
 @progress.phase("looking for points")
-def answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int) -> StaticReport:
+def _answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int) -> StaticReport:
     """The points that are found, by the columns of the model."""
     problem = asked.problem
     source: Origin = "declared"

@@ -12,15 +12,17 @@ import numpy as np
 from lagcli import progress
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
+from lagcli.api.sweeps import drawn_points, engines, point_sources, point_task, reductions, sweep_plan
+from lagcli.api.sweeps.point_sources import SweepPoints
+from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
+from lagcli.output.sweeps import sweep_account
+from lagcli.output.sweeps.sweep_table import PointRow
+from lagcli.output.tables import read_table
 
 if TYPE_CHECKING:
     import pandas
-
-    from lagcli.api.sweeps.point_sources import SweepPoints
-    from lagcli.api.sweeps.sweep_plan import SweepPlan
-    from lagcli.output.sweeps.sweep_table import PointRow
 
 Values = str | float | Sequence[float]
 Table = "pandas.DataFrame | Sequence[Mapping[str, float]]"
@@ -61,8 +63,6 @@ def sweep(
         import pandas  # noqa: F401 - before the runs, and not after them
     except ModuleNotFoundError as error:
         raise ImportError("sweep() needs pandas: pip install pandas") from error
-    # Other runs sweep over nothing.
-    from lagcli.api.sweeps import drawn_points, point_task, reductions, sweep_plan
 
     model = as_model(model)
     parts = [] if points is None else _points(model, points)
@@ -80,8 +80,6 @@ def sweep(
     chosen = sweep_plan.SweepSettings(settings, run_settings.seconds(limit), limit_each, pattern)
     plan = sweep_plan.plan(model, parts, reduced, chosen)
     with point_task.locked(pattern, plan.rows):
-        from lagcli.api.sweeps import engines
-
         rows: list[PointRow] = []
         with engines.local(jobs) if executor is None else engines.given(executor) as engine:
             for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
@@ -93,8 +91,6 @@ def _points(
     model: Model, points: Mapping[str, Values] | Sequence[Mapping[str, float]] | pandas.DataFrame | Path
 ) -> list[SweepPoints]:
     """The sources of the points. Raises `ValueError` for what is none."""
-    from lagcli.api.sweeps import point_sources
-    from lagcli.output.tables import read_table
 
     if isinstance(points, (str, os.PathLike)):
         columns, rows = read_table.read(points)
@@ -114,7 +110,6 @@ def _points(
 
 
 def _axis(model: Model, name: str, values: Values) -> SweepPoints:
-    from lagcli.api.sweeps import point_sources
 
     if isinstance(values, str):
         return point_sources.over(model, f"{name}={values}")
@@ -123,8 +118,6 @@ def _axis(model: Model, name: str, values: Values) -> SweepPoints:
 
 def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool, lost: int) -> pandas.DataFrame:
     import pandas
-
-    from lagcli.output.sweeps import sweep_account
 
     account = sweep_account.SweepAccount(plan.rows.results, spreads)
     account.take(rows)

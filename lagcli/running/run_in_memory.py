@@ -10,7 +10,6 @@ import pathlib
 import time
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli.output.figures.decimate import DecimatedRows
 from lagcli.output.files import file_lock
@@ -19,8 +18,6 @@ from lagcli.running.checkpoint_file import CheckpointWriter
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.run_state import run_stop
-
-Floats = npt.NDArray[np.float64]
 
 
 def in_memory(
@@ -32,76 +29,47 @@ def in_memory(
     far where the integration cannot go on, `column_choice.UnknownColumn`, OSError, where another run keeps its state in
     that file too.
     """
+    # The command chooses its columns by itself.
+    from lagcli.output.tables import column_choice
+
+    everything = (*run.columns, *run.by_name)
+    picked = column_choice.select(run.columns, columns, run.by_name)
+    # What is zero to rounding is known from all columns.
+    has_all_columns = picked[: len(run.columns)] == list(range(len(run.columns)))
+    blocks, looked_at = [np.zeros((0, len(picked)))], DecimatedRows()
+    incidents = [run.incident_columns.table([])]
+    stop: run_stop.Stop | None = None
     with contextlib.ExitStack() as stack:
+        keeper: CheckpointWriter | None = None
         if checkpoint is not None:
             stack.enter_context(file_lock.FileLock(pathlib.Path(checkpoint)))
-        return _in_memory(run, columns, checkpoint, began)
+            keeper = CheckpointWriter(checkpoint)
+            stack.callback(keeper.write)
+        try:
+            for block in run.blocks():
+                blocks.append(run.taken(block, picked))
+                if not has_all_columns:
+                    looked_at.add(block)
+                if run.incidents:
+                    incidents.append(run.incident_columns.table(run.incidents))
+                if keeper is not None:
+                    keeper.take(run.checkpoint())
+        except run_stop.RunStop as stopped:
+            stop = stopped.stop
+    rows = np.concatenate(blocks)
+    blocks.clear()  # freeing memory takes its time too
+    # What is left of the wall time went into the rows: taken together, chosen, kept.
+    stats = run.stats
+    seconds = time.perf_counter() - began - stats.compile_seconds
+    stats = dataclasses.replace(stats, solve_seconds=seconds)
+    floors = run.floors()
 
+    def zeros() -> frozenset[str]:
+        floors.take(rows[:, : len(run.columns)] if has_all_columns else looked_at.rows())
+        return frozenset(itertools.compress(run.columns, floors.zeros()))
 
-def _in_memory(
-    run: SimulationRun, columns: str, checkpoint: str | os.PathLike[str] | None, began: float
-) -> Trajectory:
-    table = _TableInMemory(run, columns)
-    keeper = CheckpointWriter(checkpoint) if checkpoint is not None else None
-    stop: run_stop.Stop | None = None
-    try:
-        for block in run.blocks():
-            table.add(block)
-            if keeper is not None:
-                keeper.take(run.checkpoint())
-    except run_stop.RunStop as stopped:
-        stop = stopped.stop
-    finally:
-        if keeper is not None:
-            keeper.write()
-    result = table.trajectory(began)
+    names = tuple(everything[i] for i in picked)
+    result = Trajectory(names, rows, stats, run.notes, incident_table.joined(incidents), zeros)
     if stop is not None:
         raise SimulationStopped(stop.reason, stop.t, result)
     return result
-
-
-class _TableInMemory:
-    """The rows and the incidents of a run, in the order in which they come."""
-
-    def __init__(self, run: SimulationRun, columns: str) -> None:
-        # The command chooses its columns by itself.
-        from lagcli.output.tables import column_choice
-
-        self._run = run
-        self._picked = column_choice.select(run.columns, columns, run.by_name)
-        self._blocks = [np.zeros((0, len(self._picked)))]
-        self._incidents = [run.incident_columns.table([])]
-        # What is zero to rounding is known from all columns.
-        self._has_all_columns = self._picked[: len(run.columns)] == list(range(len(run.columns)))
-        self._decimated = DecimatedRows()
-
-    def add(self, block: Floats) -> None:
-        """A block of rows, and the incidents that came with it."""
-        run = self._run
-        self._blocks.append(run.taken(block, self._picked))
-        if not self._has_all_columns:
-            self._decimated.add(block)
-        if run.incidents:
-            self._incidents.append(run.incident_columns.table(run.incidents))
-
-    def trajectory(self, began: float) -> Trajectory:
-        """The table of all, made since the time `began`."""
-        run = self._run
-        everything = (*run.columns, *run.by_name)
-        rows = np.concatenate(self._blocks)
-        self._blocks.clear()  # freeing memory takes its time too
-        # What is left of the wall time went into the rows: taken together, chosen, kept.
-        stats = run.stats
-        seconds = time.perf_counter() - began - stats.compile_seconds
-        stats = dataclasses.replace(stats, solve_seconds=seconds)
-        names = tuple(everything[i] for i in self._picked)
-        floors, looked_at = (
-            run.floors(),
-            rows[:, : len(run.columns)] if self._has_all_columns else self._decimated.rows(),
-        )
-
-        def zeros() -> frozenset[str]:
-            floors.take(looked_at)
-            return frozenset(itertools.compress(run.columns, floors.zeros()))
-
-        return Trajectory(names, rows, stats, run.notes, incident_table.joined(self._incidents), zeros)

@@ -95,10 +95,10 @@ def compare(
         exits.print_warnings(warning for one in read for warning in one.warnings)
     given: options.Keywords = {"columns": columns or "*", "tolerance": tolerance, "vakonomic": vakonomic}
     given |= {**run_settings, "mu": _initial_multipliers(mu or ())}
-    from lagcli.api import compare_to_files
+    from lagcli.api import compare as comparing
 
     with model_reading.refusals(as_json):
-        found, lines = compare_to_files.compare_to_files(read, given, output, plot)
+        found, lines = comparing.compare_to_files(read, given, output, plot)
     exits.print_err_all(lines)
     _print_report(found, output == "-", as_json, quiet)
 

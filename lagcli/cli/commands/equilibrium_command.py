@@ -25,10 +25,10 @@ def equilibrium(
 
     With lambda, R, the effective potential and the type by the bordered Hessian. Exit 4 where none is found.
     """
-    from lagcli.api import equilibrium as finding
+    from lagcli.api import static_points
 
     file_requests.require_outputs(model, output, None, as_json)
     read = model_reading.read(model, changes, as_json, verbose)
     with model_reading.refusals(as_json, "--{}".format):
-        found = finding.equilibrium(read, starts=starts, seed=seed, limit=limit)
+        found = static_points.equilibrium(read, starts=starts, seed=seed, limit=limit)
     static_points_text.print_report(read, found, output, as_json, quiet)

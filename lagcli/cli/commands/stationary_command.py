@@ -30,10 +30,10 @@ def stationary(
 
     Masses and forces play no part. Exit 4 where none is found.
     """
-    from lagcli.api import stationary as finding
+    from lagcli.api import static_points
 
     file_requests.require_outputs(model, output, None, as_json)
     read = model_reading.read(model, changes, as_json, verbose)
     with model_reading.refusals(as_json, "--{}".format):
-        found = finding.stationary(read, of, starts=starts, seed=seed, limit=limit)
+        found = static_points.stationary(read, of, starts=starts, seed=seed, limit=limit)
     static_points_text.print_report(read, found, output, as_json, quiet)
