@@ -12,7 +12,6 @@ from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.model.family import Family
 from lagcli.model.model import (
-    Expression,
     GeneralizedForce,
     Inequality,
     Model,
@@ -42,43 +41,39 @@ def tables(model: Model) -> Iterator[PageTable]:
     """The tables that have rows, in the order of the file's sections."""
     length, mass, time = model.units.length, model.units.mass, model.units.time
     changed = {name.partition(".")[0] for name, _ in model.changes}
-    # Parameters made from expressions show them; the value is the one of this run.
-    yield from _table(
-        "Parameters",
-        ("name", "value", "from"),
-        (
-            (p.name, _value(p.value), "--set" if p.name in changed else _formula(p.formula, _value(p.value)))
-            for p in model.parameters
-        ),
-        {0, 2},
-    )
+    parameters = []
+    for parameter in model.parameters:
+        # Parameters made from expressions show them; the value is the one of this run.
+        value = _value(parameter.value)
+        formula = (
+            parameter.formula.text
+            if parameter.formula is not None and parameter.formula.text != value
+            else ""
+        )
+        parameters.append((parameter.name, value, "--set" if parameter.name in changed else formula))
+    yield from _table("Parameters", ("name", "value", "from"), parameters, {0, 2})
     yield from _table(
         "Coordinates",
         ("name", "at the start", "rate at the start"),
         ((_label(c.members), _range(c.value), _range(c.rate)) for c in model.coordinates),
         {0},
     )
-    yield from _table(
-        "Particles",
-        (
-            "name",
-            _with("mass", mass),
-            "position",
-            _with("at the start", length),
-            _with("velocity at the start", f"{length}/{time}" if length and time else ""),
-        ),
-        (
+    particles = []
+    for particle in model.particles:
+        masses, is_one = _range(particle.mass_values), particle.members.count == 1
+        particles.append(
             (
-                _label(p.members),
-                _written(p.mass.text, _range(p.mass_values)),
-                _vector(p.position) if p.is_dependent or p.members.count > 1 else "",
-                _point(p.start) if p.members.count == 1 else "",
-                _point(p.start_velocity) if p.members.count == 1 and not p.is_dependent else "",
+                _label(particle.members),
+                masses if particle.mass.text == masses else f"{particle.mass.text} = {masses}",
+                _vector(particle.position) if particle.is_dependent or particle.members.count > 1 else "",
+                _point(particle.start) if is_one else "",
+                _point(particle.start_velocity) if is_one and not particle.is_dependent else "",
             )
-            for p in model.particles
-        ),
-        {0, 1, 2},
-    )
+        )
+    at_start = _with("at the start", length)
+    speed = _with("velocity at the start", f"{length}/{time}" if length and time else "")
+    headers = ("name", _with("mass", mass), "position", at_start, speed)
+    yield from _table("Particles", headers, particles, {0, 1, 2})
     yield from _table(
         "Definitions",
         ("name", "expression"),
@@ -167,11 +162,6 @@ def _vector(expression: VectorExpression) -> str:
     return parts[0] if len(parts) == 1 else f"[{', '.join(parts)}]"
 
 
-def _formula(formula: Expression | None, value: str) -> str:
-    """The expression behind a parameter, where it is more than the number."""
-    return "" if formula is None or formula.text == value else formula.text
-
-
 def _value(value: float | Vector3) -> str:
     return f"[{', '.join(f'{part:.9g}' for part in value)}]" if isinstance(value, tuple) else f"{value:.9g}"
 
@@ -185,10 +175,6 @@ def _range(values: Floats) -> str:
 
 def _point(values: Floats | None) -> str:
     return "" if values is None else f"[{', '.join(f'{part + 0.0:.6g}' for part in values[0])}]"
-
-
-def _written(text: str, value: str) -> str:
-    return text if text == value else f"{text} = {value}"
 
 
 def _with(words: str, unit: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 from collections.abc import Iterable, Iterator
 
@@ -13,7 +14,7 @@ from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
 from lagcli.model.model import Model
 from lagcli.output.figures import labels
-from lagcli.output.tables.incident_table import IMPULSE, IncidentTable
+from lagcli.output.tables.incident_table import IMPULSE
 from lagcli.reporting import model_on_page
 from lagcli.reporting.report_contents import (
     Block,
@@ -57,7 +58,9 @@ def contents(parts: ReportParts) -> ReportContents:
         else parts.equations
     )
     sections = (
-        PageSection("Model", "model", tuple(_model(model))),
+        PageSection(
+            "Model", "model", (*model_on_page.tables(model), model_on_page.listing(model.text, model.path))
+        ),
         PageSection("Degrees of freedom and verdicts", "verdicts", tuple(_verdicts(parts.checked))),
         PageSection("Equations of motion", "equations", (equations,)),
         PageSection("Motion", "motion", tuple(_motion(parts))),
@@ -107,9 +110,7 @@ def _summary(parts: ReportParts) -> Iterator[tuple[str, str]]:
         if count.nonholonomic:
             freedoms += f"; {count.velocity_dof} of velocity"
         yield "Degrees of freedom", f"{freedoms} (proof: {count.proof})"
-    kinds: dict[str, int] = {}
-    for one in parts.checked.constraints:
-        kinds[one.verdict.kind] = kinds.get(one.verdict.kind, 0) + 1
+    kinds = collections.Counter(one.verdict.kind for one in parts.checked.constraints)
     yield "Constraints", ", ".join(f"{number} {kind}" for kind, number in kinds.items()) or "none"
     if len(run.rows):
         end = f"t = {run.t[0]:.9g} to {run.t[-1]:.9g} {time}".rstrip()
@@ -118,15 +119,11 @@ def _summary(parts: ReportParts) -> Iterator[tuple[str, str]]:
             f"{end}, {len(run.rows)} rows, {stats.steps} steps of {stats.method}, {parts.tolerance_text}",
         )
     if len(run.events):
-        yield "Incidents", ", ".join(_counted(run.events))
+        counts = collections.Counter(run.events.kinds)
+        yield "Incidents", ", ".join(f"{number} × {kind}" for kind, number in counts.items())
     if stats.accuracy is not None and stats.accuracy.sentence:
         yield "Digits", _sentence(stats.accuracy.sentence)
     yield "Audit", parts.audit.conclusion
-
-
-def _model(model: Model) -> Iterator[Block]:
-    yield from model_on_page.tables(model)
-    yield model_on_page.listing(model.text, model.path)
 
 
 def _verdicts(checked: Report) -> Iterator[Block]:
@@ -155,10 +152,7 @@ def _verdicts(checked: Report) -> Iterator[Block]:
 
 def _motion(parts: ReportParts) -> Iterator[Block]:
     run = parts.run
-    if parts.still is not None:
-        yield parts.still
-    if parts.curves is not None:
-        yield parts.curves
+    yield from (figure for figure in (parts.still, parts.curves) if figure is not None)
     yield PageTable(("account of the run", ""), tuple(_account(run.stats)))
     if len(run.events):
         rows: list[tuple[str, ...]] = []
@@ -181,12 +175,8 @@ def _account(stats: Stats) -> Iterator[tuple[str, str]]:
     yield "steps", f"{stats.steps} accepted, {stats.rejected} rejected, {stats.evaluations} evaluations"
     yield "largest drift of positions", f"{stats.position_drift:.1e}"
     yield "largest drift of velocities", f"{stats.velocity_drift:.1e}"
-    balance = (
-        "not known"
-        if stats.energy_imbalance is None
-        else f"{stats.energy_imbalance:.1e} of the energy exchanged"
-    )
-    yield "energy balance", balance
+    off = stats.energy_imbalance
+    yield "energy balance", "not known" if off is None else f"{off:.1e} of the energy exchanged"
     if stats.indeterminate:
         yield "multipliers not unique", _some(stats.indeterminate)
     if stats.singular_times:
@@ -249,11 +239,6 @@ def _provenance(stats: Stats, model: Model) -> Iterator[Block]:
     yield PageSentences(
         ("Equal files, settings and versions give this page again; it holds no date for that reason.",)
     )
-
-
-def _counted(events: IncidentTable) -> Iterator[str]:
-    kinds = list(dict.fromkeys(events.kinds))
-    yield from (f"{events.kinds.count(kind)} × {kind}" for kind in kinds)
 
 
 def _some(names: Iterable[str]) -> str:

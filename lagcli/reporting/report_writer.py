@@ -10,6 +10,7 @@ import base64
 import functools
 import html
 import re
+import urllib.parse
 from collections.abc import Callable
 
 import jinja2
@@ -23,21 +24,16 @@ from lagcli.reporting.report_contents import PageFigure, PageListing, ReportCont
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
 
 
-class WrittenMarkdown(str):
-    """A text that is Markdown and needs no escaping."""
-
-    __slots__ = ()
-
-
-class WrittenLatex(str):
-    """A text that is LaTeX and needs no escaping."""
+class Written(str):
+    """A text that is Markdown or LaTeX, whichever is written, and needs no escaping."""
 
     __slots__ = ()
 
 
 def html_page(contents: ReportContents) -> str:
     """One HTML page that needs nothing beside it."""
-    return _html_templates().get_template("report.html").render(page=contents, head=_head(contents))
+    head = labels.shortened(" ".join(contents.title.split()), labels.NAME)  # the title of the window
+    return _html_templates().get_template("report.html").render(page=contents, head=head)
 
 
 def markdown_page(contents: ReportContents, folder: str) -> str:
@@ -56,11 +52,6 @@ def latex_page(contents: ReportContents) -> str:
 def figure_file(figure: PageFigure) -> str:
     """The name of the file of a figure."""
     return f"{figure.name}.{figure.ending}"
-
-
-def _head(contents: ReportContents) -> str:
-    """The title of the window."""
-    return labels.shortened(" ".join(contents.title.split()), labels.NAME)
 
 
 def _environment(finalize: Callable[[object], object], *, autoescape: bool) -> jinja2.Environment:
@@ -87,9 +78,9 @@ def _html_templates() -> jinja2.Environment:
 def _markdown_templates() -> jinja2.Environment:
     made = _environment(escaped, autoescape=False)
     made.filters["fenced"] = _fenced
-    made.filters["file"] = lambda figure: WrittenMarkdown(figure_file(figure))
-    made.filters["written"] = WrittenMarkdown
-    made.filters["place"] = lambda name: WrittenMarkdown(_place(name))
+    made.filters["file"] = lambda figure: Written(figure_file(figure))
+    made.filters["written"] = Written
+    made.filters["place"] = lambda name: Written(urllib.parse.quote(name))
     return made
 
 
@@ -104,15 +95,15 @@ def _latex_templates() -> jinja2.Environment:
         comment_start_string="<#",
         comment_end_string="#>",
     )
-    made.filters["written"] = WrittenLatex
-    made.filters["listed"] = lambda line: WrittenLatex(latex_text.listed(diagnostics.printable(line)))
-    made.filters["width"] = lambda table: WrittenLatex(f"{0.99 / len(table.headers):.3f}")
+    made.filters["written"] = Written
+    made.filters["listed"] = lambda line: Written(latex_text.listed(diagnostics.printable(line)))
+    made.filters["width"] = lambda table: Written(f"{0.99 / len(table.headers):.3f}")
     return made
 
 
 def _in_latex(value: object) -> str:
     """A text as LaTeX prints it; what is LaTeX as it is."""
-    if isinstance(value, WrittenLatex):
+    if isinstance(value, Written):
         return value
     return latex_text.plain(diagnostics.printable(str(value)))
 
@@ -134,7 +125,7 @@ _SPECIAL = re.compile(r"([\\`*_{}\[\]()<>#|~!$@:+.-])")
 
 def escaped(value: object) -> str:
     """A text that Markdown prints as it is, in one line."""
-    if isinstance(value, WrittenMarkdown):
+    if isinstance(value, Written):
         return value
     plain = " ".join(diagnostics.printable(str(value)).split())
     return _SPECIAL.sub(_letter, plain.replace("&", "&amp;"))
@@ -154,15 +145,8 @@ def _letter(found: re.Match[str]) -> str:
     return f"\\{letter}"
 
 
-def _fenced(listing: PageListing) -> WrittenMarkdown:
+def _fenced(listing: PageListing) -> Written:
     """A block of code whose fence is longer than any in it."""
     longest = max((len(run) for run in re.findall(r"`+", listing.text)), default=0)
     fence = "`" * max(3, longest + 1)
-    return WrittenMarkdown(f"{fence}yaml\n{listing.text}\n{fence}")
-
-
-def _place(name: str) -> str:
-    """A name of a file as an address in a link."""
-    from urllib.parse import quote
-
-    return quote(name)
+    return Written(f"{fence}yaml\n{listing.text}\n{fence}")
