@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -69,6 +69,12 @@ class KinkSearchParameters:
     unbounded: float = 0.5
     """Of the changes of the value from one of these distances to the next: a logarithm's are equal.
     `test_a_value_that_grows_less_and_less_is_bounded` fails at 0.05 and 5."""
+    most_meeting: int = 64
+    """Sets of kinks that may meet; of more a note says that none is looked at. At 6 and at 640
+    `test_four_kinks_that_meet_are_looked_at_and_seven_are_not` of `tests/physics/test_tails_and_kinks.py` fails."""
+    narrowings: int = 12
+    """Times that the directions from which a function is seen to fall most are drawn half as far about the best one.
+    At 1 `test_a_narrow_valley_between_kinks_is_seen` of `tests/physics/test_tails_and_kinks.py` fails."""
     most_contacts: int = 3
     """Inequalities, every set of which is closed in turn; of more a note says that none is.
     `test_kinks_are_looked_at_among_three_contacts` fails at 0 and 30."""
@@ -83,12 +89,12 @@ _INNER = (ca.OP_SQRT, ca.OP_SQ, ca.OP_FABS, ca.OP_NEG, ca.OP_TWICE)
 
 
 class Kink(NamedTuple):
-    """A kink where `argument` (1, 1) is zero; value: the function as it is there, None at a pole; word: what makes
-    it."""
+    """A kink where `argument` (1, 1) is zero; number: of the operation that makes it, among those that make kinks, None
+    of a pole; word: its name."""
 
     word: str
     argument: ca.SX
-    value: ca.SX | None
+    number: int | None
 
 
 class KinkPoint(NamedTuple):
@@ -112,10 +118,7 @@ def kinks(laws: StaticLaws) -> list[Kink]:
         if argument is not None and ca.depends_on(argument, laws.q)
     ]
     numbers = itertools.count()
-    return [
-        Kink(_word(op), argument, None if is_pole else _with_kink(laws, value, inputs, next(numbers)))
-        for op, argument, is_pole in found
-    ]
+    return [Kink(_word(op), argument, None if is_pole else next(numbers)) for op, argument, is_pole in found]
 
 
 def _word(op: int) -> str:
@@ -123,8 +126,8 @@ def _word(op: int) -> str:
     return "/" if word == switches.QUOTIENT else word
 
 
-def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int) -> ca.SX:
-    """The function with the result of one of its kinks as it is at the kink."""
+def _with_kinks(laws: StaticLaws, numbers: set[int | None]) -> ca.SX:
+    """The function with the results of some of its kinks as they are at the kinks."""
     passed = 0
 
     def put(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
@@ -133,7 +136,7 @@ def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int)
         if argument is None or not ca.depends_on(argument, laws.q):
             return result
         passed += 1
-        if passed - 1 != number:
+        if passed - 1 not in numbers:
             return result
         if op == ca.OP_ASIN:
             return np.pi / 2 * ca.sign(parts[0])
@@ -141,7 +144,7 @@ def _with_kink(laws: StaticLaws, value: ca.SX, inputs: list[ca.SX], number: int)
             return np.pi / 2 * (1 - ca.sign(parts[0]))
         return parts[0] if op in (ca.OP_FMIN, ca.OP_FMAX) else ca.SX(0)
 
-    return operation_graph.replayed(value, inputs, put)
+    return operation_graph.replayed(ca.densify(laws.value), [laws.q, laws.t, laws.p], put)
 
 
 def _argument(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
@@ -169,43 +172,49 @@ def _divisor(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
     return divisor
 
 
-def _on_kink(laws: StaticLaws, kink: Kink) -> StaticLaws:
-    """The problem on the surface u = 0."""
-    value = laws.value if kink.value is None else kink.value
+def _on_kinks(laws: StaticLaws, there: Sequence[Kink]) -> StaticLaws:
+    """The problem on the surface u = 0 of all of some kinks, or of a pole."""
+    value = _with_kinks(laws, {kink.number for kink in there})
+    arguments = ca.vertcat(*(kink.argument for kink in there))
     return dataclasses.replace(
         laws,
         F=ca.densify(laws.driving - ca.gradient(value, laws.q)),
-        B=ca.vertcat(laws.B, ca.jacobian(kink.argument, laws.q)),
-        c=ca.densify(ca.vertcat(laws.c, kink.argument)),
+        B=ca.vertcat(laws.B, ca.jacobian(arguments, laws.q)),
+        c=ca.densify(ca.vertcat(laws.c, arguments)),
         value=value,
     )
 
 
 def extremes(search: PointSearch, known: Sequence[Kink]) -> Iterator[KinkPoint]:
-    """Extremes at kinks, as far as they are found."""
+    """Extremes at kinks, as far as they are found: on each alone, then where several meet."""
     problem = search.problem
     found: list[Floats] = []
-    for kink in known:
-        if kink.value is None:
-            continue
-        laws = _on_kink(problem.laws, kink)
-        on_kink = StaticProblem(laws, problem.p, (problem.t, problem.begin), 0.0)
+    for there in itertools.chain(_alone(known), _meeting(problem, known) or ()):
+        on_kink = StaticProblem(_on_kinks(problem.laws, there), problem.p, (problem.t, problem.begin), 0.0)
         for q in _candidates(search, on_kink):
             if any(search.apart(q, other) <= PARAMETERS.same for other in found):
                 continue
             kind = _kind(search, on_kink, q)
             if kind is not None and precise_zeros.is_met(on_kink, q, search.scales.length):
                 found.append(q)
-                yield KinkPoint(kink.word, q, kind)
+                yield KinkPoint(there[0].word, q, kind)
+
+
+def _alone(known: Sequence[Kink]) -> list[tuple[Kink, ...]]:
+    return [(kink,) for kink in known if kink.number is not None]
+
+
+def _meeting(problem: StaticProblem, known: Sequence[Kink]) -> list[tuple[Kink, ...]] | None:
+    """Sets of kinks that may meet, in a point or along a surface; None where they are too many."""
+    makers = [kink for kink in known if kink.number is not None]
+    most = min(len(makers), problem.n - problem.laws.c.numel())
+    sets = itertools.chain.from_iterable(itertools.combinations(makers, size) for size in range(2, most + 1))
+    found = list(itertools.islice(sets, PARAMETERS.most_meeting + 1))
+    return found if len(found) <= PARAMETERS.most_meeting else None
 
 
 def _begins(search: PointSearch) -> list[Floats]:
-    problem, random = search.problem, np.random.default_rng(search.options.seed + 2)
-    begins = [problem.begin]
-    length = search.scales.length
-    return begins + [
-        problem.begin + length * random.standard_normal(problem.n) for _ in range(PARAMETERS.tries)
-    ]
+    return [search.problem.begin, *search.others(PARAMETERS.tries)]
 
 
 def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]:
@@ -222,13 +231,12 @@ def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]
                     continue
                 values = on_kink.at(on_kink.t, q, on_kink.nothing)
                 row, count = values.dc[-1], on_kink.laws.c.numel() + size
-                if np.linalg.norm(row) <= PARAMETERS.isolated * scales.conditions[-1] or problem.n <= count:
-                    q = np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
-                else:
+                if np.linalg.norm(row) > PARAMETERS.isolated * scales.conditions[-1] and problem.n > count:
                     point = refine.reached(on_kink, q, closed, scales)
                     if not isinstance(point, refine.EquilibriumPoint):
                         continue
                     q = point.q
+                q = np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
                 g = on_kink.at(on_kink.t, q, on_kink.nothing).g
                 if (g >= -refine.PARAMETERS.closed * search.scales.contacts * length).all():
                     yield q
@@ -243,32 +251,58 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
         return None  # 1/sqrt(x**2 + y**2) has a pole there
     values = on_kink.at(on_kink.t, q, on_kink.nothing)
     near = values.g <= refine.PARAMETERS.closed * search.scales.contacts * search.scales.length
-    Z = rank.null_basis(decompositions.unit(values.dc[:-1]))
-    normal = Z.T @ values.dc[-1]
-    size = float(np.linalg.norm(normal))
+    rows = len(problem.laws.c.nz)
+    Z = rank.null_basis(decompositions.unit(values.dc[:rows]))
+    normals = values.dc[rows:] @ Z
+    sizes, least = np.linalg.norm(normals, axis=1), PARAMETERS.isolated
+    is_surface = bool((sizes > least * np.maximum(1.0, np.linalg.norm(values.dc[rows:], axis=1))).all())
     along = "isolated"
-    is_surface = size > PARAMETERS.isolated * max(1.0, float(np.linalg.norm(values.dc[-1])))
-    if is_surface and Z.shape[1] > 1:
+    bounds = decompositions.unit(np.vstack([normals, values.G[near] @ Z]))
+    if is_surface and rank.null_basis(bounds).size:
         along = str(_along(on_kink, q, tuple(np.flatnonzero(near).tolist())))
-    if is_surface and not near.any():
-        ways = (Z @ normal / size)[None]
+
+    def changes(ways: Floats) -> Floats:
+        """f - f(q) at a distance along directions (m, n) and at a thousandth of it, (2, m); nan beyond a contact and
+        beyond the domain of a root."""
+        found = np.full((2, len(ways)), np.nan)
+        for k in np.flatnonzero((values.G[near] @ ways.T >= 0.0).all(axis=0)):
+            both = [problem.value(q + part * h * ways[k]) - here for part in (1.0, 1e-3)]
+            found[:, k] = both if np.isfinite(both).all() else np.nan
+        return found
+
+    if is_surface and len(normals) == 1 and not near.any():
+        way = normals @ Z.T / sizes
+        beside = changes(np.vstack([way, -way]))
     else:
-        ways = _drawn(Z)
-    sides = np.vstack([ways, -ways])
-    sides = sides[(values.G[near] @ sides.T >= 0.0).all(axis=0)]
-    changes = np.array(
-        [[problem.value(q + part * h * way) - here for way in sides] for part in (1.0, 1e-3)]
-    ).reshape(2, len(sides))
-    changes = changes[:, np.isfinite(changes).all(axis=0)]  # beyond the domain of a root there is nothing
-    if not changes.size or np.abs(changes[1]).max() > PARAMETERS.continuous * np.abs(changes[0]).max():
+        beside = _widest(changes, Z)
+    beside = beside[:, np.isfinite(beside[0])]
+    if not beside.size or np.abs(beside[1]).max() > PARAMETERS.continuous * np.abs(beside[0]).max():
         return None
-    slopes = changes[0] / h
+    slopes = beside[0] / h
     floor = PARAMETERS.slope * max(float(np.abs(slopes).max()), search.scales.force)
     if (slopes > floor).all() and along in ("isolated", "minimum"):
         return "minimum"
     if (slopes < -floor).all() and along in ("isolated", "maximum"):
         return "maximum"
     return None
+
+
+def _widest(changes: Callable[[Floats], Floats], Z: Floats) -> Floats:
+    """Changes of a function in directions of a space (n, k), with those in which it falls and rises most: where
+    surfaces meet it may fall between two of them alone."""
+    drawn = np.vstack([_drawn(Z), -_drawn(Z)])
+    found = [changes(drawn)]
+    for sign in (1.0, -1.0):
+        ways, width = drawn, 1.0
+        slopes = sign * found[0][0]
+        for _ in range(PARAMETERS.narrowings if np.isfinite(slopes).any() else 0):
+            width /= 2
+            best = ways[np.nanargmin(slopes)]
+            ways = best + width * drawn
+            ways = np.vstack([best, ways / np.linalg.norm(ways, axis=1, keepdims=True)])
+            found.append(changes(ways))
+            slopes = sign * found[-1][0]
+    return np.hstack(found)
 
 
 def _drawn(Z: Floats) -> Floats:
@@ -281,9 +315,9 @@ def pole_sentences(search: PointSearch, known: Sequence[Kink], names: Sequence[s
     """Sentences on places where the function has no value, one for each operation that makes them."""
     problem, sentences, found = search.problem, [], list[Floats]()
     for pole in known:
-        if pole.value is not None:
+        if pole.number is not None:
             continue
-        on_pole = StaticProblem(_on_kink(problem.laws, pole), problem.p, (problem.t, problem.begin), 0.0)
+        on_pole = StaticProblem(_on_kinks(problem.laws, (pole,)), problem.p, (problem.t, problem.begin), 0.0)
         for q in _on_surface(search, on_pole):
             if not any(search.apart(q, other) <= PARAMETERS.same for other in found):
                 found.append(q)
@@ -359,7 +393,10 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
         words = ", ".join(f"`{word}`" for word in dict.fromkeys(kink.word for kink in known))
         return [*sentences, f"{words} may have kinks or poles: extremes there have no lambda, and {why}"]
     sentences += pole_sentences(search, known, names, value)
-    for point in itertools.islice(extremes(search, known), PARAMETERS.most_named):
+    if _meeting(problem, known) is None:
+        sentences.append("where several kinks meet extremes are not looked for")
+    named = list(itertools.islice(extremes(search, known), PARAMETERS.most_named + 1))
+    for point in named[: PARAMETERS.most_named]:
         # There derivatives are those of sign(0) = 0 and tell nothing.
         search.points = [
             known
@@ -371,6 +408,8 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
             f"at {where} `{point.word}` makes a kink, and no lambda is needed for the {point.kind} of the {value}"
             f" there ({value} = {problem.value(point.q):.9g})"
         )
+    if len(named) > PARAMETERS.most_named:
+        sentences.append("there are extremes at further kinks, which are not named")
     return sentences
 
 

@@ -143,7 +143,7 @@ class PointSearch:
             for closed in self._start(self.problem.begin):
                 self._around(self.problem.begin, closed, is_followed=True)
         begun: list[tuple[Floats, Contacts]] = []
-        for number, begin in enumerate(self._others(others)):
+        for number, begin in enumerate(self.others(others)):
             if self._is_at_end():
                 return
             self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (others - number)
@@ -408,7 +408,7 @@ class PointSearch:
             )
             vain = 0 if is_new else vain + 1
 
-    def _others(self, count: int) -> Iterator[Floats]:
+    def others(self, count: int) -> Iterator[Floats]:
         """Starts beside the declared one: angles anywhere, the rest at several distances."""
         problem = self.problem
         random = np.random.default_rng(self.options.seed)

@@ -137,6 +137,75 @@ def test_no_point_is_listed_where_a_kink_is_of_another_type(of):
     ]
 
 
+@pytest.mark.parametrize(
+    ("coordinates", "of", "row", "where", "value"),
+    [
+        ("x: {value: 0.6}, y: {value: 0.7}", "abs(x) + abs(y - 1) + x/2", "", "x = 0, y = 1 ", "0"),
+        # Three functions are equal there (Charalambous and Bandler).
+        (
+            "x: {value: 2}, y: {value: 2.1}",
+            "max(x**4 + y**2, max((2 - x)**2 + (2 - y)**2, 2*exp(y - x)))",
+            "",
+            "x = 1, y = 1 ",
+            "2",
+        ),
+        (
+            "x: {value: 0.6}, y: {value: 0.8}, z: {value: 0}",
+            "max(x, max(y, z))",
+            "x**2 + y**2 + z**2 = 1",
+            "x = -0.577350269, y = -0.577350269, z = -0.577350269 ",
+            "-0.577350269",
+        ),
+    ],
+)
+def test_an_extreme_where_kinks_meet_is_named(coordinates, of, row, where, value):
+    notes = [note for note in stationary(coordinates, of, row).notes if "makes a kink" in note]
+    assert any(
+        f"at {where}" in note and f"minimum of the value there (value = {value})" in note for note in notes
+    )
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        "abs(x) + abs(y - 1) + 1.5*x",
+        "100*abs(x) + abs(y) - 1.5*y",
+        # It is convex and least at (1.2, 2.4): at (2/7, 20/7) its three parts are equal, and it falls along one.
+        "max(x**2 + y**2, max(x**2 + y**2 + 10*(4 - 4*x - y), x**2 + y**2 + 10*(6 - x - 2*y)))",
+    ],
+)
+def test_a_narrow_valley_between_kinks_is_seen(of):
+    notes = [note for note in stationary("x: {value: -1}, y: {value: 5}", of).notes if "makes a kink" in note]
+    assert all("x = 1.2, y = 2.4 " in note for note in notes)
+
+
+@pytest.mark.parametrize("count", [4, 7])
+def test_four_kinks_that_meet_are_looked_at_and_seven_are_not(count):
+    coordinates = ", ".join(f"x{k}: {{value: 0.{k + 1}}}" for k in range(count))
+    notes = stationary(coordinates, " + ".join(f"abs(x{k})" for k in range(count)), starts=0).notes
+    assert any("makes a kink" in note for note in notes) == (count == 4)
+    assert ("where several kinks meet extremes are not looked for" in notes) == (count == 7)
+
+
+def test_a_wall_that_lies_on_a_kink_bounds_a_point_alone():
+    text = "coordinates: {x: {value: 0.5}, y: {value: 0.5}}\ninequality: {a: x >= 0, b: y >= 0}\n"
+    found = lagcli.stationary(lagcli.loads(HEAD + text), of="sqrt(x) + sqrt(y) + x*y", starts=0)
+    assert [note for note in found.notes if "makes a kink" in note] == [
+        "at x = 0, y = 0 `sqrt` makes a kink, and no lambda is needed for the minimum of the value there (value = 0)"
+    ]
+
+
+def test_two_bodies_far_apart_are_no_continuum():
+    def pair(square):
+        return f"(1/({square}))**6 - 2*(1/({square}))**3"
+
+    of = " + ".join(map(pair, ("x**2", "u**2 + v**2", "(x - u)**2 + v**2")))
+    found = stationary("x: {value: 1.1}, u: {value: 0.5}, v: {value: 0.9}", of, starts=32)
+    assert min(p.value for p in found) == pytest.approx(-3, abs=1e-12)
+    assert not any(p.dimension for p in found)
+    assert max(abs(p.at["x"]) for p in found) < 3
+
+
 def test_a_large_angle_is_no_extreme_by_its_rounding():
     found = lagcli.stationary(
         lagcli.loads(HEAD + f"coordinates: {{{one(500.3)}}}\n"), of="sin(x) - x", starts=0

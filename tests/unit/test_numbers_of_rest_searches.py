@@ -430,7 +430,7 @@ def test_above_sixty_unknowns_the_starts_beside_wait(unknowns, waits, search_of,
 
 def test_starts_are_drawn_beside_across_and_beyond(search_of):
     search = search_of(n=900)
-    away = [np.linalg.norm(q) / 30 for q in search._others(4)]
+    away = [np.linalg.norm(q) / 30 for q in search.others(4)]
     assert away == pytest.approx([0.0, 1.0, 2.5, 0.3], rel=0.1)
 
 

@@ -342,6 +342,7 @@ def search_at_kinks(build: Build, count: int = 1) -> SimpleNamespace:
         points=[],
         options=SimpleNamespace(seed=0, has_potential=True),
         apart=lambda a, b: float(np.abs(a - b).max()),
+        others=lambda tries: [np.full(count, 1.0 + k) for k in range(tries)],
     )
 
 
@@ -353,7 +354,7 @@ def beside(build: Build) -> str:
     """What is said of a function beside zero."""
     search = search_at_kinks(build)
     kink = kink_points.kinks(search.problem.laws)[0]
-    laws = kink_points._on_kink(search.problem.laws, kink)
+    laws = kink_points._on_kinks(search.problem.laws, (kink,))
     on_pole = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
     return kink_points._beside(search, on_pole, np.zeros(1), "value")
 
@@ -374,7 +375,7 @@ def test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none(
 ) -> None:
     search = search_at_kinks(lambda q: ca.fabs(q) ** power)
     kink = kink_points.kinks(search.problem.laws)[-1]
-    laws = kink_points._on_kink(search.problem.laws, kink)
+    laws = kink_points._on_kinks(search.problem.laws, (kink,))
     on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
 
@@ -413,7 +414,7 @@ def test_slopes_are_looked_at_six_digits_off_a_kink(width: float, kind: str) -> 
     search = search_at_kinks(lambda q: ca.fabs(q) - q**2 / width)
     (kink,) = kink_points.kinks(search.problem.laws)
     on_kink = StaticProblem(
-        kink_points._on_kink(search.problem.laws, kink), np.zeros(0), (0.0, np.ones(1)), 0.0
+        kink_points._on_kinks(search.problem.laws, (kink,)), np.zeros(0), (0.0, np.ones(1)), 0.0
     )
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
 
@@ -431,7 +432,7 @@ def candidates_at(q: list[float], monkeypatch: pytest.MonkeyPatch) -> list[np.nd
     """The candidates on q0^2/2 = 0 where all starts lead to one point."""
     search = search_at_kinks(lambda q: ca.fabs(q[0] ** 2 / 2), 2)
     (kink,) = kink_points.kinks(search.problem.laws)
-    laws = kink_points._on_kink(search.problem.laws, kink)
+    laws = kink_points._on_kinks(search.problem.laws, (kink,))
     monkeypatch.setattr(surface_descent, "onto", lambda *_: np.array(q))
     monkeypatch.setattr(
         rest_equations, "scales", lambda *_: dataclasses.replace(UNITS, conditions=np.ones(1))
@@ -458,7 +459,7 @@ def test_a_coordinate_of_a_kink_is_zero_to_nine_digits(
 def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> None:
     search = search_at_kinks(lambda q: slope * ca.fabs(q))
     (kink,) = kink_points.kinks(search.problem.laws)
-    laws = kink_points._on_kink(search.problem.laws, kink)
+    laws = kink_points._on_kinks(search.problem.laws, (kink,))
     on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
 
@@ -472,7 +473,9 @@ def test_an_exact_point_keeps_its_curvature_where_another_has_none(away: float, 
 def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
     many = [KinkPoint("abs", np.full(1, float(k)), "minimum") for k in range(9)]
     monkeypatch.setattr(kink_points, "extremes", lambda *_: many)
-    assert len(kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")) == 4
+    named = kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")
+    assert sum("makes a kink" in note for note in named) == 4
+    assert named[-1] == "there are extremes at further kinks, which are not named"
 
 
 def is_lost(build: Build, value: float) -> bool:
