@@ -135,10 +135,12 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     on = _ranks(numeric, points, holonomic_rows, effective, lost)
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
-    if on.highest[1] < len(effective):  # rows that are independent at the start are so nearby
+    exact = _following_by_algebra(found)
+    is_dependent = any(exact.values()) if exact else on.highest[1] < len(effective)
+    if is_dependent:  # rows that are independent at the start are so nearby
         from lagcli.start import conflict  # here, as the rows of most models are independent
 
-        has_others = surface.kind != "deficient" and _is_lost(found, on)
+        has_others = surface.kind != "deficient" and not exact and _is_lost(found, on)
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = initial.later(system) if found.depends_on_time else 0.0
@@ -154,8 +156,10 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
             f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
         )
     open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
-    open_reason = open_reason or vanishing or _undecided_rank(on, surface, len(holonomic_rows) == len(names))
-    rank_beyond = on.highest[1] - on.highest[0]
+    open_reason = (
+        open_reason or vanishing or _undecided_rank(on, surface, len(holonomic_rows) == len(names), exact)
+    )
+    rank_beyond = found.flag[0] if exact else on.highest[1] - on.highest[0]
     reason = open_reason or _undecided_rows(found, rank_beyond)
     n, total = system.symbols.q.numel(), (surface.codimension or 0) + rank_beyond
     # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither does the
@@ -166,6 +170,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     decided, s = reason == "", n - bounds[1]
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
     redundant = _redundant(numeric, points[generic], effective, surface)
+    redundant = [i for i, name in enumerate(names) if exact.get(name, i in redundant)]
     counted = DofCount(
         particles=len(system.model.particle_names),
         coordinates=n,
@@ -336,8 +341,18 @@ def _undecided_drop(on: _Ranks) -> str:
     )
 
 
-def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool) -> str:
-    if on.possible != on.highest:
+def _following_by_algebra(found: Classification) -> dict[str, bool]:
+    """Whether differential rows follow from rows before them, of groups where doubles tell another rank than exact
+    algebra and digits."""
+    if found.undecided:
+        return {}
+    known = ((group.rows, group.following) for group in found.groups)
+    return {name: name in following for rows, following in known if following is not None for name in rows}
+
+
+def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool, exact: dict[str, bool]) -> str:
+    """Say that the rank of rows is open, or nothing; `exact`: rows on which doubles are not asked."""
+    if on.possible[0] != on.highest[0] or (on.possible != on.highest and not exact):
         return "no gap in the singular values of the constraint rows decides their rank"
     if surface.kind == "singular" and is_holonomic:
         return ""  # proved where a walk has come, and nothing else is asked

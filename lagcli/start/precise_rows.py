@@ -212,5 +212,21 @@ def _rank(rows: list[Numbers]) -> int:
     return rank
 
 
+def following(rows: Sequence[Numbers]) -> list[int]:
+    """The rows that follow from rows before them, each measured by its largest entry."""
+    independent: list[tuple[int, Numbers]] = []
+    found = []
+    for i, row in enumerate(rows):
+        rest = _over(row, max(map(abs, row), default=ZERO))
+        for column, pivot in independent:
+            rest = [a - rest[column] * b for a, b in zip(rest, pivot, strict=True)] if rest else rest
+        largest = max(range(len(rest)), key=lambda j: abs(rest[j]), default=0)
+        if not rest or abs(rest[largest]) <= PARAMETERS.zero:
+            found.append(i)
+        else:
+            independent.append((largest, [a / rest[largest] for a in rest]))
+    return found
+
+
 def _over(row: Numbers, size: Decimal) -> Numbers:
     return [a / size for a in row] if size else []

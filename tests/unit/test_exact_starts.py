@@ -401,3 +401,25 @@ def test_algebra_alone_says_whether_motions_keep_to_a_place(
     """Numbers that a flow carries are not asked."""
     monkeypatch.delattr("lagcli.analysis.classification.case.Case.flag")
     assert counted(values, rows).configuration_dof == truth
+
+
+@pytest.mark.parametrize(
+    ("values", "rows", "truth"),
+    [
+        ({"x": "-5500"}, ["exp(x)*d(y)"], (4, 4, 0)),
+        ({"x": "-5500"}, ["exp(x)*d(y) - exp(x)*u*d(w)"], (5, 4, 0)),
+        ({"x": "-5500"}, ["exp(x)*d(y) - exp(2*x)*u*d(w)"], (5, 4, 0)),
+        ({"x": "-8e9"}, ["exp(x)*d(y)", "d(w) - u*d(z)"], (4, 3, 0)),
+        ({"x": "-5500"}, ["exp(x)*d(y)", "3*exp(x)*d(y)", "d(w) - u*d(z)"], (4, 3, 1)),
+        ({}, ["1e-320*(d(y) - u*d(w))"], (5, 4, 0)),
+        ({}, ["d(y) - y*d(w)", "1e18*(d(y) - y*d(w)) + d(u)"], (3, 3, 0)),
+        ({}, ["d(y) - y*d(w)", "1e18*(d(y) - y*d(w)) + d(u)", "d(y) - y*d(w)"], (3, 3, 1)),
+    ],
+)
+def test_rows_that_doubles_do_not_tell_count_by_their_digits(
+    values: dict[str, str], rows: list[str], truth: tuple[int, int, int]
+) -> None:
+    """They underflow, or are nearly a multiple of another: algebra says how many count, and digits which."""
+    found = counted(values, rows)
+    assert (found.configuration_dof, found.velocity_dof, found.redundant) == truth
+    assert len(found.redundant_rows) == found.redundant

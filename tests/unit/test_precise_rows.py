@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import decimal
+from decimal import Decimal
+
 import numpy as np
 import pytest
 
@@ -86,3 +89,15 @@ def test_rows_of_many_entries_are_looked_at_in_doubles() -> None:
         rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
         assert rows.rank_in_digits == known
     assert precise_rows.PARAMETERS.most == 12_000
+
+
+def test_rows_that_follow_from_rows_before_them_are_found_in_their_order() -> None:
+    rows = [
+        ["1e-9000", "2e-9000", "0"],
+        ["0", "0", "0"],
+        ["3", "6", "1e-30"],
+        ["4", "8", "0"],
+        ["0", "0", "7"],
+    ]
+    with decimal.localcontext(prec=60):
+        assert precise_rows.following([[Decimal(a) for a in row] for row in rows]) == [1, 3, 4]

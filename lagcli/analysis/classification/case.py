@@ -15,6 +15,7 @@ from lagcli.analysis.classification.known_integrals import Orbit
 from lagcli.compiled import NumericSystem, pattern
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
+from lagcli.linear import rank
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
@@ -59,6 +60,12 @@ class Case:
             for group, found in flags
             if found.is_certain and len(found.states) > 1
         )
+
+    def rank(self, group: CoupledGroup) -> int | None:
+        """The rank of the rows of a group at the start in doubles, None where these do not tell it."""
+        from lagcli.start import sample_points
+
+        return rank.estimate(sample_points.rows(self.numeric, self.begin).take(list(group.rows))).value
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: of `progress.after`."""

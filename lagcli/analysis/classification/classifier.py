@@ -66,6 +66,9 @@ class Classifier:
                 settled = self._settled(block, flagged)
         if block is not None and settled is not None:
             together = self._by_algebra(block, settled, single)
+            if self._case.rank(group) != settled.rank:
+                following = self._locality.following(block, settled)
+                together = dataclasses.replace(together, following=following)
         else:
             assert numbers is not None
             together = self._by_numbers(names, block, flagged, numbers, single, solved)

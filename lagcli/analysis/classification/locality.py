@@ -9,6 +9,7 @@ that follow motions decide nothing of it: a flow may multiply rounding by hundre
 from __future__ import annotations
 
 import dataclasses
+import decimal
 import functools
 import itertools
 from collections.abc import Sequence
@@ -19,13 +20,14 @@ from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
 from lagcli.pfaffian import joint, kept_places, special_points, translate
-from lagcli.pfaffian.exact import time_limit
+from lagcli.pfaffian.exact import enclosure, time_limit
 from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import form, notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
 from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
+from lagcli.start import precise_rows
 
 # Operations for the equations of a set and for the integrals on it.
 BUDGET = 60_000
@@ -55,6 +57,11 @@ class Settled:
     beyond: int
     vanishing: frozenset[str]
     is_sided: bool
+
+    @property
+    def rank(self) -> int:
+        """The rank of all rows there, with the holonomic ones of the group."""
+        return _surface_rank(self.flagged) + self.flagged.flag.dims[0]
 
     @property
     def is_general(self) -> bool:
@@ -169,6 +176,32 @@ class Locality:
             if kept:
                 return kept
         return None if is_open else ()
+
+    def following(self, block: PfaffianBlock, settled: Settled) -> frozenset[str] | None:
+        """The differential rows that follow from rows before them, by their values at the start in fifty digits; None
+        where these have another rank than the rows have on the motions from it."""
+        gradients = [[form.partial(f, x) for x in block.variables] for f in block.surface]
+        rows = [[form.plain(a) for a in row] for row in (*gradients, *block.rows)]
+        with decimal.localcontext(
+            prec=precise_rows.PARAMETERS.digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX
+        ):
+            try:
+                values = [[self._decimal(a) for a in row] for row in rows]
+            except enclosure.NoValueError:
+                return None
+            found = precise_rows.following(values)
+        if len(rows) - len(found) != settled.rank:
+            return None
+        s = len(block.surface)
+        return frozenset(block.names[i - s] for i in found if i >= s)
+
+    def _decimal(self, expression: Expression) -> decimal.Decimal:
+        """The value at the start in fifty digits, 0 where these leave nothing. Raises `enclosure.NoValueError`."""
+        here = self._start.point
+        if here.digits is None:
+            raise enclosure.NoValueError
+        is_nothing = expression == 0 or special_points.is_nothing(expression, [here])
+        return decimal.Decimal(0) if is_nothing else enclosure.decimal_of(expression, here.digits)
 
     def open_reason(self, flagged: joint.Flagged) -> str:
         """Why a flag is not decided where it is open whether motions from the start stay."""

@@ -58,7 +58,8 @@ class JointVerdict:
     vanish identically where the holonomic rows hold. holonomic_rank: that of the holonomic rows they meet, where it is
     proved exactly. passing: integrals that hold on the set alone that the motions from the start keep to. may_demand:
     the flag is not decided, and the rows demand holonomic conditions that are not known, or may do so. lost: rows that
-    vanish at the start, to all digits, and not everywhere.
+    vanish at the start, to all digits, and not everywhere. following: where exact algebra and digits tell another rank
+    of the rows than doubles, those that follow from rows before them.
     """
 
     rows: tuple[str, ...]
@@ -76,6 +77,7 @@ class JointVerdict:
     passing: tuple[FirstIntegral, ...] = ()
     may_demand: bool = False
     lost: frozenset[str] = frozenset()
+    following: frozenset[str] | None = None
 
     @property
     def is_decided(self) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 
 import mpmath
@@ -147,6 +148,11 @@ def middle(expression: sympy.Expr, point: Point) -> mpmath.mpf:
     """The value at a point to nearly all digits of the terms it is made of. Raises `NoValueError`."""
     with mpmath.workdps(DIGITS):
         return _middle(Evaluator(point).value(expression))
+
+
+def decimal_of(expression: sympy.Expr, point: Point) -> Decimal:
+    """The same as a decimal. Raises `NoValueError`."""
+    return Decimal(mpmath.nstr(middle(expression, point), DIGITS))
 
 
 def fraction(number: sympy.Expr) -> Fraction:
