@@ -8,7 +8,7 @@ velocities: with a_F = F/m and W the matrix of B m^(-1/2), m^(1/2) (a - a_F) = -
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -135,73 +135,52 @@ def flights(e: Evidence) -> list[Check]:
     return [merged([check], left) if left else check]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _InstantSides:
-    """M sides of instants of incidents: the states there, the row next to each, and the number of rows up to the next
-    instant, (M,); ahead: 1 after an instant, -1 before it; has_rebounds: some until there are not recorded."""
-
-    state: Record
-    row: Array
-    count: Array
-    ahead: Array
-    has_rebounds: Array
-
-
-def _sides(e: Evidence, impact: ImpactEvidence) -> _InstantSides:
-    """Both sides of all instants, less one before the first row and one after the last."""
-    incidents, t = impact.incidents, e.record.t
-    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
-    at = incidents.t[first]
-    since, until = np.concatenate([[-np.inf], at]), np.concatenate([at, [np.inf]])
-    begin, end = np.searchsorted(t, since, "right"), np.searchsorted(t, until, "left")
-    rebounds = np.zeros(len(since), dtype=bool)
-    for _, start, stop in impact.unrecorded_rebounds:
-        rebounds |= (since < stop) & (until > start)
-    state = _joined(incidents.before.part(first), incidents.after.part(last))
-    row, count = np.concatenate([end[:-1] - 1, begin[1:]]), end - begin
-    ahead = np.repeat([-1, 1], len(at))
-    parts = row, np.append(count[:-1], count[1:]), ahead, np.append(rebounds[:-1], rebounds[1:])
-    at_end = (state.t <= t[0]) & (ahead < 0) | (state.t >= t[-1]) & (ahead > 0)
-    k = np.flatnonzero(~at_end)
-    return _InstantSides(state.part(k), *(part[k] for part in parts))
-
-
 def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     """Coordinates at an incident and at the row next to it against the integral of the rates of rows.
 
     The states of incidents take no part in the integral: one that is wrong would hide itself in the bound of it. By how
     much its rate is off the rows may have come about all along the way, as where a force switches on it.
     """
-    sides, r = _sides(e, impact), e.record
-    state, names = sides.state, e.names.q
-    if not len(state.t):
+    incidents, r, names = impact.incidents, e.record, e.names.q
+    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+    # The stretches of rows before, between and after the instants; some have rebounds that are not recorded
+    at = incidents.t[first]
+    since, until = np.append(-np.inf, at), np.append(at, np.inf)
+    begin, end = np.searchsorted(r.t, since, "right"), np.searchsorted(r.t, until, "left")
+    rebounds = np.zeros(len(since), dtype=bool)
+    for _, start, stop in impact.unrecorded_rebounds:
+        rebounds |= (since < stop) & (until > start)
+    # Both sides of each instant, before and after, less one before the first row and one after the last: the state
+    # there, the row next to it, the rows up to the next instant
+    state = _joined(incidents.before.part(first), incidents.after.part(last))
+    ahead, count = np.repeat([-1, 1], len(at)), end - begin
+    k = np.flatnonzero(np.where(ahead < 0, state.t > r.t[0], state.t < r.t[-1]))
+    state, ahead = state.part(k), ahead[k]
+    row, count = np.append(end[:-1] - 1, begin[1:])[k], np.append(count[:-1], count[1:])[k]
+    rebounds = np.append(rebounds[:-1], rebounds[1:])[k]
+    if not len(k):
         return judge(FLIGHTS, names, state.t, state.q, state.q)
-    h = np.abs(r.t[np.clip(sides.row, 0, len(r.t) - 1)] - state.t)[:, None]
+    h = np.abs(r.t[np.clip(row, 0, len(r.t) - 1)] - state.t)[:, None]
     residual, best = np.zeros(state.q.shape), np.full(state.q.shape, np.inf)
     off_q, off_v, clock = _off(e, impact)
     off = 2 * SAFETY * (off_q + h * off_v) + clock * np.abs(state.v)
-    before: tuple[Array, Array] | None = None
+    before: Array | None = None
     for width in PARAMETERS.widths:
-        k = np.flatnonzero(sides.count >= width)
-        rows = sides.row[k, None] + sides.ahead[k, None] * np.arange(width)
+        k = np.flatnonzero(count >= width)
+        rows = row[k, None] + ahead[k, None] * np.arange(width)
         way, rate, spread = _extrapolated(state.t[k], r.t[rows], r.v[rows])
-        apart = np.zeros(state.q.shape), np.zeros(state.q.shape)
-        apart[0][k], apart[1][k] = r.q[rows[:, 0]] - state.q[k] - way, np.abs(state.v[k] - rate)
+        apart = np.zeros(state.q.shape)
+        apart[k] = r.q[rows[:, 0]] - state.q[k] - way
         if before is not None:
-            unknown = PARAMETERS.caution * np.abs(apart[0] - before[0])[k] + h[k] * apart[1][k]
+            unknown = PARAMETERS.caution * np.abs(apart - before)[k] + h[k] * np.abs(state.v[k] - rate)
             unknown = unknown + spread[:, None] * h[k] * SAFETY * off_v
             better = unknown < best[k]
-            residual[k], best[k] = (
-                np.where(better, apart[0][k], residual[k]),
-                np.where(better, unknown, best[k]),
-            )
+            residual[k] = np.where(better, apart[k], residual[k])
+            best[k] = np.where(better, unknown, best[k])
         before = apart
     close = best <= np.maximum(RESOLVED * h * np.abs(r.v).max(axis=0, initial=0.0), off)
-    judged = (
-        (close | (np.abs(residual) > best + off))
-        & ~e.once(RowSpacing).is_coarse[0]
-        & ~sides.has_rebounds[:, None]
-    )
+    judged = (close | (np.abs(residual) > best + off)) & ~e.once(RowSpacing).is_coarse[0]
+    judged &= ~rebounds[:, None]
     order = np.argsort(state.t, kind="stable")
     return judge(FLIGHTS, names, state.t[order], residual[order], (best + off)[order], judged[order])
 
@@ -220,50 +199,58 @@ def _extrapolated(t: Array, times: Array, rates: Array) -> tuple[Array, Array, A
 
 def _off(e: Evidence, impact: ImpactEvidence) -> tuple[Array, Array, float]:
     """By how much coordinates and rates (n,) and times of rows and of incidents may be off, which are two tables."""
-    one, other = e, impact.before
-    return (
-        np.maximum(one.off_q, other.off_q),
-        np.maximum(one.off_v, other.off_v),
-        max(one.clock, other.clock),
-    )
+    off_q, off_v = np.maximum(e.off_q, impact.before.off_q), np.maximum(e.off_v, impact.before.off_v)
+    return off_q, off_v, max(e.clock, impact.before.clock)
 
 
 def _flown(
     e: Evidence, impact: ImpactEvidence, motion: _FreeMotion, flown: Flights
 ) -> tuple[Array, Array, Array]:
-    """Residuals, their limits, and which are judged, of flights, (P, 2 n) each."""
+    """Residuals, their limits, and which are judged, of flights, (P, 2 n) each.
+
+    Integrals by Boole's formula on the quintic curve through positions, velocities and accelerations at both ends
+    (Hermite); what is not known of them by Simpson's formula and that of the trapezium.
+    """
     begin, end = flown.begin, flown.end
     h = (end.t - begin.t)[:, None]
     off_q, off_v, clock = _off(e, impact)
     rtol = max(e.tolerance.rtol, impact.tolerance.rtol)
-    way = _integrals(begin, end, motion.accelerations)
-    unknown_v = way.unknown_velocities + np.abs(way.velocities) * SAFETY * rtol
-    if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
-        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(way.middle, way.acceleration))
-    residual_v = end.v - begin.v - way.velocities
-    unknown_bend = way.unknown_positions
-    residual_q = end.q - begin.q - h / 2 * (begin.v + end.v) - way.positions
+    ends = motion.accelerations(begin), motion.accelerations(end)
+    inner = [_between(begin, end, ends, u) for u in (0.25, 0.5, 0.75)]
+    a = np.stack([ends[0], *map(motion.accelerations, inner), ends[1]])
+    boole = h / 90 * (7 * (a[0] + a[4]) + 32 * (a[1] + a[3]) + 12 * a[2])
+    simpson = h / 6 * (a[0] + 4 * a[2] + a[4])
+    # The integrals of (h/2 - s) a(s) ds.
+    bend = h * h / 90 * (3.5 * (a[0] - a[4]) + 8 * (a[1] - a[3]))
+    plain = h * h / 12 * (a[0] - a[4])
+    second, fourth = np.abs(np.diff(a, n=2, axis=0)).max(axis=0), np.abs(np.diff(a, n=4, axis=0))[0]
+    rough = fourth >= ROUGH * second
+    unknown_v = CAREFUL * np.abs(boole - simpson)
+    unknown_v += np.where(rough, np.abs(simpson - h / 2 * (a[0] + a[4])), 0.0)
+    unknown_v = unknown_v + np.abs(boole) * SAFETY * rtol
+    unknown_q = CAREFUL * np.abs(bend - plain) + np.where(rough, np.abs(plain), 0.0)
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * begin.v))
-    if motion.has_rows:
-        unknown_bend = _of_particles(unknown_bend)
+    if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
+        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(inner[1], a[2]))
+        unknown_q = _of_particles(unknown_q)
         size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
     rebounds = flown.has_rebounds[:, None]
     unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v) + flown.left, unknown_v)
-    unknown_q = unknown_bend + np.where(rebounds, 0.0, h * unknown_v)
+    unknown_q = unknown_q + np.where(rebounds, 0.0, h * unknown_v)
     unknown_q = np.where(rebounds, np.maximum(unknown_q, RESOLVED * size_q) + h * flown.left, unknown_q)
     # Times that are rounded are the length of the flight.
     if e.tolerance.written.time or impact.tolerance.written.time:
-        unknown_v = unknown_v + clock * np.abs(way.acceleration)
+        unknown_v = unknown_v + clock * np.abs(a[2])
         unknown_q = unknown_q + clock * np.maximum(np.abs(begin.v), np.abs(end.v))
-    limit_v, limit_q = 2 * SAFETY * off_v + unknown_v, 2 * SAFETY * (off_q + h * off_v) + unknown_q
-    judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * off_v)
+    residuals = end.q - begin.q - h / 2 * (begin.v + end.v) - bend, end.v - begin.v - boole
+    limits = 2 * SAFETY * (off_q + h * off_v) + unknown_q, 2 * SAFETY * off_v + unknown_v
     judged_q = unknown_q <= np.maximum(RESOLVED * size_q, 2 * SAFETY * off_q)
-    return (
-        np.concatenate([residual_q, residual_v], axis=1),
-        np.concatenate([limit_q, limit_v], axis=1),
-        np.concatenate([judged_q, judged_v], axis=1),
+    judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * off_v)
+    residual, limit, judged = (
+        np.concatenate(parts, axis=1) for parts in (residuals, limits, (judged_q, judged_v))
     )
+    return residual, limit, judged
 
 
 def _of_particles(y: Array) -> Array:
@@ -323,43 +310,6 @@ class _FreeMotion:
         signs = self._random.choice((-1.0, 1.0), size=(2, *r.q.shape))
         q, v = r.q + signs[0] * e.off_q, r.v + signs[1] * e.off_v
         return np.asarray(np.abs(self.accelerations(dataclasses.replace(r, q=q, v=v)) - a))
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class FlightIntegrals:
-    """The changes over P flights: of velocities, and of positions beyond h (v + v')/2, (P, n) each, with what is not
-    known of them; and states halfway with their accelerations."""
-
-    velocities: Array
-    unknown_velocities: Array
-    positions: Array
-    unknown_positions: Array
-    middle: Record
-    acceleration: Array
-
-
-def _integrals(start: Record, stop: Record, accelerations: Callable[[Record], Array]) -> FlightIntegrals:
-    """The integrals from states to later states, by Boole's formula on the quintic curve through positions, velocities
-    and accelerations at both ends (Hermite); `accelerations` (P, n) of states."""
-    h = (stop.t - start.t)[:, None]
-    begin, end = accelerations(start), accelerations(stop)
-    inner = [_between(start, stop, (begin, end), u) for u in (0.25, 0.5, 0.75)]
-    a = np.stack([begin, *(accelerations(r) for r in inner), end])
-    boole = h / 90 * (7 * (a[0] + a[4]) + 32 * (a[1] + a[3]) + 12 * a[2])
-    simpson = h / 6 * (a[0] + 4 * a[2] + a[4])
-    # The integrals of (h/2 - s) a(s) ds.
-    bend = h * h / 90 * (3.5 * (a[0] - a[4]) + 8 * (a[1] - a[3]))
-    plain = h * h / 12 * (a[0] - a[4])
-    second, fourth = np.abs(np.diff(a, n=2, axis=0)).max(axis=0), np.abs(np.diff(a, n=4, axis=0))[0]
-    rough = fourth >= ROUGH * second
-    return FlightIntegrals(
-        boole,
-        CAREFUL * np.abs(boole - simpson) + np.where(rough, np.abs(simpson - h / 2 * (a[0] + a[4])), 0.0),
-        bend,
-        CAREFUL * np.abs(bend - plain) + np.where(rough, np.abs(plain), 0.0),
-        inner[1],
-        a[2],
-    )
 
 
 def _between(begin: Record, end: Record, ends: tuple[Array, Array], u: float) -> Record:
