@@ -61,7 +61,7 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     few for differences."""
     incidents, r = impact.incidents, e.record
     # At one instant one thing may follow another: rebounds end, and what comes next is an impact.
-    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+    first, last = incidents.first, incidents.last
     before, after = incidents.before.part(first), incidents.after.part(last)
     same = np.isin(r.t, before.t)
     rows = np.flatnonzero(~same)
@@ -142,7 +142,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     much its rate is off the rows may have come about all along the way, as where a force switches on it.
     """
     incidents, r, names = impact.incidents, e.record, e.names.q
-    first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
+    first, last = incidents.first, incidents.last
     # The stretches of rows before, between and after the instants; some have rebounds that are not recorded
     at = incidents.t[first]
     since, until = np.append(-np.inf, at), np.append(at, np.inf)

@@ -149,8 +149,7 @@ class ImpactEvidence:
         impulses = incidents.impulses[:, self.contacts]
         pushes = impulses > self.impulse_limit
         kinds = incidents.kinds
-        first, last = np.flatnonzero(incidents.is_first), np.flatnonzero(incidents.is_last)
-        for begin, end in zip(first, last + 1, strict=True):
+        for begin, end in zip(incidents.first, incidents.last + 1, strict=True):
             at, contact = slice(begin, end), incidents.contact[begin:end]
             for j in {*contact[contact >= 0].tolist(), *np.flatnonzero(pushes[at].any(axis=0)).tolist()}:
                 rows = begin + np.flatnonzero(contact == j)
@@ -270,7 +269,7 @@ class ImpactEvidence:
     def lost(self) -> float:
         """The energy that all incidents took; what moves with t may have given some."""
         before, after = (_energy_of_motion(e, e.record, e.values) for e in (self.before, self.after))
-        return float(before[self.incidents.is_first].sum() - after[self.incidents.is_last].sum())
+        return float(before[self.incidents.first].sum() - after[self.incidents.last].sum())
 
 
 def _moved(e: Evidence) -> Record:
@@ -355,8 +354,8 @@ def balance(e: Evidence) -> list[Check]:
     if moves[impact.rows].any() or (moves[impact.contacts] & rests).any():
         return []
     (before, off), (after, off_after) = map(_energy, (impact.before, impact.after))
-    before, after = before[incidents.is_first], after[incidents.is_last]
-    t = incidents.t[incidents.is_first]
+    before, after = before[incidents.first], after[incidents.last]
+    t = incidents.t[incidents.first]
     count = np.searchsorted(t, e.record.t, "right")
     total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
     E_moved = _energy_of_motion(e, _moved(e), e.moved_values) + e.moved_values.V

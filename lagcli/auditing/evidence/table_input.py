@@ -87,14 +87,14 @@ class Incidents:
         return self.before.lam
 
     @property
-    def is_first(self) -> Array:
-        """True for the first of each instant."""
-        return np.concatenate([[True], np.diff(self.t) > 0])[: len(self.t)]
+    def first(self) -> Array:
+        """The number of the first of each instant."""
+        return np.flatnonzero(np.concatenate([[True], np.diff(self.t) > 0])[: len(self.t)])
 
     @property
-    def is_last(self) -> Array:
-        """True for the last of each instant."""
-        return np.concatenate([np.diff(self.t) > 0, [True]])[: len(self.t)]
+    def last(self) -> Array:
+        """The number of the last of each instant."""
+        return np.flatnonzero(np.concatenate([np.diff(self.t) > 0, [True]])[: len(self.t)])
 
     @property
     def cuts(self) -> Array:

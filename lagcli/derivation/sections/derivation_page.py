@@ -108,7 +108,7 @@ class Derivation:
 
     def equations(self) -> tuple[sympy.Eq, ...]:
         """M a = h + B^T lambda for each coordinate (D.23, D.53), in SymPy; with the lambda of inequalities."""
-        system = self.system.all_closed
+        system, plain = self.system.all_closed, self.system.table.calculus.expanded
         equations = []
         for i in range(len(system.q)):
             left = sum((system.matrix(i, j) * a for j, a in enumerate(system.a)), sympy.Integer(0))
@@ -116,27 +116,24 @@ class Derivation:
                 (row.B[i] * lam for row, lam in zip(system.rows, system.lam, strict=True) if i in row.B),
                 sympy.Integer(0),
             )
-            equations.append(sympy.Eq(self._plain(left), self._plain(right), evaluate=False))
+            equations.append(sympy.Eq(plain(left), plain(right), evaluate=False))
         return tuple(equations)
 
     def constraints(self) -> tuple[sympy.Eq, ...]:
         """f = 0 of holonomic rows (D.2), B v + b = 0 of differential ones (D.4), in SymPy."""
-        system = self.system
+        system, plain = self.system, self.system.table.calculus.expanded
         constraints = []
         for row in system.rows:
             value = row.f
             if value is None:
                 value = row.b + sum((slope * system.v[i] for i, slope in row.B.items()), sympy.Integer(0))
-            constraints.append(sympy.Eq(self._plain(value), 0, evaluate=False))
+            constraints.append(sympy.Eq(plain(value), 0, evaluate=False))
         return tuple(constraints)
 
     def inequalities(self) -> tuple[sympy.Rel, ...]:
         """g >= 0, in SymPy."""
-        rows = self.system.contacts.rows
-        return tuple(sympy.Ge(self._plain(row.f), 0, evaluate=False) for row in rows if row.f is not None)
-
-    def _plain(self, value: sympy.Expr) -> sympy.Expr:
-        return self.system.table.calculus.expanded(value)
+        rows, plain = self.system.contacts.rows, self.system.table.calculus.expanded
+        return tuple(sympy.Ge(plain(row.f), 0, evaluate=False) for row in rows if row.f is not None)
 
     def text(self, width: int = WIDTH) -> str:
         """Unicode text in at most `width` columns where terms allow."""

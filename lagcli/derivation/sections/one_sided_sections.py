@@ -34,6 +34,7 @@ class OneSided:
         self._every, self._contacts = system.all_closed, system.contacts
         self._free = {system.first_index(number): number for number in system.newton}
         self._impulses = tuple(sympy.Symbol(f"impulse.{row.name}", real=True) for row in self._every.rows)
+        self._contact_impulses = self._impulses[len(system.rows) :]
         self._letters: dict[str, f.Sign] = {}
         if self._contacts.rows:
             for symbol, row in zip(self._impulses, self._every.rows, strict=True):
@@ -147,10 +148,6 @@ class OneSided:
         sides = f.FormulaSum(((1, dataclasses.replace(g, sup="+")), (1, dataclasses.replace(g, sup="-"))))
         half = f.Fraction(f.ONE, f.FormulaNumber("2"))
         return jump, f.FormulaProduct((half, f.Sign("Σ", ("j",)), f.Sign("Λ", ("j",)), sides))
-
-    @property
-    def _contact_impulses(self) -> tuple[sympy.Symbol, ...]:
-        return self._impulses[len(self._system.rows) :]
 
     def _rebound(self, row: SymbolicRow, e: float) -> f.FormulaNode:
         """g'+ + e min(g'-, 0)."""

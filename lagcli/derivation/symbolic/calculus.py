@@ -61,9 +61,12 @@ class Calculus:
         """dvalue/dx with everything else fixed."""
         total = self._plain(value, x) if x in value.free_symbols else ZERO
         for symbol in sorted(value.free_symbols & self.known.keys(), key=str):
-            inner = self._of(symbol, x)
-            if inner != 0:
-                total += self._plain(value, symbol) * inner
+            if (symbol, x) not in self._partials:
+                known = self.known[symbol]
+                inner = self.partial(known.inner, x) if x in self.symbols(known.inner) else ZERO
+                self._partials[symbol, x] = inner / (2 * symbol) if known.is_root else inner
+            if self._partials[symbol, x] != 0:
+                total += self._plain(value, symbol) * self._partials[symbol, x]
         return total
 
     def rate(self, value: sympy.Expr) -> sympy.Expr:
@@ -91,14 +94,6 @@ class Calculus:
         derivative = slope(value, x)
         # A jump has no slope; where it stands the compiled equations have none either.
         return derivative.replace(sympy.DiracDelta, lambda *_: ZERO) if self.has_jumps else derivative
-
-    def _of(self, symbol: sympy.Symbol, x: sympy.Symbol) -> sympy.Expr:
-        """The slope of an abbreviation."""
-        if (symbol, x) not in self._partials:
-            known = self.known[symbol]
-            inner = self.partial(known.inner, x) if x in self.symbols(known.inner) else ZERO
-            self._partials[symbol, x] = inner / (2 * symbol) if known.is_root else inner
-        return self._partials[symbol, x]
 
     def _rate_of(self, symbol: sympy.Symbol) -> sympy.Expr:
         if symbol in self.products:

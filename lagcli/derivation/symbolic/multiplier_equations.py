@@ -90,7 +90,16 @@ class Products:
         one, other = self._pieces(u), self._pieces(w)
         if one is None or other is None:
             return self._by_components(u, w)
-        return sum((c * e * self._plain(k, m) for c, k in one for e, m in other), ZERO)
+        total = ZERO
+        for c, key in one:
+            for e, across in other:
+                if key[0] and across[0]:
+                    product = self._table.product(key, across)
+                else:
+                    a, b = map(self._table.recognizer.components, (key, across))
+                    product = sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
+                total += c * e * product
+        return total
 
     def _by_components(self, u: Triple, w: Triple) -> sympy.Expr:
         """The sum of products; 1 where it is the square of a root over itself."""
@@ -103,12 +112,6 @@ class Products:
                 if above == 0:
                     return sympy.Integer(1)
         return value
-
-    def _plain(self, one: Key, other: Key) -> sympy.Expr:
-        if one[0] and other[0]:
-            return self._table.product(one, other)
-        a, b = self._table.recognizer.components(one), self._table.recognizer.components(other)
-        return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
 
     def _pieces(self, triple: Triple) -> list[tuple[sympy.Expr, Key]] | None:
         if triple not in self._known:
@@ -197,20 +200,16 @@ def solve(system: Symbolic, equation: Equation) -> ClosedForm:
         right = sympy.Matrix([put(system, equation.right[r], on) for r in block])
         above = matrix.adjugate() * right
         for r, value in zip(block, above, strict=True):
-            shortest = _shortest(value, determinant, system.v)
+            forms = [tidy(tidy(value) / determinant), tidy(value) / determinant]
+            if value.count_ops() + determinant.count_ops() <= 2 * MAX_OPERATIONS:
+                forms += cancelled(value / determinant, system.v)
+            shortest = min(forms, key=complexity)
             if shortest.count_ops() > MAX_OPERATIONS:
                 reason = f"λ of {system.rows[r].name} would have {shortest.count_ops()} operations"
                 reason += f", and {MAX_OPERATIONS} are still read"
             else:
                 values[r] = shortest
     return ClosedForm(values, reason, on)
-
-
-def _shortest(above: sympy.Expr, below: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
-    forms = [tidy(tidy(above) / below), tidy(above) / below]
-    if above.count_ops() + below.count_ops() <= 2 * MAX_OPERATIONS:
-        forms += cancelled(above / below, rates)
-    return min(forms, key=complexity)
 
 
 def cancelled(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> list[sympy.Expr]:

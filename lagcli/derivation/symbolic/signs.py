@@ -37,7 +37,11 @@ class Signs:
             self._masses |= system.table.mass(number).free_symbols
         self._show(TIME, f.Sign("t"), "t", layout.PARAMETER, 9)
         self._parameters()
-        self._constants()
+        letters = {"length": "ℓ", "weight": "α", "height": "η"}
+        for symbol in system.constants:
+            kind, body, label = symbol.name.split(" ")
+            sub = ",".join(paper_names.subscript(part) for part in label.split(","))
+            self._show(symbol, f.Sign(letters[kind], (sub,)), f"{body}.{kind}.{label}", layout.PARAMETER)
         self._coordinates()
         every = system.all_closed
         for symbol, row in zip(every.lam, every.rows, strict=True):
@@ -195,14 +199,6 @@ class Signs:
                 if part.is_Symbol:
                     wanted = f.Sign(sign.base, (*sign.sub, axis))
                     self._show(part, wanted, f"{name}.{axis}", layout.PARAMETER)
-
-    def _constants(self) -> None:
-        letters = {"length": "ℓ", "weight": "α", "height": "η"}
-        for symbol in self._system.constants:
-            kind, body, label = symbol.name.split(" ")
-            sub = ",".join(paper_names.subscript(part) for part in label.split(","))
-            name = f"{body}.{kind}.{label}"
-            self._show(symbol, f.Sign(letters[kind], (sub,)), name, layout.PARAMETER)
 
     def _coordinates(self) -> None:
         system = self._system

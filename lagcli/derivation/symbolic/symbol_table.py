@@ -167,10 +167,6 @@ class SymbolTable:
             self._masses[number] = self.evaluated(particle.mass, there)
         return self._masses[number]
 
-    def own(self, number: int) -> dict[str, Value[sympy.Expr]]:
-        """`m`, `r`, `v` of a particle in the force on it."""
-        return {"m": self.mass(number), "r": self.position(number), "v": self.velocity(number)}
-
     def root(self, inner: sympy.Expr, triple: Triple | None) -> sympy.Expr:
         """The square root, as one symbol where it is that of a sum that moves."""
         moving = self.calculus.symbols(inner) - self.parameter_values.keys()

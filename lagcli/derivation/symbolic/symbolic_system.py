@@ -41,14 +41,6 @@ class SymbolicContacts:
     lam: tuple[sympy.Symbol, ...] = ()
     restitution: tuple[float, ...] = ()
 
-    def taken(self, numbers: Sequence[int]) -> SymbolicContacts:
-        """Some of the contacts."""
-        return SymbolicContacts(
-            tuple(self.rows[j] for j in numbers),
-            tuple(self.lam[j] for j in numbers),
-            tuple(self.restitution[j] for j in numbers),
-        )
-
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Symbolic:
@@ -82,8 +74,8 @@ class Symbolic:
 
     def closed(self, numbers: Sequence[int]) -> Symbolic:
         """The system in which these contacts are rows after the others, and there are no further ones."""
-        taken = self.contacts.taken(numbers)
-        rows, lam = (*self.rows, *taken.rows), (*self.lam, *taken.lam)
+        rows = (*self.rows, *(self.contacts.rows[j] for j in numbers))
+        lam = (*self.lam, *(self.contacts.lam[j] for j in numbers))
         return dataclasses.replace(self, rows=rows, lam=lam, contacts=SymbolicContacts())
 
     @property
@@ -192,7 +184,9 @@ def _potentials(table: SymbolTable) -> Iterator[sympy.Expr]:
 
 def _on_particles(table: SymbolTable, force: nouns.ParticleForce) -> Iterator[tuple[int, Triple]]:
     for target, acting in zip(force.action.targets.tolist(), force.action.acting.tolist(), strict=True):
-        yield target, table.triple(force.force, view(force.members, acting, table.own(target)))
+        # `m`, `r`, `v` of the particle in the force on it
+        own = {"m": table.mass(target), "r": table.position(target), "v": table.velocity(target)}
+        yield target, table.triple(force.force, view(force.members, acting, own))
 
 
 def _forces(table: SymbolTable) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
