@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from lagcli.output.figures import axis_scale, chart, labels, panels
+from lagcli.output.figures import chart, figure_page, labels, panels
 from lagcli.output.figures.chart import ChartCurve, ChartPanel
 from tests.helpers import in_process
 
@@ -98,11 +98,11 @@ def test_an_axis_of_values_that_are_too_large_says_its_part():
     assert panel.y_label == "x × 1e-10"
     np.testing.assert_allclose(panel.curves[0].y, [1e298, 1.5e298], rtol=1e-15)
     np.testing.assert_array_equal(panel.curves[0].x, t)
-    scale = axis_scale.value_scale([panel.curves[0].y], 0.0, 5)
+    scale = figure_page.value_scale([panel.curves[0].y], 0.0, 5)
     assert scale.limits[0] < 1e298 < 1.5e298 < scale.limits[1]
     assert len(scale.values) > 2
     # Of a constant too the value stands within the axis.
-    scale = axis_scale.value_scale([np.full(3, 1e298)], 0.0, 5)
+    scale = figure_page.value_scale([np.full(3, 1e298)], 0.0, 5)
     assert scale.limits[0] < 1e298 < scale.limits[1]
     np.testing.assert_allclose(chart.sizes(np.array([[3e200, 0, 4e200]])), [5e200], rtol=1e-15)
     rows = np.array([[0.0, 1e308], [1.0, -1e308]])

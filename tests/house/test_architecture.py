@@ -26,7 +26,6 @@ DOORS = {
     "typer": ("lagcli.cli.",),
     "rich": ("lagcli.cli.terminal.console",),
     "matplotlib": (
-        "lagcli.output.figures.axis_scale",
         "lagcli.output.figures.figure_page",
         "lagcli.output.charts.chart_figure",
         "lagcli.output.figures.loop_figure",

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib import collections
 
 from lagcli.output.charts import chart_figure
-from lagcli.output.figures import figure_page, incident_marks, panels
+from lagcli.output.figures import chart, figure_page, panels
 
 SPAN = (0.0, 10.0)
 
@@ -23,18 +23,18 @@ def composed(incidents: list[tuple[float, str]]) -> figure_page.PlainFigure:
 
 
 def test_marks_are_told_by_kind_in_the_order_of_kinds() -> None:
-    found = incident_marks.of([(1.0, "release"), (2.0, "impact"), (3.0, "impact")], SPAN)
+    found = chart.incident_marks([(1.0, "release"), (2.0, "impact"), (3.0, "impact")], SPAN)
     assert [mark.label for mark in found] == ["2 × impact", "release"]
     assert found[0].times.tolist() == [2.0, 3.0]
 
 
 def test_many_marks_are_thinned_and_counted_all() -> None:
-    (mark,) = incident_marks.of([(t, "impact") for t in np.linspace(0, 10, 5000)], SPAN)
+    (mark,) = chart.incident_marks([(t, "impact") for t in np.linspace(0, 10, 5000)], SPAN)
     assert mark.count == 5000
-    assert len(mark.times) <= incident_marks.MOST + 1
+    assert len(mark.times) <= chart.MOST_MARKS + 1
     assert mark.is_dense
     # They still reach over the whole axis, without a gap.
-    assert np.diff(mark.times).max() < 2 * 10 / incident_marks.MOST
+    assert np.diff(mark.times).max() < 2 * 10 / chart.MOST_MARKS
 
 
 def test_marks_stand_in_every_panel_with_a_legend() -> None:

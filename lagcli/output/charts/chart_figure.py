@@ -11,9 +11,16 @@ import numpy as np
 from matplotlib import axes, collections, ticker
 from numpy.typing import NDArray
 
-from lagcli.output.figures import axis_scale, figure_page, incident_marks, labels, panels
-from lagcli.output.figures.chart import ChartData, ChartPanel, decades, squared, widened
-from lagcli.output.figures.incident_marks import IncidentMarks
+from lagcli.output.figures import figure_page, labels, panels
+from lagcli.output.figures.chart import (
+    ChartData,
+    ChartPanel,
+    IncidentMarks,
+    decades,
+    incident_marks,
+    squared,
+    widened,
+)
 
 GAP = 0.08  # inches above a panel
 SMALL = 7.0  # points: ticks and names beside a bar of colours
@@ -29,7 +36,7 @@ def compose(chart: ChartData) -> figure_page.NotebookFigure:
     marks: Sequence[IncidentMarks] = ()
     if chart.incidents and (spans or any(panel.dots for panel in chart.panels)):
         times = [t for t, _ in chart.incidents]
-        marks = incident_marks.of(chart.incidents, spans[0] if spans else (min(times), max(times)))
+        marks = incident_marks(chart.incidents, spans[0] if spans else (min(times), max(times)))
     with figure_page.style():
         ruler, blocks = _begun(chart.title, chart.panels, marks)
         frames = [_frame(ruler, panel, len(chart.panels)) for panel in chart.panels]
@@ -67,7 +74,7 @@ def compose_run(
     drawn = [panel for band in bands for panel in band.panels]
     marks: Sequence[IncidentMarks] = ()
     if facts.incidents and drawn:
-        marks = incident_marks.of(facts.incidents, widened(drawn[0].limits or (0.0, 1.0)))
+        marks = incident_marks(facts.incidents, widened(drawn[0].limits or (0.0, 1.0)))
     with figure_page.style():
         ruler, blocks = _begun(title, drawn, marks)
         for band in bands:
@@ -127,7 +134,7 @@ class _Frame:
     """
 
     panel: ChartPanel
-    scale: axis_scale.Scale
+    scale: figure_page.Scale
     label: str
     names: Sequence[str]
     named: Sequence[int]
@@ -181,7 +188,7 @@ def _grid(
         for row in (titles[k : k + across] for k in range(0, count, across))
     ]
     tops = list(itertools.accumulate((head + high + 0.08 for head in heads), initial=0.0))
-    times = axis_scale.scale_of(*widened(shown[0].limits or (0.0, 1.0)), most=6 if across <= 2 else 3)
+    times = figure_page.scale_of(*widened(shown[0].limits or (0.0, 1.0)), most=6 if across <= 2 else 3)
 
     def draw(page: figure_page.FigurePage, start: float) -> None:
         middle = start + heads[0] + (tops[-1] - heads[0]) / 2
@@ -192,7 +199,7 @@ def _grid(
             bottom = index + across >= count
             page.text(left, top, titles[index], size)
             plot = page.axes(left, top + heads[row], width, high)
-            axis_scale.ticks(plot, times, scales[index], size - 1, times_named=bottom)
+            figure_page.ticks(plot, times, scales[index], size - 1, times_named=bottom)
             _put_curves(plot, panel, marks)
 
     return figure_page.FigureBlock(tops[-1] + 0.14, draw)
@@ -222,8 +229,8 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
         ratio = (y[1] - y[0]) / (x[1] - x[0]) if x[1] > x[0] else TALLEST
         high = min(TALLEST, max(LOWEST, width * ratio, figure_page.text_height(frame.label, 8)))
         limits, values = squared(x, y, width, high)
-        scale = axis_scale.scale_of(*values, most=max(3, int(2.2 * high)))
-    times = axis_scale.scale_of(*limits, most=6)
+        scale = figure_page.scale_of(*values, most=max(3, int(2.2 * high)))
+    times = figure_page.scale_of(*limits, most=6)
 
     def draw(page: figure_page.FigurePage, top: float) -> None:
         page.upright(figure_page.MARGIN, top + 0.06 + high / 2, frame.label, 8)
@@ -231,7 +238,7 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
         if panel.is_log:
             plot.set_yscale("log")
             plot.yaxis.set_minor_locator(ticker.NullLocator())
-        axis_scale.ticks(plot, times, scale, SMALL, times_named=is_named)
+        figure_page.ticks(plot, times, scale, SMALL, times_named=is_named)
         _put_curves(plot, panel, marks)
         if panel.is_family:
             bar = page.axes(frame.left + width + 0.15, top + 0.06, 0.12, high)
@@ -263,13 +270,13 @@ def _put_curves(plot: axes.Axes, panel: ChartPanel, marks: Sequence[IncidentMark
         drawn.set(markeredgecolor=figure_page.GREY, markeredgewidth=0.4)
 
 
-def _values(panel: ChartPanel, most: int, floor: float = 0.0) -> axis_scale.Scale:
+def _values(panel: ChartPanel, most: int, floor: float = 0.0) -> figure_page.Scale:
     """The scale of the values; what is not larger than the floor is drawn as zero."""
     if not panel.is_log:
-        return axis_scale.value_scale((curve.y for curve in panel.curves), floor, most)
+        return figure_page.value_scale((curve.y for curve in panel.curves), floor, most)
     bottom, top = decades(*panel.extent()[1])
     every = max(1, -(-(top - bottom) // MOST_TICKS))
     powers = [p for p in range(-(-bottom // every) * every, top + 1, every) if SMALLEST <= p <= LARGEST]
-    texts = tuple(axis_scale.number_text(f"{10.0**p:g}" if -3 <= p <= 4 else f"1e{p}") for p in powers)
+    texts = tuple(figure_page.number_text(f"{10.0**p:g}" if -3 <= p <= 4 else f"1e{p}") for p in powers)
     limits = 10.0**bottom or np.nextafter(0, 1), 10.0**top if top <= LARGEST else np.finfo(float).max
-    return axis_scale.Scale(limits, tuple(10.0**p for p in powers), texts)
+    return figure_page.Scale(limits, tuple(10.0**p for p in powers), texts)

@@ -12,9 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output.figures import decimate, incident_marks
-from lagcli.output.figures.chart import ChartCurve, ChartData, ChartPanel, decades, squared, widened
-from lagcli.output.figures.incident_marks import IncidentMarks
+from lagcli.output.figures import decimate
+from lagcli.output.figures.chart import (
+    ChartCurve,
+    ChartData,
+    ChartPanel,
+    IncidentMarks,
+    decades,
+    incident_marks,
+    squared,
+    tick_texts,
+    widened,
+)
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
@@ -58,7 +67,7 @@ def _panel(
     yield ""
     yield _cut(panel.y_label, look.columns)
     area = _Area(panel, look, ROWS.get(count, FEWEST_ROWS))
-    marks = incident_marks.of(incidents, area.x) if panel.shape == "time" and incidents else []
+    marks = incident_marks(incidents, area.x) if panel.shape == "time" and incidents else []
     yield from area.drawn(marks)
     yield _cut(f"{' ' * (area.left + 1)}{panel.x_label.center(area.width)}".rstrip(), look.columns)
     for mark in marks:
@@ -271,11 +280,7 @@ def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     values = [number * step for number in range(first, last + 1)]
     largest = max(map(abs, values), default=0.0)
     digits = max(1, math.ceil(math.log10(largest / step) + 1e-9) + 2) if largest else 1
-    texts = [f"{value:.{digits}g}" for value in values]
-    if not any("e" in text for text in texts):
-        decimals = max(len(text.partition(".")[2]) for text in texts)
-        texts = [f"{value:.{decimals}f}" for value in values]
     return [
         (value, text.replace("e-0", "e-").replace("e+0", "e"))
-        for value, text in zip(values, texts, strict=True)
+        for value, text in zip(values, tick_texts(values, digits), strict=True)
     ]

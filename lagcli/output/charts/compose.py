@@ -14,8 +14,16 @@ from lagcli.errors import diagnostics
 from lagcli.output.charts import chart_table, chart_texts
 from lagcli.output.charts.chart_table import ChartTable, Series
 from lagcli.output.charts.chart_texts import COMPARABLE, OPEN, ColumnTexts
-from lagcli.output.figures import incident_marks, labels, panels
-from lagcli.output.figures.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, IncidentDots, LegendKey
+from lagcli.output.figures import labels, panels
+from lagcli.output.figures.chart import (
+    MOST_KEYS,
+    ChartCurve,
+    ChartData,
+    ChartPanel,
+    IncidentDots,
+    LegendKey,
+    incident_marks,
+)
 from lagcli.output.tables import column_choice
 
 Floats = NDArray[np.float64]
@@ -305,7 +313,7 @@ class _Plan:
         t, x, y = table.take(["t", *pair]).T
         if not len(t):
             return ()
-        marks = incident_marks.of(table.incidents, (float(t[0]), float(t[-1])))
+        marks = incident_marks(table.incidents, (float(t[0]), float(t[-1])))
         return tuple(
             IncidentDots(mark.number, np.interp(mark.times, t, x), np.interp(mark.times, t, y))
             for mark in marks

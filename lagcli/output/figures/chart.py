@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lagcli.simulation.run_state.incident import KINDS
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +22,8 @@ LARGEST = 1e300
 # Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
 # `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
 POINT = 1e-12
+# Marks of incidents of one kind across a figure; closer ones cannot be told apart. From so many on lines are thinner.
+MOST_MARKS, DENSE_MARKS = 300, 60
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +53,49 @@ class IncidentDots:
     number: int
     x: Floats
     y: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class IncidentMarks:
+    """The marks of one kind; count: incidents of it; number: of the kind in `KINDS`; times: (k,), decimated."""
+
+    kind: str
+    number: int
+    count: int
+    times: Floats
+
+    @property
+    def label(self) -> str:
+        """The entry in the legend."""
+        return self.kind if self.count == 1 else f"{self.count} × {self.kind}"
+
+    @property
+    def is_dense(self) -> bool:
+        """True if there are so many that each must be thin."""
+        return len(self.times) > DENSE_MARKS
+
+
+def incident_marks(
+    incidents: Iterable[tuple[float, str]], span: tuple[float, float]
+) -> Sequence[IncidentMarks]:
+    """The marks of incidents, given by times and kinds, on an axis of time; kinds in their order."""
+    times: dict[str, list[float]] = {}
+    for t, kind in incidents:
+        times.setdefault(kind, []).append(t)
+    return [
+        IncidentMarks(kind, number, len(times[kind]), _decimated_times(np.array(times[kind]), span))
+        for number, kind in enumerate(KINDS)
+        if kind in times
+    ]
+
+
+def _decimated_times(times: Floats, span: tuple[float, float]) -> Floats:
+    """The first time in each of `MOST_MARKS` parts of the axis."""
+    first, last = span
+    _, distinct = np.unique(
+        np.floor((times - first) / ((last - first) or 1.0) * MOST_MARKS), return_index=True
+    )
+    return times[distinct]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -167,3 +214,12 @@ def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]
         half = max(0.5, POINT * abs(low))
         return low - half, high + half
     return low - part * (high - low), high + part * (high - low)
+
+
+def tick_texts(values: Sequence[float], digits: int) -> list[str]:
+    """Values as texts of so many digits, with as many decimals in each where none has an exponent."""
+    texts = [f"{value:.{digits}g}" for value in values]
+    if any("e" in text for text in texts):
+        return texts
+    decimals = max((len(text.partition(".")[2]) for text in texts), default=0)
+    return [f"{value:.{decimals}f}" for value in values]
