@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -905,3 +906,24 @@ simulation: {duration: 1, samples: 5}
     assert found["lambda.fb"] == pytest.approx(found["lambda.fd"], abs=1e-10)
     assert found["lambda.fe"] == pytest.approx(t**2 / 2, abs=1e-11)
     assert found["lambda.ge"] == pytest.approx(t**2 / 4, abs=1e-11)
+
+
+def test_a_run_goes_on_bit_for_bit_while_it_comes_to_an_edge(tmp_path: Path) -> None:
+    """Steps towards the edge are short, and the one behind it as long as was wished: also where a run goes on between
+    them."""
+    model = lagcli.loads(
+        """lagcli: 1
+particles: {a: {mass: 1, position: [-1, 0, 0.1], velocity: [1, 0, 0]}}
+forces:
+  weight: {to: all, force: "[0, 0, -10*m]"}
+  swing: {to: a, force: "[-0.3*sin(9*a.x), 0, 0]"}
+inequality:
+  floor: {condition: "a.z - 0.1 - 0.2*max(a.x - 0.1, 0)**2 - 0.3*max(a.x, 0) >= 0", restitution: 0}
+"""
+    )
+    point, rows = tmp_path / "run.json", 2**-7
+    whole = lagcli.simulate(model, duration=1.25, output_step=rows)
+    lagcli.simulate(model, duration=140 * rows, output_step=rows, checkpoint=point)
+    again = lagcli.simulate(model, duration=1.25, output_step=rows, resume=point)
+    assert np.array_equal(again.rows, whole.rows[141:])
+    assert again.stats.steps == whole.stats.steps

@@ -277,3 +277,32 @@ def test_an_event_of_a_coordinate_alone_needs_no_contact():
         )
     )
     assert run.events["t"] == pytest.approx([math.pi / 2], abs=1e-9)
+
+
+@pytest.mark.parametrize("at", [0.0185, 0.019, 0.0195])
+def test_an_event_before_a_contact_that_soon_lets_go_is_told_once(at):
+    """The step is taken again, shorter, and what was met in the longer one is forgotten."""
+    model = lagcli.loads(
+        """lagcli: 1
+particles: {a: {mass: 1, position: [0, 0, 0]}}
+forces: {up: {to: a, force: "[0, 0, t - 0.02]"}, aside: {to: a, force: [1e-6, 0, 0]}}
+inequality: {floor: {condition: a.z >= 0, restitution: 0}}
+events: {seen: {when: t - AT}}
+""".replace("AT", str(at))
+    )
+    events = lagcli.simulate(model, duration=40, samples=5).events
+    assert [(one.kind, one.name) for one in events] == [("event", "seen"), ("release", "floor")]
+    assert [one.t for one in events] == pytest.approx([at, 0.02], rel=1e-9)
+
+
+def test_an_event_before_a_jump_that_ends_the_run_is_told():
+    model = lagcli.loads(
+        """lagcli: 1
+coordinates: {x: {value: 0, rate: 1}}
+lagrangian: rate(x)**2/2 - 3*sign(x - 1.005)
+events: {seen: {when: "x - 0.995"}}
+"""
+    )
+    with pytest.raises(lagcli.SimulationStopped, match="the Lagrangian jumps there") as stopped:
+        lagcli.simulate(model, duration=2, samples=5)
+    assert [one.t for one in stopped.value.trajectory.events] == pytest.approx([0.995], rel=1e-12)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
+from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import contact_change, contact_mode, impact_series
 from lagcli.simulation.closed_contacts.contact_change import ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags
@@ -25,7 +26,7 @@ from lagcli.simulation.scheme import line_functions
 Floats = npt.NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class SwitchSide:
     """The line of the table, and values of events (E,), on this side of a switch; crossing: events that go through zero
     there without a jump."""
@@ -35,7 +36,7 @@ class SwitchSide:
     crossing: tuple[int, ...]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class Occasion:
     """Why contacts are decided where the run stands.
 
@@ -51,7 +52,7 @@ class Occasion:
     is_start: bool = False
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class _Struck:
     """The last of the impacts at an instant, which follow each other at once: the contacts before it, and behind it
     without the rebounds that are left out; the line before it; None where none approaches.
@@ -66,7 +67,7 @@ class _Struck:
     is_apart: bool
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@frozen
 class _Side:
     """The line of the table, and values of events (E,), where the run stands."""
 

@@ -45,8 +45,6 @@ class EdgeEvent(Event):
         forces = named_functions.have_switching_forces(system.model)
         # Of contacts, and of the forces (K + 1,).
         self._kinked = np.append(named_functions.switching_contacts(system.model), forces)
-        # The step that was wished before those towards an edge.
-        self._wished = 0.0
 
     @cached_property
     def _switches(self) -> tuple[npt.NDArray[np.intp], Compiled]:
@@ -65,8 +63,7 @@ class EdgeEvent(Event):
             return None
         is_near = times <= np.maximum(self._nearest(time), blurred)
         if not is_near.any():
-            self._wished = max(self._wished, run.control.step)
-            run.control.step = time * (1.0 - BEFORE)
+            run.longest = time * (1.0 - BEFORE)
             return None
         return self._crosses(2 * max(float(times[is_near].max()), math.ulp(run.t)), is_near)
 
@@ -174,10 +171,11 @@ class EdgeEvent(Event):
             crossed = self._first_crossing(found, np.where(are_watched, begin, 0.0))
             if crossed is None or (found.barrier is not None and found.barrier.part < crossed):
                 break
-            self._wished = max(self._wished, run.control.step)
             found = run.again(found, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
             part /= 2
-        return None if found is step else Cut(found)
+        if found is step:
+            return None
+        return Cut(found._replace(proposed=max(found.proposed, run.control.step)))
 
     def _first_crossing(self, step: FoundStep, begin: Floats) -> float | None:
         """The part of the step that was found at which a switch leaves the side of its value at the begin (U,)."""
@@ -260,8 +258,7 @@ class EdgeEvent(Event):
             new, rate, *_ = run.bound.projected_at(reached, y)
         else:
             new, rate = switch_event.opened(run, reached, y)
-        wished, self._wished = max(self._wished, run.control.step), 0.0
-        return run.still(reached, new, rate)._replace(proposed=wished)
+        return run.still(reached, new, rate)
 
     def _ahead(self, dt: float) -> Floats:
         """The state on a parabola of the time."""

@@ -54,7 +54,8 @@ class Stepper:
     """A run between two steps, and the step that is `found` next, None where it is still to be found; times are counted
     from `origin` of the state.
 
-    t: the time reached; row_time: of the next row, for a step that holds rows keeps its stages; keeps_stages: all do.
+    t: the time reached; row_time: of the next row, for a step that holds rows keeps its stages; keeps_stages: all do;
+    longest: what the next step is not longer than, whatever is proposed.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Stepper:
         self._turns = Turns(enforced.system)
         self.t, self.row_time, self.keeps_stages = state.t, math.inf, False
         self.found: FoundStep | None = None
+        self.longest = math.inf
         self._has_dense, self._rejected = False, 0
         self._bind(enforced, state.y, state.k, state.is_blurred)
         self._turns.resume(self.bound.enforced.p, state.turns)
@@ -184,7 +186,7 @@ class Stepper:
             else:
                 h = smaller
         grown = self.control.grown(taken, error, grow)
-        # Where the timetable has cut a step, and not its error, the next one has the length that was wished.
+        # Where the timetable or an edge has cut a step, and not its error, the next one has the length that was wished.
         proposed = max(grown, wished if h < wished and grow > 1.0 else 0.0)
         step = FoundStep(
             reached, taken, proposed, self.watch.after(reached, status[4], status[5]), self._rejected
@@ -192,11 +194,12 @@ class Stepper:
         return self.with_work(step) if status[7] > step_tolerance.COARSE_WORK else step
 
     def _lengths(self, t: float) -> tuple[float, float]:
-        """The length of a step to be tried from t, and what it would be without the timetable."""
+        """The length of a step to be tried from t, and what it would be without the timetable and edges."""
         wished = self.control.step
         if self.watch.foreseen is not NEVER:
             wished = self.watch.foreseen.shortened(t, wished)
-        return self.timetable.shortened(t, wished) if self.timetable.is_any else wished, wished
+        h = self.timetable.shortened(t, wished) if self.timetable.is_any else wished
+        return min(h, self.longest), wished
 
     def _try(self, reached: float, taken: float) -> tuple[float, float]:
         """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
@@ -212,7 +215,7 @@ class Stepper:
         self.statistics.evaluations += self.method.evaluations
         scheme_error, moved, hidden, residual, _, _, everything, _ = bound.status
         projected, error = residual <= MOST_RESIDUAL, max(scheme_error, moved)
-        if hidden < 0.0 and taken > HIDING * self.control.step:
+        if hidden < 0.0 and taken > HIDING * min(self.control.step, self.longest):
             error = max(error, HIDDEN)
         if error < 1.0 and projected and math.isfinite(everything):
             if not is_witnessed:
@@ -414,7 +417,7 @@ class Stepper:
     def _keep(self, step: FoundStep) -> None:
         """Take over what was seen and counted on the way to a step, and tell of the incidents within it, up to its end
         and that of the run."""
-        statistics, self.found = self.statistics, None
+        statistics, self.found, self.longest = self.statistics, None, math.inf
         self.watch = step.watch
         statistics.steps += not step.is_still
         statistics.rejected += step.rejected
