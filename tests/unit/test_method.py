@@ -14,6 +14,7 @@ from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import method
 from lagcli.simulation.scheme.method import Method
 from tests.helpers.bogacki_shampine import BogackiShampine
+from tests.helpers.projected_midpoint import ProjectedMidpoint
 from tests.helpers.runge_kutta_4 import RungeKutta4
 
 # The disk on an incline, pushed so that nothing is a polynomial of t.
@@ -79,6 +80,12 @@ def rk4(monkeypatch: pytest.MonkeyPatch) -> str:
 def bs23(monkeypatch: pytest.MonkeyPatch) -> str:
     """See `registered`."""
     return registered(monkeypatch, BogackiShampine)
+
+
+@pytest.fixture
+def pm2(monkeypatch: pytest.MonkeyPatch) -> str:
+    """See `registered`."""
+    return registered(monkeypatch, ProjectedMidpoint)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -162,3 +169,35 @@ def test_the_gallery_runs_to_its_end_under_a_scheme_of_order_3(bs23: str, model:
     fine = lagcli.simulate(loaded, duration=duration)
     assert coarse.t[-1] == pytest.approx(fine.t[-1], rel=1e-4)
     assert len(coarse.events) == len(fine.events)
+
+
+HOLONOMIC = {
+    path.stem: lagcli.load(path)
+    for path in MODELS.glob("*.yaml")
+    if re.search(r"^holonomic:", path.read_text(encoding="utf-8"), re.MULTILINE)
+}
+
+
+@pytest.mark.parametrize("model", sorted(HOLONOMIC))
+def test_a_scheme_that_keeps_the_constraints_within_its_step_is_one_too(pm2: str, model: str) -> None:
+    """Singular configurations, contacts and events of the holonomic models are met as by the scheme there is."""
+    loaded = HOLONOMIC[model]
+    part = 0.1 * SHORTENED.get(model, 1.0)
+    chosen = {"duration": part * loaded.simulation.duration, "samples": 11}
+    coarse, fine = lagcli.simulate(loaded, method=pm2, rtol=1e-3, **chosen), lagcli.simulate(loaded, **chosen)
+    assert [one.kind for one in coarse.events] == [one.kind for one in fine.events]
+    assert max(coarse.stats.position_drift, coarse.stats.velocity_drift) <= 1e-13
+    names = [*loaded.coordinate_names]
+    size = max(np.abs(fine[name]).max() for name in names)
+    assert max(np.abs(coarse[name] - fine[name]).max() for name in names) <= 1e-2 * size
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_it_is_of_its_order(pm2: str, case: str) -> None:
+    text, kinds = CASES[case]
+    model = lagcli.loads(text)
+    exact = lagcli.simulate(model, samples=37, rtol=1e-13)
+    runs = [lagcli.simulate(model, samples=37, method=pm2, max_step=h, rtol=0.1) for h in STEPS]
+    errors = [max(np.abs(run[name] - exact[name]).max() for name in kinds["r"]) for run in runs]
+    ratios = [first / second for first, second in itertools.pairwise(errors)]
+    assert ratios == pytest.approx([4, 4], rel=0.15), errors
