@@ -89,6 +89,14 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
     return np.asarray(basis @ left[:, : min(least, int((sizes > PARAMETERS.off).sum()))])
 
 
+def beside_crossing(equations: RestEquations, x: Floats) -> Floats:
+    """A point of the continuum through x with fewer flat directions, where branches of it cross at x; else x."""
+    basis, length = directions(equations, x), PARAMETERS.stride * equations.scales.length
+    ends = [stepped(equations, x, sign * length * way, 1.0) for way in basis.T for sign in (1, -1)]
+    others = [x, *(end for end in ends if end is not None and _is_zero(equations, end, length))]
+    return min(others, key=lambda each: directions(equations, each).shape[1])
+
+
 def _is_zero(equations: RestEquations, x: Floats, length: float) -> bool:
     """True if there is a zero within a part of a length of x in many digits too, where these are known: beside a sixth
     power doubles see no force."""
@@ -132,37 +140,40 @@ def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
 def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> bool:
     """True if a walk along the continuum through x, of the dimension `size`, comes to the configuration `goal` (n,)."""
     n, unit = equations.problem.n, equations.scales.length
-    before = np.inf
     for _ in range(PARAMETERS.most_steps):
         way = goal - x[:n]
-        left = float(np.linalg.norm(way))
-        if left <= PARAMETERS.arrived * unit or _is_straight(equations, x, way):
+        if float(np.linalg.norm(way)) <= PARAMETERS.arrived * unit or _is_straight(equations, x, way):
             return True
-        if left >= before * (1 - 1e-6):
-            return False
-        before = left
-        basis = directions(equations, x)
-        if basis.shape[1] > size:  # across it is flat too
-            narrow = tangent(equations, x)
-            basis = narrow if narrow.size else basis
-        along = basis @ (basis.T @ way)
-        length = float(np.linalg.norm(along))
-        if (
-            basis.size and length <= PARAMETERS.arrived * left
-        ):  # straight across, as on a ring: either way will do
-            along, length = basis[:, 0], 1.0
-        if not length > 0.0:
-            return False
-        # Where the way is nearly across, what lies along is short and the continuum goes on.
-        along *= min(left, PARAMETERS.stride * unit) / length
-        for part in (1.0, 0.3, 0.1):
-            there = stepped(equations, x, part * along)
-            if there is not None:
-                break
-        else:
+        there = _nearer(equations, x, goal, size)
+        if there is None:
             return False
         x = there
     return False
+
+
+def _nearer(equations: RestEquations, x: Floats, goal: Floats, size: int) -> Floats | None:
+    """A further point of the continuum through x that is nearer to the goal; None where none is found."""
+    n, unit = equations.problem.n, equations.scales.length
+    way = goal - x[:n]
+    left = float(np.linalg.norm(way))
+    basis = directions(equations, x)
+    is_crossing = basis.shape[1] > size  # or across it is flat too
+    for free in (basis, tangent(equations, x) if is_crossing else basis[:, :0]):
+        along = free @ (free.T @ way)
+        length = float(np.linalg.norm(along))
+        if (
+            free.size and length <= PARAMETERS.arrived * left
+        ):  # straight across, as on a ring: either way will do
+            along, length = free[:, 0], 1.0
+        if not length > 0.0:
+            continue
+        # Where the way is nearly across, what lies along is short and the continuum goes on, or it leads to a crossing.
+        far = min(left, PARAMETERS.stride * unit) / length
+        for part in (far, 0.3 * far, 0.1 * far, 1.0):
+            there = stepped(equations, x, part * along, 1.0 if is_crossing else PARAMETERS.off)
+            if there is not None and np.linalg.norm(goal - there[:n]) < left * (1 - 1e-8):
+                return there
+    return None
 
 
 def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> EquilibriumPoint:

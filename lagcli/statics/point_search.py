@@ -281,9 +281,12 @@ class PointSearch:
         if typed.point is not found:
             found, x = typed.point, _unknowns(equations, typed.point)
         kind, size = typed.type, typed.dimension
-        if is_tired and not kind.is_regular and any(one.dimension for one in self.points):
+        near = (one for one in self.points if one.dimension and not self._differ(one.point, found))
+        if is_tired and not kind.is_regular and any(near):
             return False  # it is compared with the known continua no more, for that costs more than all else
-        if size and any(self._is_one(known, x, equations, found, size) for known in self.points):
+        ones = [known for known in self.points if size and self._is_one(known, x, equations, found, size)]
+        if ones:  # of which it may join several
+            self.points = [known for known in self.points if known not in ones[1:]]
             return False
         typed = dataclasses.replace(typed, point=found)
         if any(self._is_on(known, typed) for known in self.points):
@@ -327,13 +330,22 @@ class PointSearch:
         self, known: FoundPoint, x: Floats, equations: RestEquations, found: EquilibriumPoint, size: int
     ) -> bool:
         """True if a known continuum of this dimension leads to a point."""
-        if known.dimension != size or known.point.closed != found.closed:
+        if known.dimension != size or known.point.closed != found.closed or self._differ(known.point, found):
             return False
         goal = _nearer_turn(self.options, known.point.q, found.q)
         other = _unknowns(equations, known.point)
         return continuum.connected(equations, x, goal, size) or continuum.connected(
             equations, other, _nearer_turn(self.options, found.q, known.point.q), size
         )
+
+    def _differ(self, a: EquilibriumPoint, b: EquilibriumPoint) -> bool:
+        """True if two points lie on no one continuum by the values there: it is level where rows hold places."""
+        problem = self.problem
+        if not problem.laws.driving.is_zero() or not point_type.is_holonomic(problem, a):
+            return False
+        one, other = problem.value(a.q), problem.value(b.q)
+        size = max(self.scales.force * self.scales.length, abs(one), abs(other))
+        return abs(one - other) > PARAMETERS.same * size
 
     def _is_on(self, larger: FoundPoint, smaller: FoundPoint) -> bool:
         """True if a point alone, or one of a smaller continuum, lies on a larger one, of which it is an edge where more
@@ -342,6 +354,8 @@ class PointSearch:
             return False
         if smaller.type.is_regular and larger.point.closed == smaller.point.closed:
             return False  # near a regular point there is no other
+        if self._differ(larger.point, smaller.point):
+            return False
         equations = RestEquations(self.problem, larger.point.closed, self.scales)
         x = _unknowns(equations, larger.point)
         goal = _nearer_turn(self.options, smaller.point.q, larger.point.q)
@@ -478,7 +492,15 @@ def _typed_zero(
     equations = RestEquations(problem, found.closed, scales)
     x = _unknowns(equations, found)
     along = continuum.tangent(equations, x)
-    kind, moved = point_type.classify(problem, found, scales, has_potential, along, is_exact)
+    beside = continuum.beside_crossing(equations, x) if along.size else x
+    if beside is x:
+        kind, moved = point_type.classify(problem, found, scales, has_potential, along, is_exact)
+    else:  # which has the type of its branches, whose directions a crossing has together
+        moved, own = found, continuum.tangent(equations, beside)
+        other = refine.settled(equations, newton.NewtonEnd(beside, 0.0, 0.0))
+        if isinstance(other, NoEquilibrium):
+            return None
+        kind, _ = point_type.classify(problem, other, scales, has_potential, own)
     if moved.q is not found.q:
         x = _unknowns(equations, moved)
         again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))

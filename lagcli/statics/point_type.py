@@ -162,7 +162,7 @@ def _of_doubtful(
     (k,) of the curvatures."""
     doubtful, along = directions
     is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
-    if doubtful.shape[1] and is_small and _is_holonomic(problem, point):
+    if doubtful.shape[1] and is_small and is_holonomic(problem, point):
         basis = decompositions.orthonormal(doubtful)[0]
         return flat_directions.judged(problem, point, scales, (basis, along), is_exact)
     return _of_signs(point, signs)
@@ -174,7 +174,7 @@ def _of_signs(point: EquilibriumPoint, signs: Floats) -> FlatVerdict:
     return FlatVerdict(point, up, down, len(signs) - up - down)
 
 
-def _is_holonomic(problem: StaticProblem, point: EquilibriumPoint) -> bool:
+def is_holonomic(problem: StaticProblem, point: EquilibriumPoint) -> bool:
     """True if what the rows leave is what the conditions leave."""
     values = problem.at(problem.t, point.q, point.lam)
     return unit_rank(np.vstack([values.B, values.dc])) == unit_rank(values.dc)

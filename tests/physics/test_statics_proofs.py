@@ -179,3 +179,19 @@ def test_seven_charges_on_a_sphere_come_to_rest():
     )
     assert found[0].value == pytest.approx(14.452977414, abs=1e-9)
     assert (found[0].type, found[0].index, found[0].dimension) == ("minimum", 0, 3)
+
+
+@pytest.mark.parametrize(
+    ("rows", "of", "starts", "continua"),
+    [
+        ("x**2 + y**2 + z**2 = 1", "x**2*y**2*z**2", 4, [(0.0, "minimum")]),
+        ("(sqrt(x**2 + y**2) - 2)**2 + z**2 = 1/4", "z", 2, [(-0.5, "minimum"), (0.5, "maximum")]),
+        ("x**2 + y**2 + z**2 + u**2 = 1", "x*y*z*u", 4, [(0.0, "saddle")]),
+    ],
+)
+def test_circles_that_meet_are_one_continuum(rows, of, starts, continua):
+    """Where they cross further directions are flat: the type is that of the directions across each."""
+    names = "x: {value: 0.5}, y: {value: 0.4}, z: {value: 0.6}" + ", u: {value: 0.48}" * ("u" in of)
+    text = f"coordinates: {{{names}}}\nholonomic: {{s: '{rows}'}}\nsimulation: {{assemble: true}}\n"
+    found = [p for p in stationary(text, of, starts=starts) if p.dimension]
+    assert [(round(p.value, 9), p.type, p.dimension) for p in found] == [(*each, 1) for each in continua]
