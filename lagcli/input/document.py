@@ -41,10 +41,6 @@ Equation = model.Holonomic | model.Differential
 Law = TypeVar("Law", model.Holonomic, model.Differential, model.Inequality)
 
 
-def _same(value: T) -> T:
-    return value
-
-
 _NAMED = (*(section for section, _ in entry_names.NAMING), "forces", *entry_names.CONSTRAINTS, "events")
 
 
@@ -212,14 +208,14 @@ class _Document:
             if key_hints.is_decimal_part(name, node):
                 continue  # reported where names are declared
             found, formula = entries.parameter(self._formulas, node)
-            self._scope.names.define(name.value, functools.partial(_same, found))
+            self._scope.names.define(name.value, namespace.known(found))
             if found is not None:
                 read.append(model.Parameter(name.value, entries.parameter_value(found), formula))
                 self._scope.names.settle(name.value)
         return tuple(read)
 
     def _coordinate(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Coordinate | None:
-        self._scope.names.define(name.value, lambda: namespace.POSITION)
+        self._scope.names.define(name.value, namespace.known(namespace.POSITION))
         formulas = self._formulas_of("coordinates", name)
         return None if formulas is None else entries.coordinate(formulas, name, node)
 
@@ -353,7 +349,7 @@ class _Document:
             expression = value = None
             if written is not None:
                 expression, value = entries.either(formulas, written, facts.OUTPUT, "an output")
-            self._scope.names.define(name.value, functools.partial(_same, value))
+            self._scope.names.define(name.value, namespace.known(value))
             self._scope.names.settle(name.value)
             if expression is not None and value is not None:
                 read.append(model.Output(formulas.members, expression, isinstance(value, tuple)))

@@ -10,7 +10,7 @@ from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, facts, parser, tree
 from lagcli.expression.facts import Either, Facts
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import scope
+from lagcli.input import namespace, scope
 from lagcli.input.namespace import POSITION, Kind
 from lagcli.input.overrides import OverrideError
 from lagcli.input.scalars import Formulas
@@ -39,11 +39,7 @@ def number(model: nouns.Model, label: str, value: object) -> float:
 
     def lookup(node: tree.Node) -> Either:
         if isinstance(node, tree.Name) and node.name in known:
-            found = known[node.name]
-            if isinstance(found, tuple):
-                x, y, z = map(Facts, found)
-                return x, y, z
-            return Facts(found)
+            return _facts_of(known[node.name])
         hint = diagnostics.nearest(getattr(node, "name", ""), known)
         message = f"`{value[node.start : node.end]}` is no parameter of the model"
         raise ExpressionError("unknown-name", message, node.start, node.end, hint)
@@ -82,17 +78,15 @@ def _scope(model: nouns.Model, found: diagnostics.Collector) -> scope.Scope:
     names = whole.names
     for parameter in model.parameters:
         names.declare(parameter.name, parameter.name, "parameter")
-        value = parameter.value
-        known: Either = Facts(value) if isinstance(value, float) else _constants(value)
-        names.define(parameter.name, functools.partial(_same, known))
+        names.define(parameter.name, namespace.known(_facts_of(parameter.value)))
         names.settle(parameter.name)
     for coordinate in model.coordinates:
         key = _declared(whole, coordinate.members, "coordinate")
-        names.define(key, functools.partial(_same, POSITION))
+        names.define(key, namespace.known(POSITION))
     for particle in model.particles:
         key = _declared(whole, particle.members, "particle")
         part = POSITION if particle.is_dependent else Facts(None, frozenset(("position", "cartesian")))
-        names.define(key, functools.partial(_same, (part, part, part)))
+        names.define(key, namespace.known((part, part, part)))
     formulas = Formulas(whole, found)
     for definition in model.definitions:
         names.declare(definition.name, definition.name, "definition")
@@ -112,10 +106,9 @@ def _declared(whole: scope.Scope, members: Family, kind: Kind) -> str:
     return key
 
 
-def _constants(value: nouns.Vector3) -> Either:
-    x, y, z = (Facts(part) for part in value)
+def _facts_of(value: float | nouns.Vector3) -> Either:
+    """The facts of a constant."""
+    if isinstance(value, float):
+        return Facts(value)
+    x, y, z = map(Facts, value)
     return x, y, z
-
-
-def _same(value: Either) -> Either:
-    return value

@@ -225,6 +225,11 @@ class Namespace:
         )
 
 
+def known(value: Either | None) -> Callable[[], Either | None]:
+    """Finds the facts of an entry that are known already."""
+    return lambda: value
+
+
 def article(kind: Kind) -> str:
     """`a particle`, `an output`."""
     return f"an {kind}" if kind == "output" else f"a {kind}"

@@ -22,7 +22,6 @@ from lagcli.start.initial import State
 if TYPE_CHECKING:
     # Most models have no differential rows, and load nothing that judges them.
     from lagcli.analysis.classification.verdict import Condition
-    from lagcli.compiled.selection import Selection
     from lagcli.simulation.run_in_blocks import RunReport
     from lagcli.simulation.run_state.incident import RankDrop
     from lagcli.simulation.run_state.run_stop import Stop
@@ -39,66 +38,51 @@ MAIN = 0.1
 def remarks(system: System, report: RunReport) -> tuple[str, ...]:
     """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, rows that
     are nearly dependent at its end, integrals that were not enforced all the time."""
-    return (
-        *_shared(system, report.selection),
-        *_shared_at_times(system, report.selection, report.indeterminate),
-        *_passed(system, report.crossings),
-        *_nearly_dependent(system, report),
-        *report.statistics.notes,
-    )
-
-
-def _shared(system: System, chosen: Selection) -> tuple[str, ...]:
-    """Sentences on the multipliers that are not unique, dependency by dependency."""
+    sentences = []
+    chosen = report.selection
     named = [dependency for dependency in (*chosen.dependencies, *chosen.idle) if len(dependency) > 1]
-    if not named:
-        return ()
-    from lagcli.linear import independent_rows  # here, as most rows are independent
+    if named:
+        from lagcli.linear import independent_rows  # here, as most rows are independent
 
-    count = len(chosen.indeterminate)
-    shares = independent_rows.shares(
-        [[system.multiplier_rows[i].name for i in sorted(dependency)] for dependency in named]
-    )
-    return (
-        f"{count} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of all lambda with the"
-        " same R those with the least sum of lambda_i^2 B_i M^-1 B_i^T are given",
-    )
+        shares = independent_rows.shares(
+            [[system.multiplier_rows[i].name for i in sorted(dependency)] for dependency in named]
+        )
+        sentences.append(
+            f"{len(chosen.indeterminate)} multipliers are not unique ({'; '.join(shares)}): R and the motion are; of"
+            " all lambda with the same R those with the least sum of lambda_i^2 B_i M^-1 B_i^T are given"
+        )
+    if others := sorted(report.indeterminate - chosen.indeterminate):
+        sentences.append(
+            f"the multipliers or impulses of {initial.names_of(system, others)} are not unique at some time: the least"
+            " are given"
+        )
+    if report.crossings:
+        sentences.append(_passed(system, report.crossings))
+    if is_amplified(system, report):
+        sentences.append(
+            f"at t = {report.t:.9g} the rows are within {report.rank_margin:.1g} of dependent ones: whatever the"
+            " tolerance, the rounding of positions may move velocities and multipliers there by"
+            f" {min(amplified(report), 1.0):.1g} of their size"
+        )
+    return (*sentences, *report.statistics.notes)
 
 
-def _shared_at_times(system: System, chosen: Selection, ever: frozenset[int]) -> tuple[str, ...]:
-    """A sentence on multipliers and impulses that were not unique at some time, and are now."""
-    others = sorted(ever - chosen.indeterminate)
-    if not others:
-        return ()
-    return (
-        f"the multipliers or impulses of {initial.names_of(system, others)} are not unique at some time: the least are"
-        " given",
-    )
-
-
-def _passed(system: System, crossings: Sequence[RankDrop]) -> tuple[str, ...]:
-    """A sentence on the singular configurations that were passed."""
-    if not crossings:
-        return ()
+def _passed(system: System, crossings: Sequence[RankDrop]) -> str:
+    """The sentence on the singular configurations that were passed."""
     first = crossings[0]
     times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_LISTED])
     if len(crossings) > MOST_LISTED:
         times += f" and {len(crossings) - MOST_LISTED} more"
     names = initial.names_of(system, list(first.participants))
-    loss = (
-        f"the rows {names} lose {first.number} of their rank"
-        if len(first.participants) > 1
-        else f"the row {names} has no direction"
-    )
-    contacts = any(i >= len(system.rows.rows) for crossing in crossings for i in crossing.participants)
-    on = (
-        "This motion goes on smoothly, and R where no contact opens"
-        if contacts
-        else "This motion and R go on smoothly"
-    )
+    loss = f"the row {names} has no direction"
+    if len(first.participants) > 1:
+        loss = f"the rows {names} lose {first.number} of their rank"
+    on = "This motion and R go on smoothly"
+    if any(i >= len(system.rows.rows) for crossing in crossings for i in crossing.participants):
+        on = "This motion goes on smoothly, and R where no contact opens"
     return (
         f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
-        f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)",
+        f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)"
     )
 
 
@@ -114,17 +98,6 @@ def amplified(report: RunReport) -> float:
 def is_amplified(system: System, report: RunReport) -> bool:
     """True if that is far more than the tolerance allows."""
     return amplified(report) > energy_warning.PARAMETERS.tolerances * system.model.simulation.rtol
-
-
-def _nearly_dependent(system: System, report: RunReport) -> tuple[str, ...]:
-    """A sentence on rows that are nearly dependent at the time reached."""
-    if not is_amplified(system, report):
-        return ()
-    return (
-        f"at t = {report.t:.9g} the rows are within {report.rank_margin:.1g} of dependent ones: whatever the tolerance,"
-        f" the rounding of positions may move velocities and multipliers there by {min(amplified(report), 1.0):.1g} of"
-        " their size",
-    )
 
 
 def explained(

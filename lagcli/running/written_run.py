@@ -128,7 +128,12 @@ class WrittenRun:
             from lagcli.start import assembly_moves
 
             yield from assembly_moves.moves(model, run.assembly).lines(model.units)
-        yield from self._size()
+        size = 8 * run.grid.count * len(self._names)
+        if self._table is not None and size > PARAMETERS.large:
+            yield (
+                f"note: {run.grid.count} rows of {len(self._names)} columns are {size / 10**9:.3g} GB of numbers;"
+                " --samples, --output-step and --columns ask for fewer"
+            )
         if run.skipped_rows:
             yield (
                 f"note: {run.skipped_rows} rows are skipped: they are from before the state in {request.resume}"
@@ -140,14 +145,6 @@ class WrittenRun:
                 f" {len(run.columns)} columns from t = {self.start:g} to {self.end:g};"
                 f" {step_tolerance.sentence(model.simulation)}"
             )
-
-    def _size(self) -> Iterator[str]:
-        """The size of a large table, before it fills a disk."""
-        count, names = self._run.grid.count, len(self._names)
-        size = 8 * count * names
-        if self._table is not None and size > PARAMETERS.large:
-            unit = "GB of numbers; --samples, --output-step and --columns ask for fewer"
-            yield f"note: {count} rows of {names} columns are {size / 10**9:.3g} {unit}"
 
     def _messages_before(self) -> Iterator[str]:
         from lagcli.running import rows_before

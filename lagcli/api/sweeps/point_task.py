@@ -105,7 +105,9 @@ class PointRunner:
                     run = prepare_run.start(model, chosen, limit=seconds, ends_only=self.task.ends_only)
                 data.begin(run, number)
                 try:
-                    self._go(run, data)
+                    for block in run.blocks():
+                        data.take(run, block)
+                        progress.require_time()
                     results = data.results(run)
                 finally:
                     data.end()
@@ -124,11 +126,6 @@ class PointRunner:
         infinite = [one.name for one, x in zip(self.task.reductions, results, strict=True) if math.isinf(x)]
         message = f"`{infinite[0]}` is infinite" if infinite else ""
         return PointRow(number, point, numbers, DONE, message, data.t_end)
-
-    def _go(self, run: SimulationRun, data: _RunData) -> None:
-        for block in run.blocks():
-            data.take(run, block)
-            progress.require_time()
 
 
 class _RunData:

@@ -48,8 +48,10 @@ def new(
 
     On a terminal what is not given is asked for.
     """
-    if template is not None:
-        _require(template)
+    if template is not None and template not in model_templates.TEMPLATES:
+        known = diagnostics.listed(list(model_templates.TEMPLATES))
+        hint = diagnostics.nearest(template, model_templates.TEMPLATES) or f"there are {known}"
+        raise exits.UsageError(f"there is no template `{template}`; {hint}")
     asks = sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
     if name is None:
         if not asks:
@@ -88,13 +90,6 @@ def _write(name: str, template: str, with_schema: bool, force: bool, as_json: bo
         exits.print_err(schema_message)
     if is_new:
         exits.print_err(f"next: lagcli check {shlex.quote(path)}")
-
-
-def _require(template: str) -> None:
-    if template not in model_templates.TEMPLATES:
-        hint = diagnostics.nearest(template, model_templates.TEMPLATES)
-        known = diagnostics.listed(list(model_templates.TEMPLATES))
-        raise exits.UsageError(f"there is no template `{template}`; {hint or f'there are {known}'}")
 
 
 def _asked_name() -> str:
