@@ -124,6 +124,19 @@ def test_no_text_leaves_the_page_or_lies_on_something_else(case: str) -> None:
         assert not plot.get_window_extent().overlaps(box), text.get_text()
 
 
+def test_a_long_title_above_axes_that_matplotlib_lays_out_is_broken_into_lines() -> None:
+    with figure_page.style():
+        drawn = figure_page.sheet("A title $with $ {braces} " + 10 * "and many words ", 4.0)
+        plot = drawn.subplots()
+        plot.set_ylabel("the name of a check\n(not judged)", rotation=0, ha="right")
+    boxes = {text.get_text(): text.get_window_extent() for text in texts(drawn)}
+    (title,) = (text for text in boxes if "title" in text)
+    assert title.count("\n") == 2
+    assert boxes[title].y0 > plot.get_window_extent().y1
+    assert all(box.x0 >= 0 and box.x1 <= drawn.bbox.x1 and box.y0 >= 0 for box in boxes.values())
+    assert max(box.y1 for box in boxes.values()) <= drawn.bbox.y1
+
+
 @pytest.mark.parametrize("fmt", formats.FIGURES)
 def test_equal_runs_give_equal_files(tmp_path: Path, fmt: str) -> None:
     for name in ("a", "b"):

@@ -77,24 +77,18 @@ def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
     if choice.is_log and choice.xy:
         raise UndrawableColumns("--log is for columns over an axis; --xy has one scale for both directions")
     plan = _Plan(tables, choice)
-    found = [*plan.over_axis(), *plan.pairs()]
-    if len(found) > MOST_PANELS:
+    drawn = (*plan.over_axis(), *plan.pairs())
+    if len(drawn) > MOST_PANELS:
         raise UndrawableColumns(
-            f"these columns need {len(found)} panels, and {MOST_PANELS} are readable: name fewer"
+            f"these columns need {len(drawn)} panels, and {MOST_PANELS} are readable: name fewer"
         )
-    incidents = (
-        tables[0].incidents
-        if plan.x == "t" and all(t.incidents is tables[0].incidents for t in tables)
-        else ()
-    )
-    return ChartData(_title(tables, choice), tuple(found), incidents)
-
-
-def _title(tables: Sequence[ChartTable], choice: ChartChoice) -> str:
-    if choice.title is not None:
-        return choice.title
-    titles = {table.facts.title or PurePath(table.name).name for table in tables}
-    return titles.pop() if len(titles) == 1 else ""
+    incidents = tables[0].incidents
+    is_common = plan.x == "t" and all(table.incidents is incidents for table in tables)
+    titles = {choice.title}
+    if choice.title is None:
+        titles = {table.facts.title or PurePath(table.name).name for table in tables}
+    title = titles.pop() if len(titles) == 1 else ""
+    return ChartData(title or "", drawn, incidents if is_common else ())
 
 
 class _Plan:
@@ -144,13 +138,16 @@ class _Plan:
 
     def _of_one_kind(self, names: Sequence[str]) -> Iterable[list[str]]:
         """Columns of one kind and unit."""
-        found: dict[tuple[str, str], list[str]] = {}
+        groups: dict[tuple[str, str], list[str]] = {}
         for name in names:
-            words = next(
-                w for w, table in zip(self._words, self._tables, strict=True) if name in table.columns
-            )
-            found.setdefault((words.kind(name), words.unit(name)), []).append(name)
-        return found.values()
+            words = self._words_for(name)
+            groups.setdefault((words.kind(name), words.unit(name)), []).append(name)
+        return groups.values()
+
+    def _words_for(self, name: str) -> ColumnTexts:
+        """The words of the first table that has a column."""
+        pairs = zip(self._words, self._tables, strict=True)
+        return next(words for words, table in pairs if name in table.columns)
 
     def over_axis(self) -> Iterator[ChartPanel]:
         """The panels of columns over the axis."""
@@ -179,42 +176,39 @@ class _Plan:
     def _panel(
         self, names: list[str], series: chart_table.SeriesSet, limits: tuple[float, float] | None
     ) -> ChartPanel:
-        words = next(w for w, t in zip(self._words, self._tables, strict=True) if names[0] in t.columns)
+        words = self._words_for(names[0])
         zeros = set() if self._choice.is_log else self._zero_columns(names, words.kind(names[0]), series)
-        found = [
-            (run, index, one if (run, name) not in zeros else one.as_zero())
+        shown = [
+            (run, index, curve if (run, name) not in zeros else curve.as_zero())
             for run in range(len(self._tables))
             for index, name in enumerate(names)
-            if (one := series.find(run, name)) is not None
+            if (curve := series.find(run, name)) is not None
         ]
+        is_family = len(shown) > MOST_KEYS and (len(self._tables) == 1 or len(names) == 1)
         label = words.axis(names)
         return ChartPanel(
             "time" if series.is_time else "plane",
             words.axis([self.x]) if self.x is not None else "row",
             " ".join(filter(None, ("size of", label))) if self._choice.is_log else label or _listed(names),
-            *self._curves(names, found),
-            is_family=self._is_family(names, len(found)),
+            *self._curves(names, shown, is_family),
+            is_family=is_family,
             is_log=self._choice.is_log,
             limits=limits,
             dots=() if series.is_time else self._dots((self.x or "", names[0])),
             notes=tuple(self._notes(names, words.kind(names[0]), series, zeros)),
         ).drawable()
 
-    def _is_family(self, names: Sequence[str], count: int) -> bool:
-        return count > MOST_KEYS and (len(self._tables) == 1 or len(names) == 1)
-
     def _curves(
-        self, names: Sequence[str], found: Sequence[tuple[int, int, Series]]
+        self, names: Sequence[str], shown: Sequence[tuple[int, int, Series]], is_family: bool
     ) -> tuple[tuple[ChartCurve, ...], tuple[LegendKey, ...]]:
         """The curves of a panel and its legend: colours tell columns apart, dashes runs where there are several."""
-        runs, is_family = len(self._tables), self._is_family(names, len(found))
-        curves = []
-        for run, index, one in found:
+        runs, curves = len(self._tables), []
+        for run, index, one in shown:
             one_of_each = runs == 1 or len(names) == 1
             look = (index if runs == 1 else run,) * 2 if one_of_each else (index, run)
             label = names[index] if runs == 1 else self._names[run]
             curves.append(ChartCurve(label, one.x, one.y, *look))
-        if is_family or (len(found) <= 1 and runs == 1):
+        if is_family or (len(shown) <= 1 and runs == 1):
             return tuple(curves), ()
         if runs == 1 or len(names) == 1:
             return tuple(curves), tuple(LegendKey(c.label, c.colour, c.dash) for c in curves)
