@@ -8,7 +8,12 @@ import pytest
 
 from lagcli.simulation.closed_contacts import contact_gradient
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.stepping import stop_diagnosis
+from lagcli.simulation.stepping import (
+    cause_contact_edge,
+    cause_dependent_rows,
+    causes_of_stops,
+    stop_diagnosis,
+)
 from lagcli.start.initial import State
 
 NOTHING = np.zeros(0)
@@ -19,9 +24,9 @@ def failure(monkeypatch):
     """The failure of a run of one second where rows are so close to dependent ones."""
     monkeypatch.setattr(stop_diagnosis.singular_point, "closest", lambda *_: (0,))
     monkeypatch.setattr(stop_diagnosis.singular_point, "apart", lambda *_: 1e9)
-    monkeypatch.setattr(stop_diagnosis, "_named", lambda *_: "`row`")
-    monkeypatch.setattr(stop_diagnosis, "_jump", lambda *_: "")
-    monkeypatch.setattr(stop_diagnosis.named_functions, "switching_contacts", lambda model: ())
+    monkeypatch.setattr(cause_dependent_rows, "named", lambda *_: "`row`")
+    monkeypatch.setattr(stop_diagnosis, "jump", lambda *_: "")
+    monkeypatch.setattr(cause_contact_edge.named_functions, "switching_contacts", lambda model: ())
     monkeypatch.setattr(stop_diagnosis.stop_reasons, "time_scale", lambda *_: 1.0)
     monkeypatch.setattr(contact_gradient, "edges", lambda *_: ())
     simulation = SimpleNamespace(start=0.0, duration=1.0)
@@ -31,9 +36,9 @@ def failure(monkeypatch):
     def found(rank_margin, is_alone, since=0.5):
         here = State(0.5, NOTHING, NOTHING, NOTHING)
         tried = stop_diagnosis.Rejection(
-            math.nan, 0.0, here, here, rank_margin, is_alone, is_soon=True, last=here.t - since
+            enforced, math.nan, 0.0, 1e-9, here, here, rank_margin, is_alone, True, here.t - since
         )
-        return stop_diagnosis.no_step(enforced, tried, 1e-9)
+        return causes_of_stops.no_step(tried)
 
     return found
 

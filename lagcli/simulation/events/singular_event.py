@@ -11,7 +11,7 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
-from lagcli.simulation.run_state.run_stop import SINGULAR, StepFailure
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.stepping.found_step import FoundStep
@@ -119,7 +119,7 @@ class SingularEvent(Event):
         if found is None:
             from lagcli.simulation.stepping import stop_diagnosis
 
-            raise StepFailure(stop_diagnosis.NO_BRANCH, SINGULAR)
+            raise StepFailure(*stop_diagnosis.NO_BRANCH)
         return self._across(found)
 
     @property

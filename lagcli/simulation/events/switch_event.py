@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.simulation.events.event import Event
-from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
@@ -46,7 +46,7 @@ class SwitchEvent(Event):
         here = run.state_at(run.t, y)
         acceleration = stop_diagnosis.of_forces(bound.numeric, here)
         if self._is_pole(run.t, -dt, acceleration) or self._is_pole(after, dt, acceleration):
-            raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
+            raise StepFailure(*stop_diagnosis.POLE)
         if not _is_same((y, k), (projected, rate), dt, acceleration):
             project = functools.partial(opened, run)
             projected, rate = project(after, y)

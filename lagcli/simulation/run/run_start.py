@@ -14,7 +14,7 @@ from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run.row_writer import RowWriter, TableRows
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import controller
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
@@ -109,7 +109,7 @@ def _begin(run: Stepper, start: RunStart) -> bool:
     if not np.isfinite(bound.k).all():
         from lagcli.simulation.stepping import stop_diagnosis
 
-        raise StepFailure(stop_diagnosis.START_NOT_FINITE, NOT_FINITE)
+        raise StepFailure(*stop_diagnosis.START_NOT_FINITE)
     run.count(1)
     control.step = start.part * controller.first_step(
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order

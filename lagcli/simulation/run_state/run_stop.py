@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from lagcli.frozen import frozen_value
 
 # Why a run stops, as codes for `lagcli explain`.
@@ -28,9 +30,16 @@ class RunStop(Exception):
         self.stop = stop
 
 
-class StepFailure(Exception):
-    """No step can be taken, or no row written: a sentence without the time, and its code."""
+class Reason(NamedTuple):
+    """Why no step can be taken, or no row written: a sentence without the time, and its code."""
 
-    def __init__(self, reason: str, code: str) -> None:
-        super().__init__(reason)
-        self.reason, self.code = reason, code
+    sentence: str
+    code: str
+
+
+class StepFailure(Exception):
+    """No step can be taken, or no row written, for a `Reason`."""
+
+    def __init__(self, sentence: str, code: str) -> None:
+        super().__init__(sentence)
+        self.reason, self.code = Reason(sentence, code)

@@ -14,7 +14,7 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.angle_turns import Turns
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.run_stop import NOT_FINITE, TOO_SMALL, StepFailure
+from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.run_state.statistics import RunStatistics, counted, named
 from lagcli.simulation.scheme import invariants, method, step_tolerance
 from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
@@ -161,7 +161,7 @@ class Stepper:
             if not taken > 0.0:
                 from lagcli.simulation.stepping import stop_diagnosis
 
-                raise StepFailure(stop_diagnosis.BELOW_ROUNDING, TOO_SMALL)
+                raise StepFailure(*stop_diagnosis.BELOW_ROUNDING)
             last = not beyond and (reached >= end or end - reached < 1e-12 * h)
             is_cut = last and not shorter
             if is_cut:
@@ -449,7 +449,7 @@ class Stepper:
         from lagcli.simulation.stepping import stop_diagnosis
 
         if self._is_before_pole():
-            raise StepFailure(stop_diagnosis.POLE, NOT_FINITE)
+            raise StepFailure(*stop_diagnosis.POLE)
         here = self.state_at(self.t, self.bound.y)
         left = self.grid.end - self.t
         raise stop_diagnosis.hopeless(self.bound.enforced, here, LENGTH.pace, advanced, left)
@@ -461,7 +461,7 @@ class Stepper:
         self.statistics.notes = self._turns.settle(self.origin + self.t, bound.y[:n], p, notes)
 
     def _no_step(self, error: float, residual: float) -> StepFailure:
-        from lagcli.simulation.stepping import sticking, stop_diagnosis
+        from lagcli.simulation.stepping import causes_of_stops, sticking, stop_diagnosis
 
         bound, grid = self.bound, self.grid
         switches = bound.enforced.plain.functions.numeric.force_switches
@@ -469,10 +469,20 @@ class Stepper:
             sticking.require_step(bound, switches, self.origin + self.t)
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
         if self._is_before_pole():
-            return StepFailure(stop_diagnosis.POLE, NOT_FINITE)
+            return StepFailure(*stop_diagnosis.POLE)
         is_soon = self.watch.foreseen.instant - self.t < stop_diagnosis.SOON * (grid.end - grid.start)
-        known = residual, here, ahead, *self.rank_margin, is_soon, self.origin + self.contacts.last
-        return stop_diagnosis.no_step(bound.enforced, stop_diagnosis.Rejection(error, *known), MOST_RESIDUAL)
+        tried = stop_diagnosis.Rejection(
+            bound.enforced,
+            error,
+            residual,
+            MOST_RESIDUAL,
+            here,
+            ahead,
+            *self.rank_margin,
+            is_soon,
+            self.origin + self.contacts.last,
+        )
+        return causes_of_stops.no_step(tried)
 
     def _is_before_pole(self) -> bool:
         """True if a function of t ahead is the reason: y' grows without bound towards its switch."""

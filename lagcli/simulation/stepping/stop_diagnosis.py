@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation.run_state.run_stop import (
     CONTACT,
@@ -19,12 +20,12 @@ from lagcli.simulation.run_state.run_stop import (
     NOT_FINITE,
     SINGULAR,
     TOO_SMALL,
+    Reason,
     StepFailure,
 )
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity import singular_point
 from lagcli.simulation.stepping import stop_reasons
-from lagcli.smoothness import named_functions
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
@@ -59,22 +60,29 @@ class StopParameters:
 
 PARAMETERS = StopParameters()
 
-BELOW_ROUNDING = "the step needed for the tolerance is below the rounding of the time"
-START_NOT_FINITE = "the accelerations are not finite at the start"
-POLE = "the accelerations grow beyond all bounds there: a function of t has a pole"
-NO_BRANCH = (
+BELOW_ROUNDING = Reason("the step needed for the tolerance is below the rounding of the time", TOO_SMALL)
+START_NOT_FINITE = Reason("the accelerations are not finite at the start", NOT_FINITE)
+POLE = Reason("the accelerations grow beyond all bounds there: a function of t has a pole", NOT_FINITE)
+NO_BRANCH = Reason(
     "the start is a singular configuration, and no smooth motion along one of the branches that meet there has the"
-    " initial velocities"
+    " initial velocities",
+    SINGULAR,
 )
 
 
-class Rejection(NamedTuple):
-    """The last step that was tried: its error, the residual of the constraints at its end, as a part of its size, and
-    the states at both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is predicted within
-    `SOON` of the run; last: the time of the last incident, or of the start."""
+@frozen
+class Rejection:
+    """The last step that was tried, with the functions of its run.
 
+    error: its error; residual: that of the constraints at its end, as a part of its size, of which a step on them has
+    `most_residual`; here, ahead: the states at both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an
+    instant is predicted within `SOON` of the run; last: the time of the last incident, or of the start.
+    """
+
+    enforced: EnforcedInvariants
     error: float
     residual: float
+    most_residual: float
     here: initial.State
     ahead: initial.State
     rank_margin: float
@@ -82,65 +90,50 @@ class Rejection(NamedTuple):
     is_soon: bool
     last: float
 
+    @property
+    def system(self) -> System:
+        """The equations."""
+        return self.enforced.system
 
-def no_step(enforced: EnforcedInvariants, tried: Rejection, most_residual: float) -> StepFailure:
-    """The failure where no step can be taken; residual: that of a step that was projected."""
-    system, numeric, here = enforced.system, enforced.functions.numeric, tried.here
-    is_near, is_alone = tried.rank_margin < PARAMETERS.dependent, tried.is_alone
-    apart = singular_point.apart(numeric, here) if is_near and not is_alone else None
-    run, last = system.model.simulation, tried.last
-    # So close behind an incident no instant may be predicted.
-    is_behind = run.start < last and here.t - last < PARAMETERS.behind * run.duration
-    if is_near and (tried.is_soon or is_behind) and apart is None:
-        reported = _named(system, singular_point.closest(numeric, here, is_alone))
-        what = f"the gradient of {reported} vanishes" if is_alone else f"the rows {reported} become dependent"
-        behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
-        return StepFailure(
-            f"{what} there, a singular configuration through which this motion does not go on smoothly (a toggle"
-            f" position, or a cusp{behind})",
-            SINGULAR,
-        )
-    jump = _jump(enforced, here)
-    if jump:
-        return StepFailure(jump, NO_SOLUTION)
-    # Loaded here, with all that decides contacts: few runs stop.
-    from lagcli.simulation.closed_contacts import contact_gradient
+    @property
+    def numeric(self) -> NumericSystem:
+        """Their functions."""
+        return self.enforced.functions.numeric
 
-    kinked, span = named_functions.switching_contacts(system.model), stop_reasons.time_scale(system, here)
-    if edges := contact_gradient.edges(numeric, here, kinked, span):
-        return StepFailure(
-            f"the gradient of the closed contact {_named(system, edges)} jumps there, and so would the velocity: where"
-            " a contact slides over an edge or into a corner, one condition has no single direction of the push (make"
-            " the edge round, as `sqrt(x**2 + w**2)` in place of `abs(x)`)",
-            CONTACT,
-        )
-    if apart is not None and tried.rank_margin < PARAMETERS.weighed:
-        reported = f"inertias that differ by a factor of {apart:.0e} amplify rounding"
-        return StepFailure(f"{BELOW_ROUNDING}: {reported}", TOO_SMALL)
-    if not math.isfinite(tried.error) or not math.isfinite(tried.residual):
-        return StepFailure(
-            "the accelerations or multipliers are not finite there: the constraints become dependent,"
-            " or a function of the model has a pole",
-            NOT_FINITE,
-        )
-    if tried.residual > most_residual:
-        parting = singular_point.departed(numeric, tried.ahead, most_residual)
-        if parting:
-            reported = _named(system, parting)
-            return StepFailure(
-                f"the rows {reported} contradict each other beyond: they agree up to here", NO_SOLUTION
+    @property
+    def are_dependent(self) -> bool:
+        """True if rows are close to dependent ones."""
+        return self.rank_margin < PARAMETERS.dependent
+
+    @cached_property
+    def apart(self) -> float | None:
+        """By how much inertias differ, where it is these that bring the rows close; else None."""
+        is_asked = self.are_dependent and not self.is_alone
+        return singular_point.apart(self.numeric, self.here) if is_asked else None
+
+    @property
+    def verdict(self) -> Reason:
+        """What its own numbers say."""
+        if not math.isfinite(self.error) or not math.isfinite(self.residual):
+            return Reason(
+                "the accelerations or multipliers are not finite there: the constraints become dependent,"
+                " or a function of the model has a pole",
+                NOT_FINITE,
             )
-        return StepFailure("the constraints have no solution after this time", NO_SOLUTION)
-    return StepFailure(BELOW_ROUNDING, TOO_SMALL)
+        if not self.residual > self.most_residual:
+            return BELOW_ROUNDING
+        if parting := singular_point.departed(self.numeric, self.ahead, self.most_residual):
+            rows = named(self.system, parting)
+            return Reason(f"the rows {rows} contradict each other beyond: they agree up to here", NO_SOLUTION)
+        return Reason("the constraints have no solution after this time", NO_SOLUTION)
 
 
 def hopeless(
     enforced: EnforcedInvariants, here: initial.State, steps: int, advanced: float, left: float
 ) -> StepFailure:
     """The failure where the last steps advanced by so little that the run would not end in any time one can wait."""
-    jump = _jump(enforced, here)
     return StepFailure(
-        jump
+        jump(enforced, here)
         or f"the last {steps} steps advanced by {advanced:.2g}, so that the run would need"
         f" {left / max(advanced, 1e-300) * steps:.0e} more: the motion chatters across"
         " a jump of the forces, the forces are far too stiff for an explicit scheme, or the run is too long",
@@ -150,14 +143,14 @@ def hopeless(
 
 def impact(enforced: EnforcedInvariants, here: initial.State, beyond: initial.State) -> StepFailure:
     """The failure where the motion does not go on beyond a switch, where velocities would have to jump."""
-    jump = _jump(enforced, here)
-    if not jump:
+    why = jump(enforced, here)
+    if not why:
         if wall := _wall(enforced, here, beyond):
             return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
         rows = _violated(enforced.functions.numeric, beyond)
-        named = _named(enforced.system, rows)
-        jump = f"the rows {named} make velocities jump there: an impact, which the equations of motion do not describe"
-    return StepFailure(jump, NO_SOLUTION)
+        listed = named(enforced.system, rows)
+        why = f"the rows {listed} make velocities jump there: an impact, which the equations of motion do not describe"
+    return StepFailure(why, NO_SOLUTION)
 
 
 def _violated(numeric: NumericSystem, state: initial.State) -> tuple[int, ...]:
@@ -211,7 +204,8 @@ def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailu
     return StepFailure(f"{what} is not finite at t = {t:.9g}", NOT_FINITE)
 
 
-def _jump(enforced: EnforcedInvariants, here: initial.State) -> str:
+def jump(enforced: EnforcedInvariants, here: initial.State) -> str:
+    """See `stop_reasons.reason`, for the rows without contacts."""
     system, numeric = enforced.system, enforced.plain.functions.numeric
     open_ = numeric.selection.opened(len(system.rows.rows))
     return stop_reasons.reason(
@@ -219,6 +213,7 @@ def _jump(enforced: EnforcedInvariants, here: initial.State) -> str:
     )
 
 
-def _named(system: System, rows: tuple[int, ...]) -> str:
+def named(system: System, rows: tuple[int, ...]) -> str:
+    """The names of the first of some rows."""
     names = [row.name for row in system.multiplier_rows]
     return ", ".join(f"`{names[i]}`" for i in rows[: initial.PARAMETERS.most_listed])
