@@ -22,8 +22,8 @@ from lagcli.model.invariant import LevelFunction
 from lagcli.start import assembly, initial
 from lagcli.start.initial import State
 from lagcli.statics import point_search, point_values, refine, rest_equations, static_laws, surface_descent
+from lagcli.statics.known_continua import FoundPoint
 from lagcli.statics.newton import NewtonEnd
-from lagcli.statics.point_search import FoundPoint
 from lagcli.statics.point_values import Origin
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations

@@ -27,7 +27,8 @@ from lagcli.statics import (
     static_laws,
     static_problem,
 )
-from lagcli.statics.point_search import FoundPoint, PointSearch, SearchOptions
+from lagcli.statics.known_continua import FoundPoint
+from lagcli.statics.point_search import PointSearch, SearchOptions
 from lagcli.statics.point_values import Origin, PointColumns
 from lagcli.statics.static_problem import StaticProblem
 from lagcli.statics.static_report import StaticPoint, StaticReport, Value

@@ -17,6 +17,7 @@ from lagcli.statics import (
     continuum,
     flat_directions,
     further_zeros,
+    known_continua,
     newton,
     point_type,
     precise_zeros,
@@ -25,6 +26,7 @@ from lagcli.statics import (
     surface_descent,
 )
 from lagcli.statics.further_zeros import DeflatedEquations
+from lagcli.statics.known_continua import FoundPoint, KnownContinua
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -101,17 +103,6 @@ class SearchOptions:
     seed: int
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class FoundPoint:
-    """A point with its type, the dimension of the continuum it stands for, and the contacts that touch there, those
-    that carry nothing included."""
-
-    point: EquilibriumPoint
-    type: PointType
-    dimension: int
-    touching: tuple[int, ...]
-
-
 def _everywhere(q: Floats) -> bool:
     """True: all points with some contacts closed are known."""
     return True
@@ -123,6 +114,7 @@ class PointSearch:
     def __init__(self, problem: StaticProblem, options: SearchOptions) -> None:
         self.problem, self.options = problem, options
         self.scales = rest_equations.scales(problem, problem.begin)
+        self._continua = KnownContinua(problem, self.scales, options.angles)
         self.points: list[FoundPoint] = []
         self.best = NoEquilibrium(np.inf, problem.begin)
         self.starts = 0
@@ -189,7 +181,7 @@ class PointSearch:
         outside = [one for one in left if one.point.closed not in exact or not is_decided(one.point.q)]
         strange = [one for one in left if one not in outside and one.type.is_regular]
         # The end of an edge of zeros is a zero of the edge's neighbour too.
-        own = [one for one in own if not any(self._is_on(known, one) for known in outside)]
+        own = [one for one in own if not any(self._continua.is_on(known, one) for known in outside)]
         self.points = own + outside + strange
         self._decided |= dict.fromkeys(exact, is_decided)
         if is_decided is _everywhere:
@@ -268,7 +260,7 @@ class PointSearch:
     def _add(self, found: EquilibriumPoint) -> bool:
         """Keep a point of its own; False for one of a known continuum."""
         equations = RestEquations(self.problem, found.closed, self.scales)
-        x = _unknowns(equations, found)
+        x = known_continua.unknowns(equations, found)
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
@@ -278,20 +270,17 @@ class PointSearch:
         typed = _typed_zero(self.problem, nearest, self.scales, self.options.has_potential, is_exact)
         if typed is None or (typed.point is not nearest and self._is_known(typed.point, PARAMETERS.same)):
             return False
-        if typed.point is not found:
-            found, x = typed.point, _unknowns(equations, typed.point)
-        kind, size = typed.type, typed.dimension
-        near = (one for one in self.points if one.dimension and not self._differ(one.point, found))
+        found, kind, size = typed.point, typed.type, typed.dimension
+        near = (one for one in self.points if one.dimension and not self._continua.differ(one.point, found))
         if is_tired and not kind.is_regular and any(near):
             return False  # it is compared with the known continua no more, for that costs more than all else
-        ones = [known for known in self.points if size and self._is_one(known, x, equations, found, size)]
+        ones = [known for known in self.points if size and self._continua.are_one(known, typed)]
         if ones:  # of which it may join several
             self.points = [known for known in self.points if known not in ones[1:]]
             return False
-        typed = dataclasses.replace(typed, point=found)
-        if any(self._is_on(known, typed) for known in self.points):
+        if any(self._continua.is_on(known, typed) for known in self.points):
             return False
-        self.points = [known for known in self.points if not self._is_on(typed, known)]
+        self.points = [known for known in self.points if not self._continua.is_on(typed, known)]
         if not size:
             limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
             tidy = self._tidied(equations, found, limit * self.scales.length)
@@ -325,41 +314,6 @@ class PointSearch:
             if self.apart(known.point.q, found.q) <= (of_flat if is_flat else PARAMETERS.same):
                 return True
         return False
-
-    def _is_one(
-        self, known: FoundPoint, x: Floats, equations: RestEquations, found: EquilibriumPoint, size: int
-    ) -> bool:
-        """True if a known continuum of this dimension leads to a point."""
-        if known.dimension != size or known.point.closed != found.closed or self._differ(known.point, found):
-            return False
-        goal = _nearer_turn(self.options, known.point.q, found.q)
-        other = _unknowns(equations, known.point)
-        return continuum.connected(equations, x, goal, size) or continuum.connected(
-            equations, other, _nearer_turn(self.options, found.q, known.point.q), size
-        )
-
-    def _differ(self, a: EquilibriumPoint, b: EquilibriumPoint) -> bool:
-        """True if two points lie on no one continuum by the values there: it is level where rows hold places."""
-        problem = self.problem
-        if not problem.laws.driving.is_zero() or not point_type.is_holonomic(problem, a):
-            return False
-        one, other = problem.value(a.q), problem.value(b.q)
-        size = max(self.scales.force * self.scales.length, abs(one), abs(other))
-        return abs(one - other) > PARAMETERS.same * size
-
-    def _is_on(self, larger: FoundPoint, smaller: FoundPoint) -> bool:
-        """True if a point alone, or one of a smaller continuum, lies on a larger one, of which it is an edge where more
-        contacts are closed."""
-        if larger.dimension <= smaller.dimension or not set(larger.point.closed) <= set(smaller.touching):
-            return False
-        if smaller.type.is_regular and larger.point.closed == smaller.point.closed:
-            return False  # near a regular point there is no other
-        if self._differ(larger.point, smaller.point):
-            return False
-        equations = RestEquations(self.problem, larger.point.closed, self.scales)
-        x = _unknowns(equations, larger.point)
-        goal = _nearer_turn(self.options, smaller.point.q, larger.point.q)
-        return continuum.connected(equations, x, goal, larger.dimension)
 
     def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
         """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
@@ -444,14 +398,6 @@ def _sets_of_contacts(problem: StaticProblem) -> Iterator[Contacts]:
         yield from itertools.combinations(range(problem.K), size)
 
 
-def _nearer_turn(options: SearchOptions, goal: Floats, point: Floats) -> Floats:
-    """The goal with its angles within half a turn of a point."""
-    angles = np.array(options.angles, dtype=bool)
-    turned = np.array(goal)
-    turned[angles] += 2 * np.pi * np.round((point - goal)[angles] / (2 * np.pi))
-    return turned
-
-
 def typed_point(
     problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool
 ) -> FoundPoint | None:
@@ -467,7 +413,7 @@ def _nearest_zero(
     """The point that is meant by one that may be degenerate, None where it is none; and whether it is known in many
     digits."""
     equations = RestEquations(problem, found.closed, scales)
-    x = _unknowns(equations, found)
+    x = known_continua.unknowns(equations, found)
     is_rounding = equations.rounding(x) > refine.PARAMETERS.balanced
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
@@ -490,7 +436,7 @@ def _typed_zero(
     if not problem.has_value(found.q):
         return None
     equations = RestEquations(problem, found.closed, scales)
-    x = _unknowns(equations, found)
+    x = known_continua.unknowns(equations, found)
     along = continuum.tangent(equations, x)
     beside = continuum.beside_crossing(equations, x) if along.size else x
     if beside is x:
@@ -502,7 +448,7 @@ def _typed_zero(
             return None
         kind, _ = point_type.classify(problem, other, scales, has_potential, own)
     if moved.q is not found.q:
-        x = _unknowns(equations, moved)
+        x = known_continua.unknowns(equations, moved)
         again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))
         if isinstance(again, NoEquilibrium):
             return None
@@ -517,9 +463,3 @@ def _typed_zero(
             return None
         found = dataclasses.replace(found, q=exact[0], lam=exact[1])
     return FoundPoint(found, kind, along.shape[1], refine.touching(problem, found, scales))
-
-
-def _unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:
-    begun = refine.begun(equations, point.q)
-    assert begun is not None
-    return begun

@@ -25,8 +25,9 @@ from lagcli.statics import (
     singular_rows,
     surface_descent,
 )
+from lagcli.statics.known_continua import FoundPoint
 from lagcli.statics.newton import NewtonEnd
-from lagcli.statics.point_search import FoundPoint, PointSearch, SearchOptions
+from lagcli.statics.point_search import PointSearch, SearchOptions
 from lagcli.statics.point_type import PointType
 from lagcli.statics.polynomial_equations import SpentError
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
