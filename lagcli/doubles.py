@@ -33,6 +33,13 @@ ZERO = math.sqrt(VALUE * ROOT)
 that were written with ten digits are met so. `test_the_gram_matrix_tells_rows_that_are_clearly_independent` fails at
 1e-11 and 1e-7."""
 
+TINY = sys.float_info.min / EPS
+"""The smallest number of which a rounding has all digits, too, 1e-292: it is added to what is divided by, and what is
+less has lost its digits."""
+
+WHOLE = 2**53
+"""Whole numbers up to this are exact."""
+
 STEP = math.cbrt(EPS)
 """The step of a difference quotient on two sides, as a part of what changes: what it leaves out is its square, as much
 as rounding over it leaves. 6.1e-6."""

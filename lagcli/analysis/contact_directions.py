@@ -19,8 +19,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
-from lagcli.contact import impact_law, least_distance
+from lagcli.contact import complementarity, least_distance
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
 from lagcli.equations import kinks
 from lagcli.equations.rows import ConstraintRows, Row
@@ -216,7 +217,7 @@ def _cone(left: RowDisplacements, G: LocalRows, g_t: Floats, closed: list[int]) 
     sizes = np.linalg.norm(over, axis=1)
     rate = rows @ left.allowed + rates
     terms = np.abs(rows) @ np.abs(left.allowed) + np.abs(rates)
-    rate = np.where(np.abs(rate) <= impact_law.PARAMETERS.safe * least_distance.EPS * terms, 0.0, rate)
+    rate = np.where(np.abs(rate) <= complementarity.PARAMETERS.safe * doubles.EPS * terms, 0.0, rate)
     moves = sizes > rank.PARAMETERS.small
     taken = np.flatnonzero(moves)
     cone = _Cone(
@@ -264,7 +265,7 @@ def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]
 
 def _apart(A: Floats) -> list[list[int]]:
     """Numbers of rows (k, d) in sets that are orthogonal to each other, to rounding."""
-    linked = np.abs(A @ A.T) > A.shape[1] * least_distance.EPS
+    linked = np.abs(A @ A.T) > A.shape[1] * doubles.EPS
     rest, found = set(range(len(A))), []
     while rest:
         members: set[int] = set()

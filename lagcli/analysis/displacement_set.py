@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.analysis import contact_directions, internal_forces
 from lagcli.analysis.contact_directions import ContactDirections
 from lagcli.analysis.internal_forces import Internal
@@ -39,9 +40,7 @@ Floats = npt.NDArray[np.float64]
 MOST_COORDINATES = 4000
 # A column whose rest is at least this part of the largest may be the pivot; of those the last is
 # (`test_of_components_that_serve_alike_the_last_depends` fails at 1 - 1e-7 and 1 - 1e-11).
-EQUAL = 1 - 1e-9
-# Entries of T and tau below this part of the largest are rounding.
-COMPONENT_ROUNDOFF = 1e-13
+EQUAL = 1 - doubles.ZERO
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -229,7 +228,7 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     independent = [i for i in range(B.shape[1]) if i not in set(dependent)]
     right = -np.column_stack([B[:, independent] * sizes[independent], b])
     solved = decompositions.least_squares(B[:, dependent] * sizes[dependent], right)
-    solved = np.where(np.abs(solved) < COMPONENT_ROUNDOFF * np.abs(solved).max(initial=0.0), 0.0, solved)
+    solved = np.where(np.abs(solved) < doubles.VALUE * np.abs(solved).max(initial=0.0), 0.0, solved)
     solved = solved * sizes[dependent][:, None]
     numbers = _numbers(model)
     return Components(

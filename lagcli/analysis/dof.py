@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.analysis import codimension
 from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
@@ -35,8 +35,8 @@ Proof = Literal["symbolic", "numeric", "none"]
 # How often points are looked for nearer to a start that stands close to another branch of its rows, and how many
 # points between two points are looked at.
 SHORTER, LOOKS = 4, 24
-# A row whose direction turns by TURN within TIP of the configuration's size stands at a tip of its surface.
-TIP, TURN = 2e-12, 0.1
+# A row whose direction turns by TURN within a rounding of the configuration's size stands at a tip of its surface.
+TURN = 0.1
 SEED = 20061
 
 
@@ -300,10 +300,10 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
     gradients = metric_rows.LocalRows(numeric.holonomic(state.t, state.q, state.p)[1])
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(holonomic_rows)
-    far = sides.PARAMETERS.farther * TIP
+    far = sides.PARAMETERS.farther * doubles.VALUE
     beside = [
         dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
-        for side in (-far, -TIP, TIP, far)
+        for side in (-far, -doubles.VALUE, doubles.VALUE, far)
     ]
     for there in beside[1:3]:
         if (
@@ -313,7 +313,9 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
             rows = [metric_rows.LocalRows(numeric.holonomic(at.t, at.q, at.p)[1]) for at in beside]
             what = "jumps at the start"
             if not sides.Sides(tuple(each.values for each in rows)).jumps().any():
-                what = f"turns within {TIP:g} of the size of the start, as beside where it vanishes"
+                what = (
+                    f"turns within {doubles.VALUE:.0e} of the size of the start, as beside where it vanishes"
+                )
             return f"the gradient of a constraint {what}, so the rank there does not prove the dimension"
     return ""
 

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.equations.environment import Environment
 from lagcli.equations.family_columns import Triple, Value, column, taken
 from lagcli.equations.symbols import FixedExponents
@@ -30,9 +31,6 @@ Integers = npt.NDArray[np.int64]
 # States around the one asked for, and how far, as a part of the size of the configuration.
 AROUND, OFFSET = 3, 0.1
 SEED = 20062
-# The part of the forces that is left of a sum of forces or torques by rounding
-# (`test_a_force_is_central_to_rounding` fails at 1e-10 and 1e-8).
-FORCE_ROUNDOFF = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -58,7 +56,7 @@ class Internal:
     @property
     def is_central(self) -> bool:
         """True if F_ij = -F_ji along the line; of more particles, whether they do no work on a rigid body."""
-        return self.unbalanced <= FORCE_ROUNDOFF and self.off_line <= FORCE_ROUNDOFF
+        return self.unbalanced <= doubles.ZERO and self.off_line <= doubles.ZERO
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import parts as shared
 from lagcli.compiled.parts import Parts
 from lagcli.equations import operation_rules
@@ -19,7 +20,6 @@ from lagcli.expression.intervals import Ends, Intervals
 from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
 
-EPS = float(np.finfo(float).eps)  # the rounding of a double
 LARGEST = float(np.finfo(float).max)
 # The gap of a contact is known to so many roundings of its terms, and to a few of the size of the motion.
 ROUNDINGS, FEW = 32.0, 4.0
@@ -110,15 +110,27 @@ def function(parts: Parts) -> ca.Function:
     # All that forces have made so far, where they are the rounding of terms that cancel.
     made = ca.if_else(ROUNDINGS * own.a <= forces_off, in_units * forces_off * (since + span) ** 2, 0)
     # A gap is a sum of its coordinates, or of terms that cancel, whose roundings are counted.
-    noise = EPS * ca.fmax(ca.fmax(ROUNDINGS * local, g_off), FEW * (extent + made))
-    noise += ca.fmax(FEW * EPS * ca.fabs(t), across) * terms
+    noise = doubles.EPS * ca.fmax(ca.fmax(ROUNDINGS * local, g_off), FEW * (extent + made))
+    noise += ca.fmax(FEW * doubles.EPS * ca.fabs(t), across) * terms
     touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
-    slow = ca.fmax(slow, ca.fmax(ROUNDINGS * EPS * g_t_off, FEW * across * pull))
-    blurred = ROUNDINGS * EPS * gamma_off
-    columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, RESOLVED * EPS * extent, pull, blurred]
-    of_motion = own.a, ROUNDINGS * EPS * forces_off, size, speed
+    slow = ca.fmax(slow, ca.fmax(ROUNDINGS * doubles.EPS * g_t_off, FEW * across * pull))
+    blurred = ROUNDINGS * doubles.EPS * gamma_off
+    columns = [
+        g,
+        g_t,
+        gamma,
+        has,
+        speeds,
+        noise,
+        touching_gap,
+        slow,
+        RESOLVED * doubles.EPS * extent,
+        pull,
+        blurred,
+    ]
+    of_motion = own.a, ROUNDINGS * doubles.EPS * forces_off, size, speed
     packed = ca.densify(ca.vertcat(*columns, entries, own.units, *of_motion))[order(G.sparsity()).tolist()]
     return SizedFunction("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})
 

@@ -26,9 +26,6 @@ OPTIONS: dict[str, bool | float | str] = {
     "calc_lam_p": False,
 }
 
-# Optima that are this part of the configuration apart are one: the solver ends much closer to it, and minima lie apart.
-SAME = 1e-6
-
 # Newton's matrix is not symmetric definite, and its rows differ in size.
 SOLVER = "qr"
 

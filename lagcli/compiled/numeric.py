@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import parts as shared
 from lagcli.compiled import solvers
 from lagcli.compiled.expanded import Expanded
@@ -192,7 +193,7 @@ class NumericSystem:
         residual = status[0]
         if self._parts.g.numel():
             thrown = ca.mmax(ca.fabs((projected - y)[: self.n] / sizes[: self.n]))
-            residual += THROWN * thrown / (sizes[self.n] + shared.TINY)
+            residual += THROWN * thrown / (sizes[self.n] + doubles.TINY)
         status = ca.vertcat(residual, status[1:], ca.sum1(rate))
         return SizedFunction("project", inputs, [projected, rate, ca.densify(status), sizes])
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from lagcli import doubles
 from lagcli.compiled import selection as choice
 from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
@@ -22,12 +23,6 @@ if TYPE_CHECKING:
     from lagcli.equations.level_functions import LevelExpression
 from lagcli.frozen import frozen
 
-# Below this a norm is taken as zero where it divides; B has no row without entries.
-TINY = 1e-300
-# The rounding of t counts as this part of the errors that q may have.
-ROUNDED = 1e-6
-# At rest the rounding of velocities counts as this part of those that the forces would make over the size of q.
-RESTING = 1e-6
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
 
@@ -309,7 +304,7 @@ def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
     square = ca.dot(f, free)
     left = ca.SX(0)
     if parts.selection.independent:
-        left = ca.mmax(ca.fabs(parts.B_independent @ x) / ca.sqrt(ca.diag(parts.S) * square + TINY))
+        left = ca.mmax(ca.fabs(parts.B_independent @ x) / ca.sqrt(ca.diag(parts.S) * square + doubles.TINY))
     return ca.densify(ca.vertcat(ca.dot(f, x), square, left))
 
 
@@ -349,7 +344,7 @@ class Sizes:
 
 def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     """The sizes at a velocity, with h and M there."""
-    inertia = ca.fabs(ca.densify(ca.diag(M))) + TINY
+    inertia = ca.fabs(ca.densify(ca.diag(M))) + doubles.TINY
     heaviest = ca.mmax(inertia[: parts.cartesian]) if parts.cartesian else ca.SX(0, 1)
     of_all = ca.vertcat(ca.repmat(heaviest, parts.cartesian, 1), inertia[parts.cartesian :])
     units = 1 / ca.sqrt(of_all)
@@ -406,7 +401,9 @@ def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) 
     """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
     how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
     f, B = _position_rows(parts)
-    left = ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + TINY) if f.numel() else ca.SX(0)
+    left = (
+        ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + doubles.TINY) if f.numel() else ca.SX(0)
+    )
     residual = ca.fmax(left, _departure(parts, v, sizes))
     return ca.densify(ca.vertcat(residual, rank_margin(parts, smallest_angle)))
 
@@ -433,8 +430,10 @@ def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
         return ca.SX(0)
     B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
     slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
-    speed = sizes.v + RESTING * ca.sqrt(sizes.a * sizes.q) + TINY
-    size = _row_norms(B, sizes.units) * speed + ROUNDED * ca.fabs(by_time * parts.t)
+    # The rounding of t counts as a part of the errors that q may have, and at rest that of velocities as a part of
+    # those that the forces would make over the size of q.
+    speed = sizes.v + doubles.ROOT * ca.sqrt(sizes.a * sizes.q) + doubles.TINY
+    size = _row_norms(B, sizes.units) * speed + doubles.ROOT * ca.fabs(by_time * parts.t)
     if slope.nnz():
         size += _row_norms(slope, sizes.units) * sizes.q
     return ca.mmax(ca.fabs(B @ v + b) / size)
@@ -453,4 +452,4 @@ def velocity_residual(parts: Parts) -> ca.SX:
 def _row_norms(B: ca.SX, units: ca.SX | None = None) -> ca.SX:
     if units is not None:
         B = B @ ca.diag(units)
-    return ca.sqrt(ca.sum2(B * B)) + TINY
+    return ca.sqrt(ca.sum2(B * B)) + doubles.TINY

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.compiled.bound_function import Buffer, buffer
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
@@ -24,7 +24,6 @@ Scheme = tuple[
     Sequence[Sequence[float]], Sequence[float]
 ]  # the stages' rows of coefficients, and the weights
 
-SHIFT = 1e-12  # of rows of length one
 MOST = 256  # points in one call
 OUTPUTS = {"rate": 1, "ahead": 1, "turned": 3}
 ROUGH: Scheme = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))  # the classical one
@@ -81,7 +80,7 @@ def projected(z: ca.SX, A: ca.SX) -> ca.Function:
     lengths = ca.sqrt(ca.sum2(B * B))
     unit = ca.if_else(lengths > 0, 1 / lengths, 1)
     B, b = ca.mtimes(ca.diag(unit), B), unit * b
-    D, L, order = ca.ldl(ca.mtimes(B, B.T) + SHIFT * ca.SX.eye(B.shape[0]))
+    D, L, order = ca.ldl(ca.mtimes(B, B.T) + doubles.VALUE * ca.SX.eye(B.shape[0]))
     # Rows may depend on others; what the shift spoils the second pass corrects.
     for _ in range(2 if B.shape[0] else 0):
         dq = dq - ca.mtimes(B.T, ca.ldl_solve(ca.mtimes(B, dq) + b * dt, D, L, order))

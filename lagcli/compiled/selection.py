@@ -13,12 +13,11 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import solvers
 from lagcli.frozen import frozen_value
 from lagcli.smoothness.sized_function import SizedFunction
 
-# A row that vanishes has no length to divide by; its multiplier is 0.
-TINY = 1e-300
 # Larger dependencies are solved numerically: written out, their factors would take longer to build than a run takes.
 WRITTEN_OUT = 40
 SOLVER = "ldl"
@@ -133,7 +132,7 @@ def loads(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
         here, given = ca.SX.sym("S", len(among), len(among)), ca.SX.sym("lam", len(support))
         T = solvers.solver(here[independent, independent])(here[independent, among[row]])
         load = ca.dot(T, ca.diag(here[independent, independent]) * given) / (
-            here[among[row], among[row]] + TINY
+            here[among[row], among[row]] + doubles.TINY
         )
         found.append(SizedFunction("load", [here, given], [load])(S, lam[list(support)]))
     return ca.vertcat(*found)
@@ -156,7 +155,7 @@ def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     T = ca.vertcat(*(_weights(among, i, k, pattern[i]) for i in range(k)))
     D = ca.diag(among)
     TD = T * ca.repmat(D[k:].T, k, 1)
-    rest = solvers.solver(ca.diag(D[:k] + TINY) + TD @ T.T)(TD @ given)
+    rest = solvers.solver(ca.diag(D[:k] + doubles.TINY) + TD @ T.T)(TD @ given)
     shared = SizedFunction("shared", [among, given], [ca.densify(ca.vertcat(rest, given - T.T @ rest))])
     return shared(S, lam)
 
@@ -169,7 +168,7 @@ def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     G_K (G_K^T G_K)^-1 G_K^T mu.
     """
     k = pattern.shape[0]
-    lengths = ca.sqrt(ca.diag(S) + TINY)
+    lengths = ca.sqrt(ca.diag(S) + doubles.TINY)
     unit = ca.diag(1 / lengths)
     G = unit @ S @ unit
     columns = G[:, k:]

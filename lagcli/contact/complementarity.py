@@ -11,25 +11,23 @@ import dataclasses
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.contact import least_distance, load_sharing
 from lagcli.contact.least_distance import Floats
 from lagcli.contact.load_sharing import Flags
 
 
 class ComplementarityParameters:
-    """Rounding that decides about a contact; parts are of no unit.
+    """Rounding that decides about a contact.
 
     The tests are of `tests/unit/test_numbers_of_contacts.py`.
     """
 
     __slots__ = ()
 
-    tight: float = 1e-10
-    """A contact holds where what is left of its inequality is this part of the terms.
-    `test_a_contact_holds_to_ten_digits` fails at 1e-11 and 1e-9."""
     safe: float = 8.0
-    """Rounding of bounds is allowed for this many times. `test_a_bound_may_be_eight_roundings_off` fails at
-    0.8 and 80."""
+    """The rounding of a sum, of bounds or of speeds after an impact, is allowed for this many times.
+    `test_a_bound_may_be_eight_roundings_off` fails at 0.8 and 80."""
 
 
 PARAMETERS = ComplementarityParameters()
@@ -74,7 +72,7 @@ def solve(rows: Floats, bounds: Floats, rounding: Floats | float = 0.0) -> Compl
     except least_distance.ContradictoryRows as error:
         raise least_distance.ContradictoryRows(tuple(int(full[row]) for row in error.rows)) from None
     left = np.where(found.mu > 0, 0.0, unit @ found.x - h)
-    tight = left <= PARAMETERS.tight * (float(np.linalg.norm(found.x)) + np.abs(h)) + allowed[full] / scale
+    tight = left <= doubles.ZERO * (float(np.linalg.norm(found.x)) + np.abs(h)) + allowed[full] / scale
     share, same = load_sharing.shared(unit[tight], found.mu[tight])
 
     multipliers, slack = np.zeros(count), -bounds.astype(float)

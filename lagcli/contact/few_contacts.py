@@ -13,9 +13,10 @@ import itertools
 
 import numpy as np
 
-from lagcli.contact import impact_law
+from lagcli import doubles
+from lagcli.contact import complementarity
 from lagcli.contact.impact_law import Exchange, LawResult, certified, least_after
-from lagcli.contact.least_distance import EPS, Floats
+from lagcli.contact.least_distance import Floats
 
 
 class FewContactParameters:
@@ -34,9 +35,6 @@ class FewContactParameters:
     free: float = 0.01
     """Of the square of a row the equality rows leave this part at the least, or rounding is too large for a
     formula. `test_a_formula_serves_a_row_of_which_a_hundredth_is_left` fails at 0.001 and 0.1."""
-    left: float = 1e-13
-    """The response of a contact breaks the equality rows by no more than this part.
-    `test_a_formula_serves_where_equality_rows_are_kept_to_thirteen_digits` fails at 1e-14 and 1e-12."""
 
 
 PARAMETERS = FewContactParameters()
@@ -63,7 +61,7 @@ class Response:
         return bool(
             0.0 < self.free < np.inf
             and self.square > PARAMETERS.free * self.free
-            and self.left <= PARAMETERS.left
+            and self.left <= doubles.VALUE
         )
 
 
@@ -78,7 +76,7 @@ def single(v: Floats, speed: float, e: float, response: Response) -> LawResult |
     asked = float(least_after(before, np.array([e]))[0])
     impulse = max(0.0, asked - speed) / response.square
     after = speed + impulse * response.square
-    rounding = impact_law.PARAMETERS.safe * EPS * response.terms
+    rounding = complementarity.PARAMETERS.safe * doubles.EPS * response.terms
     if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
         return None
     speeds, impulses = np.array([after]), np.array([impulse])
@@ -150,7 +148,7 @@ class FewContacts:
         None where rounding decides. Raises `impact_law.EnergyCreated`.
         """
         c = speeds - least_after(speeds, e)
-        z = self.solve(c, impact_law.PARAMETERS.safe * EPS * terms)
+        z = self.solve(c, complementarity.PARAMETERS.safe * doubles.EPS * terms)
         if z is None:
             return None
         after = speeds + self.D @ z

@@ -15,8 +15,9 @@ import dataclasses
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.contact import complementarity, load_sharing
-from lagcli.contact.least_distance import EPS, ContradictoryRows, Floats, UndecidedRows
+from lagcli.contact.least_distance import ContradictoryRows, Floats, UndecidedRows
 from lagcli.contact.load_sharing import Flags
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
@@ -31,12 +32,6 @@ class ImpactParameters:
 
     __slots__ = ()
 
-    safe: float = 8.0
-    """Rounding of a sum, as many times that of its terms.
-    `test_speeds_after_an_impact_are_known_to_eight_roundings` fails at 0.8 and 80."""
-    gained: float = 1e-9
-    """The part of the energy at hand, and through contacts, which they may gain: speeds of gaps are no better
-    known. `test_an_impact_may_gain_nine_digits_less_than_goes_through_it` fails at 1e-10 and 1e-8."""
     refinements: int = 2
     """Each refinement gains all the digits there are; the second finds nothing but rounding.
     `test_rows_of_an_impact_are_met_to_rounding_after_two_refinements` fails at 0."""
@@ -95,7 +90,12 @@ def impact(
     rows = TouchingRows(metric, B, G)
     before = rows.G.times(v) + g_t
     terms = _sizes(rows.G, v) + np.abs(g_t)
-    push = _push(rows, -(rows.B.times(v) + b), least_after(before, e) - before, PARAMETERS.safe * EPS * terms)
+    push = _push(
+        rows,
+        -(rows.B.times(v) + b),
+        least_after(before, e) - before,
+        complementarity.PARAMETERS.safe * doubles.EPS * terms,
+    )
     after = v + push.change
     speeds = rows.G.times(after) + g_t
     energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
@@ -118,7 +118,7 @@ def certified(exchange: Exchange, impulses: Floats) -> float:
     gains = impulses * (exchange.before + exchange.after) / 2
     energy = float(gains.sum())
     through = float(impulses @ (exchange.terms + np.abs(exchange.after))) + exchange.at_hand
-    if energy > PARAMETERS.gained * through:
+    if energy > doubles.ZERO * through:
         raise EnergyCreated(tuple(int(row) for row in np.flatnonzero(gains > 0)), energy)
     return energy
 
@@ -132,7 +132,7 @@ def forces(
     """
     (B, gamma_B), (G, gamma) = equalities, contacts
     rows, free = TouchingRows(metric, B, G), metric.solved(h)
-    rounding = PARAMETERS.safe * EPS * (_sizes(rows.G, free) + np.abs(gamma))
+    rounding = complementarity.PARAMETERS.safe * doubles.EPS * (_sizes(rows.G, free) + np.abs(gamma))
     push = _push(rows, gamma_B - rows.B.times(free), gamma - rows.G.times(free), rounding)
     a = free + push.change
     slack = np.where(push.contacts > 0, 0.0, rows.G.times(a) - gamma)

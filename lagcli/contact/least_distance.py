@@ -17,11 +17,10 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions
 
 Floats = npt.NDArray[np.float64]
-
-EPS = float(np.finfo(float).eps)  # the rounding of a double
 
 
 class LeastDistanceParameters:
@@ -35,15 +34,6 @@ class LeastDistanceParameters:
     none_left: float = 1e-8
     """A least squares distance below this says that no vector will do: a shortest one would be 1e8 times as
     long as h. `test_no_vector_will_do_where_it_would_be_eight_digits_longer` fails at 1e-9 and 1e-7."""
-    close: float = 1e-11
-    """Relative to lengths and bounds of unit rows, what the solution may leave of them.
-    `test_a_row_is_met_to_eleven_digits` fails at 1e-12 and 1e-10."""
-    weight: float = 1e-9
-    """A row takes part in a contradiction if its weight is this part of the largest.
-    `test_a_row_takes_part_in_a_contradiction_with_nine_digits_of_its_weight` fails at 1e-10 and 1e-8."""
-    off: float = 1e-9
-    """Of columns of about length one: what a gradient may be off. `test_weights_are_the_best_to_nine_digits`
-    fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = LeastDistanceParameters()
@@ -85,7 +75,7 @@ def shortest(A: Floats, h: Floats) -> Shortest:
     cause = None
     for weights in proposals(np.vstack([factor, h / largest]), target):
         if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= PARAMETERS.none_left:
-            raise ContradictoryRows(_numbers(weights > PARAMETERS.weight * weights.max()))
+            raise ContradictoryRows(_numbers(weights > doubles.ZERO * weights.max()))
         try:
             return _settled(A, h, list(_numbers(weights > 0)))
         except UndecidedRows as error:
@@ -101,7 +91,7 @@ def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
     """x and mu of the rows that hold, solved to rounding; a row that rounding has put on the wrong side changes it."""
     for _ in range(2 * h.size + 10):
         x, mu = _on(A[closed], h[closed])
-        allowed = PARAMETERS.close * (float(np.linalg.norm(x)) + np.abs(h))
+        allowed = doubles.ZERO * (float(np.linalg.norm(x)) + np.abs(h))
         if mu.size and mu.min() < 0:
             del closed[int(np.argmin(mu))]
             continue
@@ -139,7 +129,7 @@ def proposals(columns: Floats, target: Floats) -> Iterator[Floats]:
         except RuntimeError:
             continue
     try:
-        found = optimize.lsq_linear(columns, target, (0, np.inf), method="bvls", tol=EPS)
+        found = optimize.lsq_linear(columns, target, (0, np.inf), method="bvls", tol=doubles.EPS)
     except np.linalg.LinAlgError:
         return
     yield np.where(found.active_mask == 0, found.x, 0.0)
@@ -151,8 +141,8 @@ def residual(columns: Floats, target: Floats) -> Floats | None:
     for weights in proposals(columns, target):
         left = target - columns @ weights
         gradient = columns.T @ left
-        if (gradient <= PARAMETERS.off * size).all() and abs(
+        if (gradient <= doubles.ZERO * size).all() and abs(
             float(weights @ gradient)
-        ) <= PARAMETERS.off * size * size:
+        ) <= doubles.ZERO * size * size:
             return np.asarray(left)
     return None

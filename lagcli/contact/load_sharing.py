@@ -10,27 +10,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.contact import least_distance
-from lagcli.contact.least_distance import EPS, Floats
+from lagcli.contact.least_distance import Floats
 from lagcli.linear import rank
 
 Flags = npt.NDArray[np.bool_]
-
-
-class LoadSharingParameters:
-    """Loads that several rows share, all of length one.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
-    """
-
-    __slots__ = ()
-
-    none: float = 1e-9
-    """A row of the null space of length less than this takes no part in it; a share of the load less than
-    this is none. `test_a_share_of_nine_digits_less_is_none` fails at 1e-10 and 1e-8."""
-
-
-PARAMETERS = LoadSharingParameters()
 
 
 def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
@@ -52,10 +37,10 @@ def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
     shortest z that makes it push."""
     least = mu - free @ (free.T @ mu)
     lengths = np.linalg.norm(free, axis=1)
-    rows = lengths > PARAMETERS.none
+    rows = lengths > doubles.ZERO
     rows[:pulling] = False
     # Rounding must not make two shares that can only be zero contradict each other.
-    bounds = -least[rows] - 16 * EPS * float(np.linalg.norm(mu))
+    bounds = -least[rows] - 16 * doubles.EPS * float(np.linalg.norm(mu))
     try:
         z = least_distance.shortest(free[rows] / lengths[rows, None], bounds / lengths[rows]).x
     except (least_distance.ContradictoryRows, least_distance.UndecidedRows):
@@ -74,8 +59,8 @@ def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
     which one of those grows; with all found, the shares that can be positive change in any direction that leaves the
     rest at zero.
     """
-    free = free * (np.linalg.norm(free, axis=1) > PARAMETERS.none)[:, None]
-    positive = mu > PARAMETERS.none * np.abs(mu).max(initial=0.0)
+    free = free * (np.linalg.norm(free, axis=1) > doubles.ZERO)[:, None]
+    positive = mu > doubles.ZERO * np.abs(mu).max(initial=0.0)
     positive[:pulling] = True
     for row in np.flatnonzero(~positive):
         if positive[row]:
@@ -85,7 +70,7 @@ def _varies(free: Floats, mu: Floats, pulling: int) -> Flags:
         zero = np.flatnonzero(~positive)
         left = least_distance.residual(free[zero].T, -free[row])
         if left is not None and np.linalg.norm(left) > rank.PARAMETERS.large:
-            positive[zero] |= free[zero] @ -left > PARAMETERS.none
+            positive[zero] |= free[zero] @ -left > doubles.ZERO
     rest = free[~positive]
     if rest.shape[0]:
         free = free @ rank.null_basis(rest)

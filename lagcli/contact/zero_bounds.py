@@ -18,11 +18,11 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
+
 Floats = npt.NDArray[np.float64]
 # One function, or many.
 Number = TypeVar("Number", float, Floats)
-
-EPS = float(np.finfo(float).eps)  # the rounding of a double
 
 
 class ZeroBoundParameters:
@@ -84,7 +84,7 @@ def bend(b: Cubic[Number]) -> Number:
 
 def rounding(b: Cubic[Number]) -> Number:
     """The rounding of the coefficients themselves."""
-    return 4 * EPS * largest(abs(b[1]), abs(b[2]))
+    return 4 * doubles.EPS * largest(abs(b[1]), abs(b[2]))
 
 
 def extent(b: Cubic[Number], misfit: Number) -> tuple[Number, Number]:
@@ -106,7 +106,7 @@ def misfit(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Nu
     steep, bent = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
     value_off = value - (g + c * (m0 + c * (steep + c * bent)))
     slope_off = slope - (m0 + c * (2 * steep + 3 * c * bent))
-    allowed = 3 * noise + 8 * EPS * largest(abs(g), abs(rise), abs(m0), abs(m1))
+    allowed = 3 * noise + 8 * doubles.EPS * largest(abs(g), abs(rise), abs(m0), abs(m1))
     misfit = largest(abs(value_off) - allowed, 0.0)
     turn = largest(abs(slope_off) - 2 * allowed, 0.0) + misfit * abs(2 / c - 2 / (1 - c))
     return PARAMETERS.safety * (misfit + max(c, 1 - c) * turn) / (16 * (c * (1 - c)) ** 2)
@@ -144,7 +144,7 @@ def fall(b: Cubic[float]) -> float:
         low, high = (u, high) if value > 0 else (low, u)
         slope = 3 * (v * v * (b1 - b0) + 2 * u * v * (b2 - b1) + u * u * (b3 - b2))
         step = -value / slope if slope < 0 else 2.0
-        if abs(step) <= EPS or high - low <= EPS:
+        if abs(step) <= doubles.EPS or high - low <= doubles.EPS:
             break
         u = u + step if low < u + step < high else (low + high) / 2
     return u

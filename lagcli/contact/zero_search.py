@@ -22,8 +22,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.contact import zero_bounds
-from lagcli.contact.zero_bounds import EPS, Cubic, Ends, Floats
+from lagcli.contact.zero_bounds import Cubic, Ends, Floats
 
 Flags = npt.NDArray[np.bool_]
 # x -> values (K,) and slopes dg/dx (K,) of all functions.
@@ -44,7 +45,7 @@ class ZeroSearchParameters:
     margin: float = 0.1
     """A cut keeps this part of its piece from both ends of it.
     `test_a_cut_keeps_a_tenth_from_the_ends_of_its_piece` fails at 0.01 and 1."""
-    narrow: float = 8 * EPS
+    narrow: float = 8 * doubles.EPS
     """A piece of this length has no inside. `test_a_jump_over_zero_is_found_to_a_few_roundings` fails at
     1.78e-14."""
     most_evaluations: int = 2000
@@ -101,7 +102,7 @@ def first_crossing(
     search = _Search(values, np.asarray(noise, dtype=float), most)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         search.begin(direction, armed)
-        return search.run(max(together, 4 * EPS))
+        return search.run(max(together, 4 * doubles.EPS))
 
 
 class _Sample(NamedTuple):
@@ -299,11 +300,11 @@ class _Search:
             value, slope = float(sample.g[row]) - level, float(sample.slope[row])
             low, high = (x, high) if value > 0 else (low, x)
             step = -value / slope if slope < 0 else math.inf
-            if abs(step) <= EPS or (abs(value) <= noise and abs(step) > last / 2):
+            if abs(step) <= doubles.EPS or (abs(value) <= noise and abs(step) > last / 2):
                 break
             if not (low < x + step < high and abs(step) <= before / 2):
                 step = (low + high) / 2 - x
-            if high - low <= 2 * EPS:
+            if high - low <= 2 * doubles.EPS:
                 break
             before, last, x = last, abs(step), x + step
         return sample

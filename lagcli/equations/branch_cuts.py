@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.equations.symbols import Symbols
 from lagcli.frozen import frozen
 from lagcli.smoothness import operation_graph
@@ -33,21 +34,12 @@ class CutParameters:
 
     __slots__ = ()
 
-    constant: float = 1e-9
-    """What one turn changes f by is a constant where its slopes are below this part of it: the rounding of
-    its terms. `test_one_turn_changes_a_row_by_a_constant_to_nine_digits` fails at 1e-10 and 1e-8."""
     points: int = 3
     """So many points beside the start at which that is looked at.
     `test_a_turn_is_looked_at_in_three_places_beside_the_start` fails at 0 and 30."""
     offset: float = 0.3
     """How far they are from it, as a part of its size.
     `test_a_turn_is_looked_at_in_three_places_beside_the_start` fails at 0.03 and 3."""
-    on_cut: float = 1e-9
-    """An angle this close to its cut, in radians, lies on either side of it by rounding.
-    `test_an_angle_on_its_cut_lies_on_the_better_side` fails at 1e-10 and 1e-8."""
-    multiple: float = 1e-9
-    """Jumps that are whole multiples of another, to rounding, are no jumps of their own.
-    `test_a_multiple_of_a_jump_is_none_of_its_own` fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = CutParameters()
@@ -89,7 +81,7 @@ class Cuts:
         """p for a start: an angle on its cut lies on the side on which its rows are satisfied best."""
         p = p.copy()
         here = np.array(self.angles(t, q, p)).ravel()
-        for j in np.flatnonzero(np.abs(here) >= self.periods / 2 - PARAMETERS.on_cut).tolist():
+        for j in np.flatnonzero(np.abs(here) >= self.periods / 2 - doubles.ZERO).tolist():
             residuals = []
             for side in (here[j], -here[j]):
                 p[self.first + j] = side
@@ -118,9 +110,7 @@ class Cuts:
         for k in self.passing:
             sizes = found.setdefault(self.rows[k], [])
             size = abs(float(by[k]))
-            if size and not any(
-                abs(size / other - round(size / other)) < PARAMETERS.multiple for other in sizes
-            ):
+            if size and not any(abs(size / other - round(size / other)) < doubles.ZERO for other in sizes):
                 sizes.append(size)
         return {row: tuple(sorted(sizes)) for row, sizes in found.items() if sizes}
 
@@ -253,5 +243,5 @@ def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int,
         found.append(np.array(change(t, q + beside, p, direction)))
     by, along, slope = np.abs(np.array(found)).max(axis=0).T if change.size1_out(0) else np.zeros((3, 0))
     scale = np.maximum(by, slope)
-    same, steady = by <= PARAMETERS.constant * scale, along <= PARAMETERS.constant * scale
+    same, steady = by <= doubles.ZERO * scale, along <= doubles.ZERO * scale
     return tuple(SAME if a else PASSED if b else JUMPS for a, b in zip(same, steady, strict=True))

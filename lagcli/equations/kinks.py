@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
@@ -29,9 +30,6 @@ class KinkParameters:
 
     __slots__ = ()
 
-    offset: float = 1e-9
-    """How far off a switch its two sides are looked at. `test_a_switch_is_looked_at_nine_digits_off` fails at
-    1e-10 and 1e-8."""
     farther: float = 1e-5
     """And from farther off: what draws near as the distance shrinks is no jump.
     `test_a_jump_is_compared_with_what_changes_farther_off` fails at 1e-6 and 0.0001."""
@@ -55,9 +53,9 @@ class Kinks:
         here = self._slopes(t, q, p)
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
-            for h in (PARAMETERS.offset, PARAMETERS.farther)
+            for h in (doubles.ZERO, PARAMETERS.farther)
         )
-        least = sides.PARAMETERS.slope * (np.abs(here).max(axis=1, initial=0.0) + far)
+        least = doubles.ROOT * (np.abs(here).max(axis=1, initial=0.0) + far)
         jumps = np.isfinite(here).all(axis=1) & sides.differ(near, far, least)
         return self.rows[int(np.argmax(jumps))] if jumps.any() else None
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from lagcli import doubles
 from lagcli.equations.system import System
 from lagcli.smoothness import operation_graph, switches
 from lagcli.smoothness.operation_graph import Expression
@@ -21,8 +22,6 @@ from lagcli.smoothness.sized_function import SizedFunction
 
 # A value and the size of its terms.
 Sized = tuple[ca.SX, ca.SX]
-# A divisor of zero leaves no size.
-TINY = 1e-300
 # Operations that make finite numbers of finite ones, but for overflow; those that make no negative ones.
 TOTAL = frozenset(
     {
@@ -69,11 +68,11 @@ def _product(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
 
 
 def _quotient(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
-    return (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + TINY)
+    return (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + doubles.TINY)
 
 
 def _power(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
-    of_base = ca.fabs(made * b[0]) * a[1] / (ca.fabs(a[0]) + TINY)
+    of_base = ca.fabs(made * b[0]) * a[1] / (ca.fabs(a[0]) + doubles.TINY)
     # Of a base that is nothing but rounding it is the power of that.
     return ca.fmax(of_base, ca.if_else(b[0] >= 1, (2**-53 * a[1]) ** b[0] * 2**53, 0))
 
@@ -97,12 +96,12 @@ _RULES: dict[int, Callable[..., ca.SX]] = {
     ca.OP_TWICE: lambda _, a: 2 * a[1],
     ca.OP_SQ: lambda made, a: _product(made, a, a),
     ca.OP_INV: lambda made, a: made * made * a[1],
-    ca.OP_SQRT: lambda made, a: ca.fmin(a[1] / (made + TINY), ca.sqrt(a[1])),
+    ca.OP_SQRT: lambda made, a: ca.fmin(a[1] / (made + doubles.TINY), ca.sqrt(a[1])),
     ca.OP_SIN: _wave,
     ca.OP_COS: lambda _, a: ca.fmin(a[1], 1) * ca.fmin(a[1], 1),
     ca.OP_TAN: lambda made, a: (1 + made * made) * ca.fmin(a[1], 1),
     ca.OP_EXP: lambda made, a: made * a[1],
-    ca.OP_LOG: lambda _, a: a[1] / (ca.fabs(a[0]) + TINY),
+    ca.OP_LOG: lambda _, a: a[1] / (ca.fabs(a[0]) + doubles.TINY),
     ca.OP_TANH: _wave,
     ca.OP_ATAN: lambda _, a: a[1] / (1 + a[0] * a[0]),
     ca.OP_POW: _power,

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.smoothness import operation_graph
 
 Floats = npt.NDArray[np.float64]
@@ -39,25 +40,6 @@ def constant(value: float, count: int) -> PowerSeries:
 
 
 NOTHING = PowerSeries(np.zeros(0), np.zeros(0))
-
-
-class PowerSeriesParameters:
-    """Limits beyond which a value that varies has left the doubles.
-
-    The tests are of `tests/unit/test_numbers_of_statics.py`.
-    """
-
-    __slots__ = ()
-
-    least: float = 1e-290
-    """Below this a result has lost its digits, or is zero. `test_a_result_below_the_doubles_is_lost` fails at 1e-291
-    and 1e-289."""
-    near_limit: float = 1e-12
-    """So near to its limit tanh has no digits of what is left. `test_a_tanh_near_its_limit_is_lost` fails at 1e-13
-    and 1e-11."""
-
-
-PARAMETERS = PowerSeriesParameters()
 
 
 class UnderflowError(Exception):
@@ -109,9 +91,9 @@ def _is_lost(op: int, parts: list[PowerSeries], made: PowerSeries) -> bool:
     if op not in _MULTIPLYING or not made.known or not any(part.c[1:].any() for part in parts):
         return False
     if op == ca.OP_TANH:
-        return bool(1.0 - abs(made.c[0]) <= PARAMETERS.near_limit)
+        return bool(1.0 - abs(made.c[0]) <= doubles.VALUE)
     of_none = op != ca.OP_EXP and any(part.c[0] == 0.0 for part in parts)
-    return not of_none and bool(abs(made.c[0]) < PARAMETERS.least)
+    return not of_none and bool(abs(made.c[0]) < doubles.TINY)
 
 
 class _Rules:

@@ -16,13 +16,14 @@ import itertools
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.frozen import frozen
 
 Floats = npt.NDArray[np.float64]
 
 # The base takes the first particles that extend the span well, by this part of the body's size; where none does,
 # the one that extends it most, if by more than rounding.
-WELL, SHAPE_ROUNDOFF = 1e-2, 1e-9
+WELL = 1e-2
 # Distances between positions beyond this overflow.
 FAR = 1e307
 
@@ -101,7 +102,7 @@ def _base(points: Floats) -> tuple[list[int], Floats]:
         well = np.flatnonzero(lengths > WELL * size)
         k = int(well[0]) if well.size else int(np.argmax(lengths))
         # A fourth particle that is only a little off the plane of three is described by its height over them.
-        if not well.size and (lengths[k] <= SHAPE_ROUNDOFF * size or len(base) == 3):
+        if not well.size and (lengths[k] <= doubles.ZERO * size or len(base) == 3):
             break
         base.append(k)
         directions = np.vstack([directions, rest[k] / lengths[k]])

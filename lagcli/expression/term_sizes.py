@@ -15,27 +15,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.expression import functions
 
 Floats = npt.NDArray[np.float64]
 Pair = tuple[float, float]  # a value and its size
-
-
-class TermParameters:
-    """The sizes of the terms of a value.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
-
-    __slots__ = ()
-
-    doubt: float = 1e-13
-    """Within this part of its size a value may lie on the other side of a switch.
-    `test_a_value_within_thirteen_digits_of_a_switch_may_lie_on_either_side` fails at 1e-14 and 1e-12."""
-
-
-PARAMETERS = TermParameters()
-EXACT_INTEGERS = 2.0**53  # the doubles below are exact where they are whole
 
 
 class Program(Protocol):
@@ -73,7 +57,7 @@ def result(name: str, *parts: Pair) -> Pair:
         value, size = TWO[name](*parts) if name in TWO else _along(name, parts[0])
     except (ArithmeticError, ValueError):
         return math.nan, math.inf
-    if name in EXACT and size == 0.0 and value.is_integer() and abs(value) <= EXACT_INTEGERS:
+    if name in EXACT and size == 0.0 and value.is_integer() and abs(value) <= doubles.WHOLE:
         return value, 0.0
     return value, size if name in SWITCHES else size + abs(value)
 
@@ -85,7 +69,7 @@ def _along(name: str, part: Pair) -> Pair:
     if not size:
         return result, 0.0
     if name in STEPS:
-        return result, math.inf if abs(value - STEPS[name](value)) <= PARAMETERS.doubt * size else 0.0
+        return result, math.inf if abs(value - STEPS[name](value)) <= doubles.VALUE * size else 0.0
     return result, abs(slope(functions.SlopeSizes, value, result)) * size
 
 
@@ -119,7 +103,7 @@ def _power(a: Pair, b: Pair) -> Pair:
 def _angle(y: Pair, x: Pair) -> Pair:
     square = x[0] * x[0] + y[0] * y[0]
     size = (_times(y[1], x[0]) + _times(x[1], y[0])) / square
-    jumps = bool(x[0] < 0 and y[1] and abs(y[0]) <= PARAMETERS.doubt * y[1])
+    jumps = bool(x[0] < 0 and y[1] and abs(y[0]) <= doubles.VALUE * y[1])
     return math.atan2(y[0], x[0]), math.inf if jumps else size
 
 
@@ -132,7 +116,7 @@ def _length(a: Pair, b: Pair) -> Pair:
 def _are_apart(a: Pair, b: Pair) -> bool:
     """True if it is certain which of the two is larger, or that they are equal."""
     size = a[1] + b[1]
-    return not size or abs(a[0] - b[0]) > PARAMETERS.doubt * size
+    return not size or abs(a[0] - b[0]) > doubles.VALUE * size
 
 
 def _compared(holds: Callable[[float, float], bool]) -> Callable[[Pair, Pair], Pair]:

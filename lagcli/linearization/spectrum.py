@@ -13,6 +13,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions
 from lagcli.linearization.freedoms import Freedoms
 
@@ -26,7 +27,6 @@ MOST_ROUNDOFF = 1e-7
 # A singular value that is this many roundings a row of the largest is zero: at 6.4 and at 640
 # `test_a_singular_value_of_some_roundings_is_a_zero` of `tests/unit/test_numbers_of_linear_equations.py` fails.
 ROUNDINGS = 64.0
-EPS = float(np.finfo(float).eps)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +151,7 @@ class WithoutZeros:
 
 def floor(n: int) -> float:
     """The part of its largest singular value that is zero in a matrix of n rows."""
-    return ROUNDINGS * EPS * max(n, 8)
+    return ROUNDINGS * doubles.EPS * max(n, 8)
 
 
 def deflate(S: Floats, noise: float = 0.0) -> WithoutZeros:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from lagcli import doubles
 from lagcli.linear import decompositions
 from lagcli.pfaffian.exact import enclosure, guarded, time_limit
 from lagcli.pfaffian.flag import derived_flag as flags
@@ -27,8 +28,6 @@ Floats = npt.NDArray[np.float64]
 
 # Operations for the search of joint integrals, which rarely ends by itself without a closed form.
 SEARCH = 40_000
-# A gradient counts as a combination of others below this part of its length, at points with few digits of rounding.
-DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +163,7 @@ class _Independent:
                 decompositions.unit(np.array(rows)).T, decompositions.unit(point[None])[0]
             )
             first = len(self._surface)
-            taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > DEPENDENT}
+            taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > doubles.ZERO}
         return tuple(name for i, name in enumerate(self._block.names) if i in taking)
 
     def _spans(self, others: list[list[Floats | None]], values: list[Floats | None]) -> bool:
@@ -176,7 +175,10 @@ class _Independent:
             unit = decompositions.unit(point[None])[0]
             if not rows:
                 return not unit.any()
-            if np.abs(decompositions.residual(decompositions.unit(np.array(rows)).T, unit)).max() > DEPENDENT:
+            if (
+                np.abs(decompositions.residual(decompositions.unit(np.array(rows)).T, unit)).max()
+                > doubles.ZERO
+            ):
                 return False
         return True
 

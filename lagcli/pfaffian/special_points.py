@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import sympy
 
+from lagcli import doubles
 from lagcli.expression import term_sizes
 from lagcli.pfaffian.exact import enclosure, guarded, normal_form, operations
 from lagcli.pfaffian.flag import elimination
@@ -31,9 +32,6 @@ class SpecialPointParameters:
 
     __slots__ = ()
 
-    near: float = 1e-9
-    """At a point of doubles an expression may be zero below this part of what its value would change by with its
-    coordinates: `test_an_expression_vanishes_below_the_round_off_of_its_point` fails at 1e-10 and at 1e-8."""
     zero: float = 1e-40
     """At a start it is zero below this part, which 50 digits leave where terms cancel:
     `test_at_a_start_an_expression_vanishes_to_forty_digits` fails at 1e-41 and at 1e-39."""
@@ -86,8 +84,8 @@ def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> b
         value, size = _sized(expression, point)
         if not (math.isfinite(value) and math.isfinite(size)):
             return otherwise
-        if point.digits is None or abs(value) > PARAMETERS.near * size:
-            return abs(value) <= PARAMETERS.near * size
+        if point.digits is None or abs(value) > doubles.ZERO * size:
+            return abs(value) <= doubles.ZERO * size
         return bool(abs(enclosure.middle(expression, point.digits)) <= PARAMETERS.zero * size)
     except (ArithmeticError, ValueError, enclosure.NoValueError):
         return otherwise

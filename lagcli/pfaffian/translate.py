@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 import sympy
 
+from lagcli import doubles
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Triple, Value
 from lagcli.model import family
@@ -28,8 +29,6 @@ from lagcli.pfaffian.forms.notation import TIME, ZERO, TooLarge, exact
 
 # Beyond this many operations a form is too large for exact algebra to end in reasonable time.
 MAX_OPERATIONS = 4000
-# Below this an expression vanishes for given numbers.
-NUMBER_ROUNDOFF = 1e-12
 _DT = sympy.Symbol("dt", real=True)
 _ALONE = family.one("")
 
@@ -81,7 +80,7 @@ class Translation:
         numbers = zip((*self._names.differentials, TIME), (*coordinates, t), strict=False)
         values = self.values | {x: sympy.Float(number) for x, number in numbers}
         number = expression.xreplace(values).evalf()
-        return bool(number.is_number) and abs(number) <= NUMBER_ROUNDOFF
+        return bool(number.is_number) and abs(number) <= doubles.VALUE
 
     @functools.cached_property
     def numbers(self) -> dict[sympy.Symbol, float]:
@@ -249,7 +248,7 @@ class _FormNames(notation.SympyAlgebra):
         numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
         values = dict(zip(self.parameters, map(exact, numbers), strict=True))
         value = exponent.xreplace(values).evalf()
-        if not value.is_number or abs(value - round(value)) > NUMBER_ROUNDOFF:
+        if not value.is_number or abs(value - round(value)) > doubles.VALUE:
             return exponent  # of a definition that no row can hold
         return sympy.Integer(round(value))
 

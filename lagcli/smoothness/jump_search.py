@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.expression import intervals
 from lagcli.frozen import frozen
 from lagcli.model.family import Integers
@@ -35,9 +36,6 @@ class JumpSearchParameters:
     `test_a_switch_is_sought_from_twelve_starts_about_the_state` fails at 1 and 120."""
     newton_steps: int = 30
     """Newton's steps from each. `test_a_switch_is_come_upon_in_thirty_newton_steps` fails at 3 and 300."""
-    on_switch: float = 1e-9
-    """The step with which they have come to a switch. `test_a_switch_is_come_upon_in_thirty_newton_steps`
-    fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = JumpSearchParameters()
@@ -213,14 +211,14 @@ def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], 
         is_going &= np.isfinite(value) & np.isfinite(square) & (square > 0)
         step = np.where(is_going, value / square * slope, 0.0)
         x = x - step
-        arrived = is_going & (np.abs(step).max(axis=0) < PARAMETERS.on_switch * begin.size)
+        arrived = is_going & (np.abs(step).max(axis=0) <= doubles.ZERO * begin.size)
         slopes[:, arrived] = slope[:, arrived] / np.sqrt(square[arrived])
         is_there |= arrived
         is_going &= ~arrived
         if not is_going.any():
             break
     numbers = np.flatnonzero(is_there)
-    return numbers, x[:, numbers], begin.size * sides.PARAMETERS.offset**0.5 * slopes[:, numbers]
+    return numbers, x[:, numbers], begin.size * math.sqrt(doubles.ZERO) * slopes[:, numbers]
 
 
 def is_one_sided(bounds: Bounds) -> bool:

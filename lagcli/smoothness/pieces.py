@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.smoothness import operation_graph, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
@@ -21,8 +22,6 @@ Floats = npt.NDArray[np.float64]
 # An end that is touched between two points is seen where a parabola through three values comes this near to zero, as
 # a part of the smaller of the outer ones.
 TOUCHED = 0.1
-# A start that is this near to an end, as a part of what the values of a path come to, lies on it.
-ON_END = 1e-9
 # In the first round a modulus may come to light, as the root of a square.
 ROUNDS = 2
 
@@ -45,7 +44,8 @@ class AnalyticPieces:
         u, conditions = values[:, : self.count], values[:, self.count :]
         if not np.isfinite(values).all():
             return True
-        u = np.where(np.abs(u) <= ON_END * np.abs(u).max(axis=0, initial=0.0), 0.0, u)
+        # A start that is so near to an end lies on it.
+        u = np.where(np.abs(u) <= doubles.ZERO * np.abs(u).max(axis=0, initial=0.0), 0.0, u)
         changes = (u[:-1] * u[1:] < 0) | ((u[:-1] != 0) & (u[1:] == 0))
         return bool(
             (changes & (np.maximum(conditions[:-1], conditions[1:]) > 0)).any() or _touched(np.abs(u)).any()

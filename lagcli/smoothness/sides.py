@@ -12,6 +12,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
+
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
@@ -24,12 +26,6 @@ class SideParameters:
 
     __slots__ = ()
 
-    slope: float = 1e-6
-    """A gradient jumps by this part of itself: a change that is only steep is no jump.
-    `test_a_gradient_jumps_by_a_millionth` fails at 1e-7 and 1e-5."""
-    rounded: float = 1e-10
-    """A value jumps by more than this part of itself, or of its terms, its rounding.
-    `test_a_change_of_ten_digits_less_is_rounding` fails at 1e-11 and 1e-9."""
     stays: float = 0.3
     """A jump is this part of the change from farther off, or more: what draws near as the distance shrinks is none, and
     what grows as much has a pole. `test_what_draws_near_as_the_distance_shrinks_is_no_jump` fails at 0.03 and 3."""
@@ -39,9 +35,6 @@ class SideParameters:
     halvings: int = 60
     """Bisections: an interval of the size of its ends has 53 bits. `test_a_switch_is_found_to_rounding` fails
     at 6."""
-    offset: float = 1e-9
-    """On a way values are looked at so far from a switch, as a part of the way across it.
-    `test_a_value_is_looked_at_beside_a_switch` fails at 1e-10 and 1e-8."""
     farther: float = 100.0
     """And so many times farther off. `test_a_root_across_a_switch_is_no_jump` fails at 10, and
     `test_a_small_jump_on_a_slope_is_one` at 1000."""
@@ -66,7 +59,7 @@ class Sides:
 
     values: tuple[Floats, ...]
     rounding: Floats | float = 0.0
-    part: float = PARAMETERS.slope
+    part: float = doubles.ROOT
 
     def jumps(self) -> Flags:
         """True for those with another value on the other side, however near that is."""
@@ -109,10 +102,10 @@ def bracket(
 
 def beside(low: Floats, high: Floats) -> tuple[Floats, ...]:
     """The four parts of a way, as of `Sides`, beside a change between two."""
-    near, far = PARAMETERS.offset, PARAMETERS.farther * PARAMETERS.offset
+    near, far = doubles.ZERO, PARAMETERS.farther * doubles.ZERO
     return low - far, low - near, high + near, high + far
 
 
 def value_jumps(values: tuple[Floats, ...]) -> Flags:
     """True for values (k,) at four points, as of `Sides`, that jump, and not their slopes alone."""
-    return Sides(values, part=PARAMETERS.rounded).jumps()
+    return Sides(values, part=doubles.ZERO).jumps()

@@ -43,19 +43,10 @@ class AssemblyParameters:
     """A start closer to the surface than this, and than half the radius of curvature, has one nearest point,
     and Gauss-Newton finds it. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at
     0.0001 and 0.01."""
-    near_of_many: float = 1e-6
-    """Curvature is not computed for many coordinates, whose starts must be closer.
-    `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 1e-7 and 1e-5."""
     curved: float = 0.5
     """The smallest second derivative of the squared distance along the surface: it is less beyond half the
     radius of curvature. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 0.05 and
     5."""
-    nearer: float = 1e-9
-    """A configuration is nearer where the square of its distance is less by more than this part.
-    `test_a_configuration_is_nearer_by_nine_digits` fails at 1e-10 and 1e-8."""
-    stationary: float = 1e-12
-    """The tangential part of the way that is rounding. `test_a_nearest_point_is_stationary_to_twelve_digits`
-    fails at 1e-13 and 1e-11."""
     starts_of_few: int = 16
     """Starts aside for the nearest point, where Gauss-Newton ends at a feasible one.
     `test_starts_aside_are_fewer_of_many_coordinates` fails at 1 and 160."""
@@ -190,7 +181,7 @@ def _configuration(search: Search) -> Floats:
         for q in _minima(search, begin, optima):
             found = _lengths(search, parts, q)
             # What shares no coordinate and no row may be near in one solution, and the rest in another.
-            nearer = found < (1 - PARAMETERS.nearer) * lengths
+            nearer = found < (1 - doubles.ZERO) * lengths
             best = np.where(nearer[parts], q, best)
             lengths = np.where(nearer, found, lengths)
     return _polished(search, surface.nearest(best, q0))
@@ -217,9 +208,7 @@ def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Flo
     q0, surface = search.state.q, search.surface()
     found = search.optimum(range(search.system.holonomic_count), begin, q0)
     if found is not None:
-        from lagcli.compiled import nearest  # here, as most starts are near or consistent
-
-        near = nearest.SAME * float(np.abs(found).max(initial=0.0))
+        near = doubles.ROOT * float(np.abs(found).max(initial=0.0))
         if any(np.abs(found - other).max(initial=0.0) <= near for other in optima):
             return
         optima.append(found)
@@ -291,7 +280,7 @@ def _is_clearly_nearest(search: Search, q: Floats) -> bool:
     if moved == 0.0:
         return True
     many = q.size > SEARCH.many
-    if moved > (PARAMETERS.near_of_many if many else PARAMETERS.near) * search.full_metric.length(
+    if moved > (doubles.ROOT if many else PARAMETERS.near) * search.full_metric.length(
         np.where(search.fixed, 0.0, size)
     ):
         return False
@@ -341,7 +330,7 @@ class _NearestConditions:
     @property
     def is_there(self) -> bool:
         """True if that is rounding."""
-        return self.distance <= PARAMETERS.stationary
+        return self.distance <= doubles.VALUE
 
     def step(self) -> Floats | None:
         """Newton's step and the way back onto the surface."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-# A change below this part of the largest value of its kind is rounding.
-MOVE_ROUNDOFF = 1e-13
 MOST_LISTED = 6
 
 
@@ -81,5 +80,5 @@ def moves(model: nouns.Model, found: Assembly) -> Moves:
 
 def _changed(names: Sequence[str], old: Floats, new: Floats) -> Iterator[Move]:
     size = max(np.abs(old).max(initial=0.0), np.abs(new).max(initial=0.0))
-    for i in np.flatnonzero(np.abs(new - old) > MOVE_ROUNDOFF * size).tolist():
+    for i in np.flatnonzero(np.abs(new - old) > doubles.VALUE * size).tolist():
         yield Move(names[i], float(old[i]), float(new[i]))

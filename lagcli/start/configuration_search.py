@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.parts import TINY
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import decompositions, metric_rows, rank
@@ -68,9 +67,6 @@ class ConfigurationSearchParameters:
     far: float = 8.0
     """So many sizes away from the start the rounding of rows that depend on one another may hide that they do not meet.
     `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1e10."""
-    faded: float = 1e-10
-    """A gradient that is this part of what it was at the start may be that of a row at its limit.
-    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1e-40."""
     ahead: float = 0.1
     """Which such a row is if it is zero this part of the way further on, too.
     `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 0."""
@@ -199,19 +195,19 @@ class Search:
         if not before:
             return False
         here, norms = MetricRows(B, self.metric), np.max([LocalRows(one).norms for one in before], axis=0)
-        fades = LocalRows(B).norms <= PARAMETERS.faded * norms
+        fades = LocalRows(B).norms <= doubles.ZERO * norms
         highest = max(rank.estimate(MetricRows(one, self.metric)).low for one in before)
         is_lower = rank.estimate(here).high < highest
         if not is_lower and not fades.any():
             return False
         given = (self.state.t, q, np.zeros(q.size), self.state.p)
         terms = np.array(self.numeric.row_terms(*given)[0]).ravel()[rows]
-        roundings = initial.PARAMETERS.roundings * np.finfo(float).eps * terms
+        roundings = initial.PARAMETERS.roundings * doubles.EPS * terms
         ahead, _ = surface.values(q + PARAMETERS.ahead * (q - begin))
         if (fades & (np.abs(f) <= roundings) & (np.abs(ahead) <= roundings)).any():
             return True
         sigma, left = decompositions.column_axes(here.dense)
-        sigma, limit = np.maximum(sigma, TINY), PARAMETERS.drift * self.metric.length(q - begin)
+        sigma, limit = np.maximum(sigma, doubles.TINY), PARAMETERS.drift * self.metric.length(q - begin)
         way = np.linalg.norm((left.T @ (f / here.lengths)) / sigma)
         unknown = np.linalg.norm((np.abs(left).T @ (roundings / here.lengths)) / sigma)
         return is_lower and bool(way > limit or (moved > PARAMETERS.far * size and unknown > limit))

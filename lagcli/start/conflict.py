@@ -33,9 +33,6 @@ class ConflictParameters:
 
     __slots__ = ()
 
-    apart: float = 1e-7
-    """Of rows of length one: the part of b that is left after the best velocity, above rounding
-    (`test_rows_contradict_each_other_beyond_rounding` fails at 1e-6)."""
     shift: float = 1e-8
     """Of many rows what is left is found by sparse factors, with this part of the identity added.
     `test_what_is_left_of_many_rows_is_found_in_four_passes` fails at 1e-9 and 1e-7."""
@@ -70,7 +67,7 @@ def least(rows: LocalRows, b: Floats) -> list[int]:
     among = list(range(len(involved)))
     for i in reversed(range(len(involved))):
         fewer = [k for k in among if k != i]
-        if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > PARAMETERS.apart * scale:
+        if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > rank.PARAMETERS.small * scale:
             among = fewer
     return [involved[i] for i in among]
 
@@ -81,7 +78,7 @@ def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
     scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
     if rows.count <= metric_rows.PARAMETERS.dense:
         rest = _rest(np.array(rows.B) / lengths[:, None], scaled)
-        return [int(i) for i in np.flatnonzero(np.abs(rest) > PARAMETERS.apart * scale)]
+        return [int(i) for i in np.flatnonzero(np.abs(rest) > rank.PARAMETERS.small * scale)]
     unit = MetricRows(rows.B, Metric.unit(rows.B.shape[1]))
     rest = scaled
     for _ in range(PARAMETERS.passes):

@@ -14,12 +14,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem, position_rows
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
-from lagcli.start import initial, projection
+from lagcli.start import configuration_search, initial, projection
 from lagcli.start.configuration_search import SEED, Search
 from lagcli.start.initial import State
 
@@ -37,15 +38,6 @@ class GapParameters:
 
     rounds: int = 30
     """Changes of the active set. `test_the_active_constraints_change_thirty_times` fails at 3 and 300."""
-    offsets: tuple[float, ...] = (0.01, 0.1, 0.3, 1.0)
-    """Starts aside of a configuration where a gradient has no value.
-    `test_starts_for_the_allowed_side_lie_in_four_distances` fails at a tenth and at ten times of it."""
-    pulling: float = 1e-9
-    """Pulls smaller than this part of the largest push are rounding.
-    `test_a_pull_of_nine_digits_less_than_the_pushes_is_rounding` fails at 1e-10 and 1e-8."""
-    roundoff: float = 1e-14
-    """Gaps that are this small a part of the size of a configuration are none
-    (`test_a_gap_of_some_digits_is_brought_to_zero` fails at 1e-13)."""
 
 
 PARAMETERS = GapParameters()
@@ -194,7 +186,7 @@ def nearest(search: Search, q: Floats) -> Floats:
 def settled(system: System, numeric: NumericSystem, state: State) -> State:
     """A consistent state with the gaps that decimals have put below zero at zero."""
     found = at_state(system, numeric, state)
-    if found.violated or not (found.g < -PARAMETERS.roundoff * float(np.abs(state.q).max(initial=0.0))).any():
+    if found.violated or not (found.g < -doubles.SUM * float(np.abs(state.q).max(initial=0.0))).any():
         return state
     search = Search(system, numeric, state, np.zeros(state.q.size, dtype=bool))
     reached = BoundarySurface(search, np.flatnonzero(found.g <= 0.0).tolist()).descend(state.q)
@@ -226,7 +218,7 @@ def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
     touched = np.zeros(q.size, dtype=bool)
     touched[LocalRows(BoundarySurface(search, active).rows(q)[1]).column] = True
     touched &= ~search.fixed
-    for part in PARAMETERS.offsets:
+    for part in configuration_search.PARAMETERS.offsets:
         yield q + np.where(touched, part * search.size(q0, touched), 0.0) * random.standard_normal(q.size)
 
 
@@ -242,7 +234,7 @@ def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
     pushes[chosen] = enforced.weights(LocalRows(B[chosen, :]).times(q - search.state.q))
     own = pushes[B.shape[0] - len(active) :]
     worst = int(np.argmin(own))
-    return active[worst] if own[worst] < -PARAMETERS.pulling * float(np.abs(pushes).max()) else None
+    return active[worst] if own[worst] < -doubles.ZERO * float(np.abs(pushes).max()) else None
 
 
 def _none_found(search: Search, found: Gaps, active: list[int]) -> diagnostics.ModelError:

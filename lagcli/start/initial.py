@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem, pattern
-from lagcli.compiled.parts import TINY
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -30,16 +30,9 @@ class StartParameters:
 
     __slots__ = ()
 
-    consistent: float = 1e-9
-    """Largest residual of a consistent start, as a part of the size of the coordinates (or speeds) in the
-    row: what is left of numbers written to ten digits (`test_a_start_is_on_a_row_to_the_digits_of_decimals`
-    fails at 1e-10 and 1e-8)."""
     least: float = 1e-3
     """A coordinate near zero is no smaller than this part of the largest one, from which it was computed
     (`test_a_coordinate_near_zero_has_the_rounding_of_larger_ones` fails at 1e-4 and 1e-2)."""
-    slowest: float = 1e-6
-    """Speeds are no smaller than this part of the size that they would cross in the duration
-    (`test_a_system_at_rest_has_the_rounding_of_its_speeds` fails at 1e-7 and 1e-5)."""
     probes: int = 12
     """Steps, each a tenth of the one before, at which the curvature of a row is probed.
     `test_the_curvature_of_a_row_is_probed_at_twelve_distances` fails at 1 and 120."""
@@ -199,11 +192,7 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
     # by something like its size in the time of the run.
     # As a plain number: in the shortest of times it is more than any, inf.
-    slow = (
-        PARAMETERS.slowest
-        * float(np.abs(state.q).max(initial=0.0))
-        / (system.model.simulation.duration or 1.0)
-    )
+    slow = doubles.ROOT * float(np.abs(state.q).max(initial=0.0)) / (system.model.simulation.duration or 1.0)
     speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
     position = np.abs(f) / norms[:s]
 
@@ -213,14 +202,12 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     violations = np.zeros(norms.size)
     violations[:s] = position
     allowed = limits(rows_at, state, rows, violations)[:s]
-    velocity, allowed_velocity = np.abs(rows.times(state.v) + b) / norms, PARAMETERS.consistent * speed
+    velocity, allowed_velocity = np.abs(rows.times(state.v) + b) / norms, doubles.ZERO * speed
     if not (velocity <= allowed_velocity).all():
         # What a row demands of velocities may be the rounding of terms that cancel, 100 (cos(x) - y/2) at x = pi/3; the
         # nearest velocity leaves a part of it to every row beside it.
         terms = np.array(numeric.row_terms(state.t, state.q, state.v, state.p)[1]).ravel()[: norms.size]
-        allowed_velocity += (
-            PARAMETERS.roundings * np.finfo(float).eps * float((terms / norms).max(initial=0.0))
-        )
+        allowed_velocity += PARAMETERS.roundings * doubles.EPS * float((terms / norms).max(initial=0.0))
     return Residuals(position, velocity, allowed, allowed_velocity, rows.norms == 0, norms)
 
 
@@ -231,7 +218,7 @@ def limits(
 
     rows_at: the rows at other configurations q (n,); rows: at the state.
     """
-    found = PARAMETERS.roundings * np.finfo(float).eps * _sizes(rows, state.q)
+    found = PARAMETERS.roundings * doubles.EPS * _sizes(rows, state.q)
     if (residuals > found).any():
         found += _explained(rows_at, state, rows)
     return np.asarray(found)
@@ -277,7 +264,7 @@ def require_squares(system: System, numeric: NumericSystem, state: State, metric
         with np.errstate(over="ignore", under="ignore"):
             squares = lengths**2
         # What is added to squares that are divided by must not count.
-        is_beyond = (squares < TINY / np.finfo(float).eps) | ~np.isfinite(squares)
+        is_beyond = (squares < doubles.TINY / doubles.EPS) | ~np.isfinite(squares)
         for i in np.flatnonzero(is_beyond & (lengths != 0))[:1]:
             row = system.multiplier_rows[int(i)]
             size = (
@@ -308,7 +295,7 @@ def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: Local
         with np.errstate(all="ignore"):  # a row may have no value there, or not change
             estimate = step * rows.norms / LocalRows.difference(rows, there).norms
         radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
-    return np.asarray(PARAMETERS.consistent * np.minimum(sizes, radius))
+    return np.asarray(doubles.ZERO * np.minimum(sizes, radius))
 
 
 def _sizes(rows: LocalRows, values: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
@@ -25,8 +26,8 @@ class LipschitzParameters:
 
     __slots__ = ()
 
-    distances: tuple[float, ...] = (1e-6, 1e-8, 1e-10, 1e-12)
-    """Distances from the start over which slopes are compared, each a hundredth of the one before.
+    distances: tuple[float, ...] = tuple(np.geomspace(doubles.ROOT, doubles.VALUE, 4).tolist())
+    """Distances from the start over which slopes are compared, each about a hundredth of the one before.
     `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails for a tenth and ten times of them."""
     grows: float = 1.3
     """Slopes that grow by this each time the distance shrinks by a hundred have no bound. Those of |x|^a grow by
@@ -34,9 +35,6 @@ class LipschitzParameters:
     wide: float = 1e-2
     """A function that is smooth over this distance gives the scale of its changes.
     `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails at 1e-3 and 0.1."""
-    rounded: float = 1e-9
-    """A change below this part of the scale may be rounding.
-    `test_a_change_below_nine_digits_may_be_rounding` fails at 1e-10 and 1e-8."""
     directions: int = 3
     """Directions in which it is looked, there and back.
     `test_of_many_entries_slopes_are_looked_at_in_one_direction` fails at 0 and 30."""
@@ -73,7 +71,7 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
                 scale = np.fmax(scale, changes[0])
                 slopes = changes[1:] / np.array(PARAMETERS.distances)[:, None]
                 ratios = slopes[1:] / slopes[:-1]
-                is_rounding = changes[2:] <= PARAMETERS.rounded * scale
+                is_rounding = changes[2:] <= doubles.ZERO * scale
                 # The shortest distance alone may be one over which no change is seen.
                 growing |= ((ratios > PARAMETERS.grows) & ~is_rounding)[:-1].all(axis=0) & (
                     (ratios[-1] > PARAMETERS.grows) | is_rounding[-1]
@@ -102,7 +100,7 @@ def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
 
     long, short = PARAMETERS.distances[:2]
     here = values(0.0, ways[0])
-    floor = PARAMETERS.rounded * np.abs(here)
+    floor = doubles.ZERO * np.abs(here)
     with np.errstate(invalid="ignore", over="ignore"):
         for way in ways:
             for side in (1.0, -1.0):

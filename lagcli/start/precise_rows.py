@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
 from lagcli.linear import decompositions, independent_rows, rank, surface
@@ -41,9 +42,6 @@ class PreciseRowsParameters:
     zero: Decimal = Decimal("1e-40")
     """What is left below this of a row of length one, or of f as a part of the coordinates, vanishes.
     `test_a_state_is_on_the_surface_to_forty_digits` fails at 1e-41 and 1e-39."""
-    rounding: float = 1e-14
-    """Rows that are nearer than this to dependent ones are meant to be so: their coefficients have no more digits.
-    `test_rows_within_the_rounding_of_their_coefficients_are_dependent` fails at 1e-15 and 1e-13."""
     movable: float = 1e-10
     """Where rows are farther than this from dependent ones a state beside the surface is moved onto it.
     `test_a_state_is_moved_where_rows_are_clear_to_ten_digits` fails at 1e-11 and 1e-9."""
@@ -74,7 +72,7 @@ class PreciseRows:
                 rows, holonomic, f[[numbers[k] for k in holonomic]], initial.size(self._state.q)
             )
         sigma = decompositions.singular_values(rows.dense)
-        clear = sigma[sigma > PARAMETERS.rounding]
+        clear = sigma[sigma > doubles.SUM]
         if not clear.size or clear.min() > rank.PARAMETERS.large:
             return None  # others are rounding: there is no doubt, and nothing is written out
         if self._program is None:

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import decompositions, generic_direction, metric_rows, rank
@@ -43,9 +44,6 @@ class SamplePointParameters:
     """Steps of one walk. `test_four_points_are_reached_by_walks_of_three_steps` fails at 0 and 30."""
     step: float = 0.2
     """The length of a step. `test_four_points_are_reached_by_walks_of_three_steps` fails at 0.02 and 2."""
-    flat: float = 1e-9
-    """A gradient that is this part of what it is as far aside as `offset` vanishes: what is left is rounding.
-    `test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside` fails at 1e-10 and 1e-8."""
     offset: float = 1e-2
     """How far aside that is looked at. `test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside` fails
     at 0.001 and 0.1."""
@@ -157,7 +155,7 @@ def vanishing(rows_at: Callable[[Floats], LocalRows], point: State) -> npt.NDArr
     direction = generic_direction.direction(point.q.size, SEED)
     off = rows_at(point.q + PARAMETERS.offset * initial.size(point.q) * direction)
     with np.errstate(invalid="ignore"):  # a row may have no value aside
-        return np.asarray(rows_at(point.q).norms <= PARAMETERS.flat * off.norms)
+        return np.asarray(rows_at(point.q).norms <= doubles.ZERO * off.norms)
 
 
 def is_finite(numeric: NumericSystem, point: State) -> bool:

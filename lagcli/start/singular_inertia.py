@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.frozen import frozen_value
 from lagcli.linear.metric_rows import Sparse
 
@@ -25,18 +26,12 @@ class SingularInertiaParameters:
     most_named: int = 4
     """Coordinates of a motion that are named, so that a sentence stays one.
     `test_four_coordinates_of_a_motion_are_named` fails at 0 and 40."""
-    seen: float = 1e-6
-    """The part of the largest from which on a coordinate belongs to a motion.
-    `test_a_coordinate_belongs_to_a_motion_from_a_millionth` fails at 1e-8 and 1e-4."""
     fallen: float = 1e-3
     """The part of an inertia at the start below which it is reported that it has fallen.
     `test_an_inertia_has_fallen_below_a_thousandth` fails at 1e-4 and 1e-2."""
     most_asked: int = 300
     """Coordinates of which this is asked: it takes eigenvalues.
     `test_the_inertia_of_three_hundred_coordinates_is_compared` fails at 30 and 3000."""
-    negative: float = 1e-9
-    """A least eigenvalue that is below zero by this part of the largest is negative, and not zero to rounding.
-    `test_an_inertia_is_negative_beyond_rounding` fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = SingularInertiaParameters()
@@ -89,7 +84,7 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
     motion = scale * vectors[:, 0]
     along = int(np.argmax(np.abs(vectors[:, 0])))
     shown = _motion(motion, names)
-    if values[0] > -PARAMETERS.negative * values[-1]:
+    if values[0] > -doubles.ZERO * values[-1]:
         message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
         hint = (
             "leave out a coordinate that describes the same motion as others (where a constraint fixes it, insert"
@@ -128,7 +123,7 @@ def _motion(motion: Floats, names: Sequence[str]) -> str:
     """A motion as its rates, the largest 1 in size: `rate(x) = 1, rate(y) = -1`."""
     largest = np.abs(motion).max()
     part = motion / motion[int(np.argmax(np.abs(motion) > 0.999 * largest))]
-    moved = np.flatnonzero(np.abs(part) > PARAMETERS.seen).tolist()
+    moved = np.flatnonzero(np.abs(part) > doubles.ROOT).tolist()
     named = [f"{_rate(names[i])} = {part[i]:.4g}" for i in moved[: PARAMETERS.most_named]]
     more = len(moved) - len(named)
     return f"({', '.join(named)}{f' and {more} more' if more else ''})"

@@ -20,8 +20,7 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.contact.least_distance import EPS
-from lagcli.equations import power_series
+from lagcli import doubles
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.linear import decompositions, rank
 from lagcli.statics import power_signs
@@ -134,7 +133,7 @@ class FlatEquations:
         """
         n, rest = q.size, RestEquations(self._problem, tuple(self._closed), self.scales)
         # What is below the rounding of lengths is zero, so that its powers, and lambda of them, are no underflow.
-        least = EPS * self.scales.length
+        least = doubles.EPS * self.scales.length
         q = np.where(np.abs(q) <= least, 0.0, q)
         balancing = rest.multipliers(q)
         lam = lam if balancing is None else rest.all_multipliers(balancing[0])
@@ -161,7 +160,7 @@ class FlatEquations:
         # Forces are measured by their terms: far from all sources they may be tiny, and still none is zero.
         terms = self._residual(np.concatenate([q, lam[self._acting]])[:, None], self._sizes(q, lam)[:, None])
         unit = 1.0 if terms is None else float(terms[1][: q.size].max(initial=0.0)) or 1.0
-        if unit < power_series.PARAMETERS.least:
+        if unit < doubles.TINY:
             raise UnderflowError
         across, down = np.ones(A.shape[1]), np.ones(A.shape[0])
         across[q.size :], down[: q.size] = unit, 1 / unit
@@ -170,7 +169,7 @@ class FlatEquations:
             across /= decompositions.lengths((A * down[:, None] * across).T)
         inverse = decompositions.pseudo_inverse(A * down[:, None] * across)
         # Entries of rounding are none: what is zero by structure would be divided by the unit of force.
-        inverse[np.abs(inverse) <= PARAMETERS.roundings * EPS * np.abs(inverse).max()] = 0.0
+        inverse[np.abs(inverse) <= PARAMETERS.roundings * doubles.EPS * np.abs(inverse).max()] = 0.0
         residual = np.concatenate([values.F + rows.T @ lam[self._acting], values.c, g, np.zeros(k)])
         return residual, A, np.asarray(across[:, None] * inverse * down)
 
@@ -183,7 +182,7 @@ class FlatEquations:
         if any(each is None for each in found):
             return None
         rho, sizes = (np.array([each[part] for each in found if each is not None]) for part in (0, 1))
-        return _Expansion(rays, rho, PARAMETERS.roundings * EPS * sizes)
+        return _Expansion(rays, rho, PARAMETERS.roundings * doubles.EPS * sizes)
 
     def _sizes(self, q: Floats, lam: Floats) -> Floats:
         """The sizes of the unknowns: of coordinates no less than that of things."""
@@ -196,7 +195,7 @@ class FlatEquations:
         fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
         unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
         function = problem.balance_series(tuple(self._closed))
-        found = function.at([unknowns, fixed], count, PARAMETERS.roundings * EPS)[0]
+        found = function.at([unknowns, fixed], count, PARAMETERS.roundings * doubles.EPS)[0]
         if any(each.known < count for each in found):
             return None
         nothing = np.zeros(self._all.shape[1])

@@ -22,7 +22,7 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.contact.least_distance import EPS
+from lagcli import doubles
 from lagcli.linear import decompositions, rank
 
 Floats = npt.NDArray[np.float64]
@@ -176,7 +176,7 @@ def _clear_terms(
     for order in orders:
         exponents, values, floors = _coefficients(rays, forms[:, order - 1], roundings[:, order - 1], order)
         # The axes have a rounding of their own.
-        floors = floors + PARAMETERS.roundings * EPS * float(np.abs(values).max(initial=0.0))
+        floors = floors + PARAMETERS.roundings * doubles.EPS * float(np.abs(values).max(initial=0.0))
         found |= {
             at: (value, floor)
             for at, value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True)
@@ -319,5 +319,5 @@ def _shifted(terms: Terms, s: float, slope: Fraction) -> Terms:
             factor = comb(j, k) * s ** (j - k)
             entry = found.setdefault((i + slope * (j - k), k), [0.0, 0.0])
             entry[0] += value * factor
-            entry[1] += (rounding + PARAMETERS.roundings * EPS * abs(value)) * abs(factor)
+            entry[1] += (rounding + PARAMETERS.roundings * doubles.EPS * abs(value)) * abs(factor)
     return {at: (value, rounding) for at, (value, rounding) in found.items()}

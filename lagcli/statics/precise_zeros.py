@@ -13,10 +13,9 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import memory
+from lagcli import doubles, memory
 from lagcli.compiled import multiprecision
 from lagcli.compiled.program import Program
-from lagcli.contact.least_distance import EPS
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
 from lagcli.statics import flat_directions, polynomial_equations
@@ -91,10 +90,10 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
         return None
     # What is below the rounding of lengths is zero.
     q = found[: problem.n]
-    found[: problem.n] = np.where(np.abs(q) <= EPS * equations.scales.length, 0.0, q)
+    found[: problem.n] = np.where(np.abs(q) <= doubles.EPS * equations.scales.length, 0.0, q)
     # A point that is right to rounding, its multipliers too, stays where doubles balance.
     moved, n = np.abs(found - x), problem.n
-    is_rounding = moved[:n].max(initial=0.0) <= 8 * EPS * equations.scales.length
+    is_rounding = moved[:n].max(initial=0.0) <= 8 * doubles.EPS * equations.scales.length
     is_rounding &= moved[n:].max(initial=0.0) <= PARAMETERS.doubtful * np.abs(x[n:]).max(initial=0.0)
     return x if is_rounding else found
 

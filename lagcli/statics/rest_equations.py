@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.program import Program
-from lagcli.contact.least_distance import EPS
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
@@ -139,12 +139,12 @@ class RestEquations:
             )
             # What the last digit of the coordinates moves is balanced: in a flat cloth nothing else acts sideways.
             # Beside a pole that is no rounding.
-            blur = np.minimum(EPS * (np.abs(values.K) @ np.abs(q)), self.scales.forces * SMALL**3)
+            blur = np.minimum(doubles.EPS * (np.abs(values.K) @ np.abs(q)), self.scales.forces * SMALL**3)
             left = np.maximum(np.abs(values.F + rows.T @ lam) - blur, 0.0)
             worst = max(worst, (left / parts).max(initial=0.0))
             # And where it grows so far that its rounding is a force, nothing is balanced.
             largest = max(self.scales.force, float(np.abs(values.F).max(initial=0.0)))
-            worst = max(worst, EPS * float(terms.max(initial=0.0)) / largest)
+            worst = max(worst, doubles.EPS * float(terms.max(initial=0.0)) / largest)
             size = max(self.scales.length, float(np.abs(q).max(initial=0.0)))
             lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * SMALL
             worst = max(worst, (np.abs(values.c) / (lengths * size)).max(initial=0.0))
@@ -164,14 +164,14 @@ class RestEquations:
         unknowns = [PowerSeries(*pair) for pair in zip(x[:, None], sizes[:, None], strict=True)]
         fixed = [constant(value, 1) for value in (problem.t, *problem.p.tolist())]
         try:
-            forces = problem.balance_series(self.closed).at([unknowns, fixed], 1, EPS)[0][:n]
+            forces = problem.balance_series(self.closed).at([unknowns, fixed], 1, doubles.EPS)[0][:n]
         except UnderflowError:
             return 0.0
         if any(not each.known for each in forces):
             return 0.0
         F = problem.at(problem.t, x[:n], problem.nothing).F
         largest = max(self.scales.force, float(np.abs(F).max(initial=0.0)))
-        return EPS * max(float(each.size[-1]) for each in forces) / largest
+        return doubles.EPS * max(float(each.size[-1]) for each in forces) / largest
 
 
 def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:

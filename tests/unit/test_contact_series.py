@@ -8,6 +8,7 @@ import pytest
 import sympy
 
 import lagcli
+from lagcli import doubles
 from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, SeriesFunction
 from lagcli.simulation.closed_contacts import contact_series
@@ -137,7 +138,7 @@ def test_loads_of_a_high_power_decide() -> None:
 def test_a_coefficient_of_a_few_roundings_is_none(roundings: int, is_none: bool) -> None:
     """Of terms that cancel up to so many roundings of the sum of their sizes."""
     t = ca.SX.sym("t")
-    value = (t + 1) * (1 + 2 * roundings * contact_series.EPS) - (t + 1)
+    value = (t + 1) * (1 + 2 * roundings * doubles.EPS) - (t + 1)
     found = series_of(value, [t], [[0.0, 1.0, 0.0]])
-    room = contact_series.PARAMETERS.roundings * contact_series.EPS * found.size
+    room = contact_series.PARAMETERS.roundings * doubles.EPS * found.size
     assert bool(abs(found.c[0]) <= room[0]) == is_none

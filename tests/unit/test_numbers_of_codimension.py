@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli import doubles
 from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
 from lagcli.analysis.codimension.manifold import Manifold
 from lagcli.api.models import cache
@@ -139,7 +140,7 @@ def test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates(jump, answer
 # Second derivatives
 
 
-@pytest.mark.parametrize(("shift", "is_proved"), [(3e-14, True), (3e-13, False)])
+@pytest.mark.parametrize(("shift", "is_proved"), [(3e-15, True), (3e-13, False)])
 def test_a_start_is_where_the_stress_balances(shift, is_proved, monkeypatch):
     monkeypatch.setattr(second_order, "_rigid_stress", lambda *_: (np.ones(1), 0))
     monkeypatch.setattr(second_order.manifold, "along", lambda *_: "manifold")
@@ -166,11 +167,11 @@ def test_the_weight_of_the_barrier_grows_by_eight(monkeypatch):
     centers = Centers(0.0)
     monkeypatch.setattr(second_order, "_centered", centers)
     assert second_order.definite_combination(np.ones((1, 1, 1))) is None
-    assert centers.weights == [8.0**k for k in range(8)]  # 2 / 8**7 is the first below 1e-6
+    assert centers.weights == [8.0**k for k in range(9)]  # 2 / 8**8 is the first below a millionth
 
 
 def test_the_weight_of_the_barrier_grows_sixty_times(monkeypatch):
-    centers = Centers(second_order.PARAMETERS.definite)
+    centers = Centers(doubles.ROOT)
     monkeypatch.setattr(second_order, "_centered", centers)
     assert second_order.definite_combination(np.ones((1, 1, 1))) is None
     assert len(centers.weights) == 60

@@ -61,12 +61,6 @@ def test_a_flow_that_is_off_after_three_extrapolations_is_left(off, count, flow)
     assert len(flow(off / (8 / 15))[0]) == count
 
 
-@pytest.mark.parametrize(("off", "count"), [(3e-13, 2), (3e-12, 8)])
-def test_a_flow_has_converged_to_twelve_digits(off, count, flow):
-    # The first extrapolation of 1, -1 differs from -1 by 2/3.
-    assert len(flow(off / (2 / 3))[0]) == count
-
-
 @pytest.mark.parametrize(("error", "is_there"), [(3e-6, True), (3e-5, False)])
 def test_a_flow_ends_somewhere_to_five_digits(error, is_there, places, monkeypatch):
     monkeypatch.setattr(flag_points, "_flow", lambda along, x, scale: (x, error))
@@ -282,11 +276,6 @@ def test_a_path_is_followed_in_finer_steps_to_ninety_six(followed):
     assert steps == [6, 12, 24, 48, 96]
 
 
-@pytest.mark.parametrize(("change", "count"), [(1e-12, 2), (1e-11, 5)])
-def test_a_path_that_no_longer_changes_is_exact(change, count, followed):
-    assert len(followed(change)[1]) == count
-
-
 @pytest.mark.parametrize(("change", "steps"), [(3e-7, 96), (3e-6, 48)])
 def test_a_path_that_still_changes_at_forty_eight_steps_is_given_up(change, steps, followed):
     found, taken = followed(change)
@@ -335,19 +324,14 @@ def proved(monkeypatch):
     return made
 
 
-@pytest.mark.parametrize(("residual", "holds"), [(3e-12, True), (3e-11, False)])
-def test_a_path_keeps_the_rows_to_eleven_digits(residual, holds, proved):
+@pytest.mark.parametrize(("residual", "holds"), [(3e-10, True), (3e-9, False)])
+def test_a_path_keeps_the_rows_to_rounding(residual, holds, proved):
     assert (proved(residual=residual)[0] is not None) is holds
 
 
-@pytest.mark.parametrize(("error", "is_known"), [(3e-8, True), (3e-7, False)])
-def test_an_amount_is_known_to_seven_digits(error, is_known, proved):
+@pytest.mark.parametrize(("error", "is_known"), [(3e-7, True), (3e-6, False)])
+def test_an_amount_is_known_to_six_digits(error, is_known, proved):
     assert (proved(error=error)[0] is not None) is is_known
-
-
-@pytest.mark.parametrize(("length", "moves"), [(3e-11, 1), (3e-10, 2)])
-def test_a_move_of_ten_digits_less_is_left_out(length, moves, proved):
-    assert len(proved(lengths=(1.0, length))[1]) == moves
 
 
 def test_twelve_points_of_a_segment_are_kept(proved, monkeypatch):
@@ -433,13 +417,6 @@ def test_holonomic_rows_are_turned_by_half_a_radian():
     assert place * noise[0] / noise == pytest.approx(0.5 * np.sign(noise[0]), rel=1e-4)
 
 
-@pytest.mark.parametrize(("edge", "is_seen"), [(3e-7, True), (3e-6, False)])
-def test_the_turn_of_rows_is_seen_over_a_millionth(edge, is_seen):
-    edge *= np.random.default_rng(0).standard_normal(3)[0]
-    place, _ = bent_place(lambda x: x + 1e-3 * (x > edge))
-    assert bool(abs(place[0]) < 0.1) is is_seen
-
-
 def test_particles_are_drawn_together_to_seven_tenths():
     start = np.array([1.0, 2.0, 3.0, 5.0, 7.0, 9.0])
     place, noise = bent_place(lambda x: 0.0, start, ())
@@ -476,13 +453,6 @@ def test_led_coordinates_have_a_pole_from_a_condition_of_a_million(angle, count)
     assert len(frames(A, 3, 3)) == count
 
 
-@pytest.mark.parametrize(("angle", "count"), [(3e-6, 1), (3e-7, 0)])
-def test_rows_of_which_a_millionth_is_left_depend_on_others(angle, count):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(witness_search.WitnessSearchParameters, "pole", 1e12)
-        assert len(frames([[1.0, 0.0, 0.0], [1.0, angle, 0.0]], 2, 2)) == count
-
-
 @pytest.mark.parametrize(("others", "count"), [(200, 2), (201, 0)])
 def test_up_to_two_hundred_sets_of_coordinates_all_are_tried(others, count, monkeypatch):
     orbit = SimpleNamespace(tangent=np.zeros((others + 2, 2)), lift=lambda closed: np.ones((others + 2, 1)))
@@ -495,11 +465,6 @@ def test_of_one_condition_two_goals_are_tried_and_of_more_one(missing, count, mo
     orbit = SimpleNamespace(tangent=np.zeros((7, 1 + missing)), lift=lambda closed: np.ones((7, 1)))
     monkeypatch.setattr(witness_search._WitnessSearch, "_is_crossed", lambda search, lift: True)
     assert len(list(search(Part(6), orbit)._goals(orbit, 0, NONE))) == count
-
-
-@pytest.mark.parametrize(("length", "is_solved_for"), [(3e-10, False), (3e-9, True)])
-def test_a_column_of_nine_digits_less_is_not_solved_for(length, is_solved_for):
-    assert bool(witness_search._pivots(np.array([[length, 1.0]]), 0).size) is is_solved_for
 
 
 def test_a_loop_of_any_shape_has_four_pieces_or_six(monkeypatch):
@@ -565,13 +530,6 @@ def test_rough_paths_come_near_to_five_digits(miss, rough, monkeypatch):
     words = Solving(monkeypatch, [miss, 0.0, 0.0])
     words.solve()
     assert len(words.rough) == rough
-
-
-@pytest.mark.parametrize(("miss", "fine"), [(3e-14, 1), (3e-13, 2)])
-def test_fine_paths_close_to_thirteen_digits(miss, fine, monkeypatch):
-    words = Solving(monkeypatch, [0.0, miss, 0.0])
-    assert len(words.solve()) == 1
-    assert len(words.fine) == fine
 
 
 def test_rough_paths_come_near_in_sixteen_turns(monkeypatch):
@@ -650,11 +608,6 @@ def test_an_orbit_is_explored_by_forty_paths_of_three_pieces(monkeypatch):
     assert [steps for _, steps in asked] == [2, 4]
 
 
-@pytest.mark.parametrize(("off", "count"), [(3e-7, 20), (3e-6, 19)])
-def test_a_path_comes_back_to_six_digits(off, count, monkeypatch):
-    assert carried(monkeypatch, off)[0] == count
-
-
 @pytest.mark.parametrize(("lost", "is_explored"), [(3, True), (5, False)])
 def test_an_orbit_is_explored_where_four_in_five_paths_come_back(lost, is_explored, monkeypatch):
     assert carried(monkeypatch, 1.0, lost)[1] is is_explored
@@ -692,11 +645,6 @@ def local_part(slope):
 @pytest.mark.parametrize(("length", "unit"), [(3e4, 1e4), (3e5, 1.0), (3e-5, 1e-5), (3e-6, 1.0)])
 def test_units_of_a_part_are_within_five_digits_of_one(length, unit):
     assert local_part(lambda x: x / length).scale[0] == pytest.approx(unit)
-
-
-@pytest.mark.parametrize(("edge", "unit"), [(3e-7, 1e-2), (3e-6, 1.0)])
-def test_the_turn_of_a_row_is_seen_over_a_millionth_too(edge, unit):
-    assert local_part(lambda x: 1e-4 * (x > edge)).scale[0] == pytest.approx(unit)
 
 
 @pytest.mark.parametrize(

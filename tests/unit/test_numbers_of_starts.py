@@ -59,19 +59,6 @@ def test_starts_aside_are_fewer_of_many_coordinates(count, most):
     assert len(assembly._neighbours(search)) == most
 
 
-@pytest.mark.parametrize(("part", "is_nearer"), [(3e-10, False), (3e-9, True)])
-def test_a_configuration_is_nearer_by_nine_digits(part, is_nearer, monkeypatch):
-    surface = SimpleNamespace(nearest=lambda q, q0: q)
-    search = search_of(surface=lambda: surface, components=lambda: (None, np.zeros(1, dtype=int)))
-    monkeypatch.setattr(assembly, "_feasible", lambda search: np.zeros(1))
-    monkeypatch.setattr(assembly, "_is_clearly_nearest", lambda *_: False)
-    monkeypatch.setattr(assembly, "_neighbours", lambda search: [])
-    monkeypatch.setattr(assembly, "_minima", lambda *_: [np.ones(1)])
-    monkeypatch.setattr(assembly, "_lengths", lambda search, parts, q: np.array([1.0 - part * q[0]]))
-    monkeypatch.setattr(assembly, "_polished", lambda search, q: q)
-    assert bool(assembly._configuration(search)[0]) is is_nearer
-
-
 @pytest.fixture
 def polished(monkeypatch):
     """The Newton steps of a nearest point whose way along the surface becomes smaller like this."""
@@ -87,11 +74,6 @@ def polished(monkeypatch):
         return len(steps)
 
     return made
-
-
-@pytest.mark.parametrize(("way", "steps"), [(3e-13, 0), (3e-12, 1)])
-def test_a_nearest_point_is_stationary_to_twelve_digits(way, steps, polished):
-    assert polished([way, 0.0]) == steps
 
 
 def test_a_start_goes_four_steps_towards_the_nearest_point_to_show_where_it_leads():
@@ -145,22 +127,6 @@ def test_the_active_constraints_change_thirty_times(monkeypatch):
     with pytest.raises(LookupError):
         gaps.nearest(search, np.zeros(1))
     assert len(rounds) == 30 + 1  # the last for the message
-
-
-@pytest.mark.parametrize(("pull", "is_released"), [(3e-10, False), (3e-9, True)])
-def test_a_pull_of_nine_digits_less_than_the_pushes_is_rounding(pull, is_released, monkeypatch):
-    surface = SimpleNamespace(rows=lambda q: (None, ca.DM.eye(2)))
-    monkeypatch.setattr(gaps, "BoundarySurface", lambda *_: surface)
-    found = gaps._to_release(search_of(2, metric=Metric.unit(2)), [3, 4], np.array([1.0, -pull]))
-    assert found == (4 if is_released else None)
-
-
-def test_starts_for_the_allowed_side_lie_in_four_distances(monkeypatch):
-    surface = SimpleNamespace(rows=lambda q: (None, ca.DM(np.ones((1, 900)))))
-    monkeypatch.setattr(gaps, "BoundarySurface", lambda *_: surface)
-    begins = list(gaps._begins(search_of(900), [0], np.zeros(900)))
-    away = np.linalg.norm(begins, axis=1) / 30
-    assert away == pytest.approx([0.0, 0.0, 0.01, 0.1, 0.3, 1.0], rel=0.1)
 
 
 # Rows that contradict each other

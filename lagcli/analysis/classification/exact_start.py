@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from functools import cached_property
 
-import numpy as np
-
+from lagcli import doubles
 from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.linear import independent_rows
 from lagcli.linear.metric import Metric
@@ -28,7 +27,7 @@ from lagcli.start.initial import State
 Digits = dict[Symbol, Fraction]
 
 # What is written, evaluated in doubles, differs from it by some roundings.
-ROUNDING = 4 * float(np.finfo(float).eps)
+ROUNDING = 4 * doubles.EPS
 
 
 class ExactStart:
@@ -82,10 +81,9 @@ class ExactStart:
         here = dict(origin)
         for x in moving:
             k = self._numbers[x.name]
-            if abs(begin.q[k] - self._declared.q[k]) > initial.PARAMETERS.consistent * size:
+            if abs(begin.q[k] - self._declared.q[k]) > doubles.ZERO * size:
                 here[x] = Fraction(repr(float(begin.q[k])))
-        doubles = self.doubles(begin)
-        there = dataclasses.replace(doubles, digits={**known, **here})
+        there = dataclasses.replace(self.doubles(begin), digits={**known, **here})
         if all(special_points.is_nothing(f, [there]) for f in self._block.surface):
             return {**known, **here}
         on = self._on_surface(here, origin, constants)

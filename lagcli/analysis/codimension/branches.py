@@ -12,6 +12,7 @@ from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.linear import decompositions, rank, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.surface import Linearized
+from lagcli.start import sample_points
 
 Floats = npt.NDArray[np.float64]
 
@@ -33,9 +34,6 @@ class BranchParameters:
     steps: int = 3
     """Steps of these. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0
     and 30."""
-    step: float = 0.2
-    """A step. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0.02 and
-    2."""
     closer: int = 4
     """Steps are 1, 1/2, ... of it by turns, in so many sizes: a branch that bends away is seen close by only.
     `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 40."""
@@ -60,7 +58,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     for point in range(PARAMETERS.points):
         z: Floats | None = part.begin
         t = times[point % len(times)] if times else part.state.t
-        size = PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
+        size = sample_points.PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
         try:
             for _ in range(PARAMETERS.steps if point < PARAMETERS.walks else 1):
                 z = None if z is None else _step(part, z, t, random, size)

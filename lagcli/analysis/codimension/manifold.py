@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
 from lagcli.linear import metric_rows, rank, surface
 from lagcli.linear.metric import Metric
@@ -38,12 +39,6 @@ class ManifoldParameters:
     """Steps of each. `test_three_walks_of_three_steps_are_made_over_a_manifold` fails at 0 and 30."""
     step: float = 0.5
     """The first try of a step. `test_a_step_over_a_manifold_is_a_half_at_first` fails at 0.05 and 5."""
-    vanishes: float = 1e-11
-    """The largest value that is rounding on a manifold that the equations follow; one that does not vanish is of
-    the size of a power of the step. `test_a_row_that_follows_vanishes_to_rounding` fails at 1e-10."""
-    off: float = 1e-9
-    """The most that counts as rounding where numbers written to some digits leave more, from the begin on.
-    `test_rows_that_are_off_at_the_start_do_not_follow` fails at 1e-10 and 1e-8."""
     roundings: int = 64
     """Roundings of the coordinates that a value may hold. `test_values_may_hold_some_roundings` fails at 6 and 640."""
     written: float = 100.0
@@ -52,9 +47,6 @@ class ManifoldParameters:
     far: tuple[float, ...] = (1e1, 1e2, 1e3, 1e4)
     """Far steps where the manifold is as flat: what is small over a unit is not over many.
     `test_a_row_that_follows_does_so_far_along_a_straight_line` fails without the last."""
-    hidden: float = 1e-7
-    """Rounding as large as this hides what does not vanish. `test_rounding_may_hide_a_row_that_does_not_follow`
-    fails at 1e-6."""
 
 
 PARAMETERS = ManifoldParameters()
@@ -109,10 +101,9 @@ class Walked(abc.ABC):
         look = self.look(z, t)
         F, off = look.F, max(off, self.left(look))
         limit = (
-            min(PARAMETERS.vanishes + PARAMETERS.written * off, PARAMETERS.off)
-            + PARAMETERS.roundings * self.rounding
+            min(doubles.VALUE + PARAMETERS.written * off, doubles.ZERO) + PARAMETERS.roundings * self.rounding
         )
-        return bool(np.abs(F).max(initial=0.0) <= limit) and limit < PARAMETERS.hidden
+        return bool(np.abs(F).max(initial=0.0) <= limit) and limit < rank.PARAMETERS.small
 
     def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
         """True if some equations do not vanish at points of the manifold far along a straight line from z."""
@@ -127,7 +118,7 @@ class Walked(abc.ABC):
                 return False  # it is curved: what Newton's method finds may be another branch
             look = self.look(there, t)
             distance = np.abs(look.F) / np.maximum(look.lengths, 1.0)
-            if distance.max(initial=0.0) > PARAMETERS.off + PARAMETERS.roundings * size * self.rounding:
+            if distance.max(initial=0.0) > doubles.ZERO + PARAMETERS.roundings * size * self.rounding:
                 return True
         return False
 

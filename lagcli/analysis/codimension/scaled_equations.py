@@ -12,9 +12,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import metric_rows
+from lagcli.linear import metric_rows, rank
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
 from lagcli.start.initial import State
@@ -32,18 +33,12 @@ class ScalingParameters:
 
     __slots__ = ()
 
-    flat: float = 1e-7
-    """Of a row whose gradient is this part of its second derivatives the gradient vanishes: what is left is how far
-    the start is from where it does. `test_a_gradient_that_is_next_to_nothing_vanishes` fails at 1e-6."""
     curled: float = 1e-4
     """The radius of curvature of rows counts as a unit of length if it is not less than this part of the
     extent. `test_a_radius_of_curvature_is_a_unit_down_to_four_digits` fails at 1e-5 and 0.001."""
     equilibrations: int = 10
     """Rounds that make generalized coordinates move the rows alike.
     `test_coordinates_are_measured_alike_after_ten_rounds` fails at 1 and 100."""
-    close: float = 1e-6
-    """The distance from the state, in units, at which the gradient is compared.
-    `test_a_gradient_that_jumps_is_not_smooth` fails at 1e-7 and 1e-5."""
     bent: float = 1e-3
     """It changes by second derivatives but for this part of them. `test_a_gradient_that_jumps_is_not_smooth` fails
     at 1e-4 and 1e-2."""
@@ -136,7 +131,7 @@ class ScaledPart:
     def rounding(self) -> float:
         """The amount by which the rounding of q moves values of F."""
         q = self.state.q[self.coordinates]
-        return float(np.finfo(float).eps * np.max(np.abs(q) / self.unit, initial=1.0))
+        return float(doubles.EPS * np.max(np.abs(q) / self.unit, initial=1.0))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -204,11 +199,11 @@ def part(system: System, numeric: NumericSystem, state: State, rows: Indices) ->
     unit = _units(system, state, coordinates, B, second)
     steep, bent = B.with_values(B.values * unit[B.column]).norms, second.norms(unit)
     with np.errstate(divide="ignore", invalid="ignore"):
-        radii = (steep / bent)[steep > PARAMETERS.flat * bent]
+        radii = (steep / bent)[steep > rank.PARAMETERS.small * bent]
     radius = float(np.median(radii)) if radii.size else 1.0
     radius = radius if PARAMETERS.curled < radius < 1.0 else 1.0
     steep, bent = steep * radius, bent * radius**2
-    weight = np.where(steep > PARAMETERS.flat * bent, steep, bent)
+    weight = np.where(steep > rank.PARAMETERS.small * bent, steep, bent)
     return dataclasses.replace(plain, unit=unit * radius, weight=np.where(weight > 0, weight, 1.0))
 
 
@@ -223,10 +218,10 @@ def is_smooth(part: ScaledPart) -> bool:
     bend = np.bincount(one, values * direction[other], minlength=direction.size)
     here = part.entries_at(z, t)[1].combined(mixed)
     limit = (
-        PARAMETERS.close * PARAMETERS.bent * max(1.0, float(np.abs(values).max(initial=0.0)))
+        doubles.ROOT * PARAMETERS.bent * max(1.0, float(np.abs(values).max(initial=0.0)))
         + PARAMETERS.roundings * part.rounding
     )
-    for side in (-PARAMETERS.close, PARAMETERS.close):
+    for side in (-doubles.ROOT, doubles.ROOT):
         change = part.entries_at(z + side * direction, t)[1].combined(mixed) - here
         if not np.abs(change - side * bend).max(initial=0.0) <= limit:  # nan neither
             return False

@@ -22,6 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.linear import rank
@@ -38,13 +39,6 @@ class SecondOrderParameters:
 
     __slots__ = ()
 
-    balanced: float = 1e-13
-    """The distance, in units of the scaled coordinates, of the start from where the stress balances:
-    rounding. From farther off a small curve through the start, as x**2 + y**2 = 1e-10 x, looks like a point;
-    smaller ones still do. `test_a_start_is_where_the_stress_balances` fails at 1e-14 and 1e-12."""
-    definite: float = 1e-6
-    """Of matrices of norm one: a smallest eigenvalue below this is no proof that it is positive.
-    `test_a_combination_is_positive_beyond_rounding` fails at 1e-7 and 1e-5."""
     growth: float = 8.0
     """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1)
     / w. `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue` fails at 0.8 and 80."""
@@ -111,7 +105,7 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
     found = manifold.along(deflated, deflated.begin, t, deflated.begin.size - kernel)
     if (
         found is None
-        or _shift(found, deflated, t) > PARAMETERS.balanced + manifold.PARAMETERS.roundings * part.rounding
+        or _shift(found, deflated, t) > doubles.SUM + manifold.PARAMETERS.roundings * part.rounding
     ):
         return None
     if not manifold.satisfies_all(found, deflated.begin, t, times):
@@ -166,9 +160,9 @@ def definite_combination(matrices: Floats) -> Floats | None:
     for _ in range(PARAMETERS.centerings):
         x = _centered(matrices, x, weight)
         gap = (m + 1) / weight
-        if x[-1] > PARAMETERS.definite and gap < PARAMETERS.sufficient * x[-1]:
+        if x[-1] > doubles.ROOT and gap < PARAMETERS.sufficient * x[-1]:
             return x[:-1]
-        if x[-1] + gap < PARAMETERS.definite:
+        if x[-1] + gap < doubles.ROOT:
             return None
         weight *= PARAMETERS.growth
     return None

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.compiled import NumericSystem, paths
 from lagcli.equations.system import System
 from lagcli.start.initial import State
@@ -38,9 +38,6 @@ class UnitParameters:
 
     __slots__ = ()
 
-    turned: float = 1e-6
-    """Of the difference quotient that shows how fast rows turn, in the units of the model.
-    `test_the_turn_of_a_row_is_seen_over_a_millionth_too` fails at 1e-7 and 1e-5."""
     steepest: float = 1e5
     """Units lie between 1 over this and this. `test_units_of_a_part_are_within_five_digits_of_one` fails at
     10000 and 1e6."""
@@ -86,9 +83,9 @@ class LocalPart:
         could not move together.
         """
         q = np.append(self.state.q[self.coordinates], self.state.t)
-        shifts = PARAMETERS.turned * np.eye(self.k + 1)[:-1]
+        shifts = doubles.STEP * np.eye(self.k + 1)[:-1]
         here = self._forms(q[None])[0]
-        turned = (self._forms(q + shifts) - self._forms(q - shifts)) / (2 * PARAMETERS.turned)
+        turned = (self._forms(q + shifts) - self._forms(q - shifts)) / (2 * doubles.STEP)
         with np.errstate(all="ignore"):
             lengths = np.linalg.norm(here, axis=1) / np.linalg.norm(turned, axis=2)
             lengths[~np.isfinite(lengths) | (lengths == 0)] = np.inf

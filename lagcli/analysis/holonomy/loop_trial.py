@@ -73,7 +73,7 @@ class LoopTrial:
         """The simplest word that closes as it stands."""
         amount, miss = self.ends
         with np.errstate(invalid="ignore"):
-            closing = np.isfinite(amount) & (miss < witness.PARAMETERS.nearly * self.goal.size)
+            closing = np.isfinite(amount) & (miss < loop_words.PARAMETERS.coarse * self.goal.size)
         return self.first(self.lengths[closing], is_drawn=True)
 
     def solved(self) -> Witness | None:

@@ -13,6 +13,7 @@ import itertools
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths
 from lagcli.linear import rank
 
@@ -41,9 +42,6 @@ class LoopWordParameters:
     coarse: float = 1e-5
     """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits` fails at 1e-6
     and 0.0001."""
-    closed: float = 1e-13
-    """Fine paths that miss by so little close: rounding. `test_fine_paths_close_to_thirteen_digits` fails at
-    1e-14 and 1e-12."""
     iterations: int = 16
     """Turns with rough paths. `test_rough_paths_come_near_in_sixteen_turns` fails at 1 and 160."""
     polish: int = 10
@@ -215,7 +213,7 @@ def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -
         ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), PARAMETERS.sure)
         miss = _asked(goal, ends - rest) - wanted
         worst = np.abs(miss).max(axis=1, initial=0.0)
-        there = worst <= PARAMETERS.closed * goal.size
+        there = worst <= doubles.VALUE * goal.size
         done += list(X[there])
         with np.errstate(invalid="ignore"):
             on = ~there & (worst < PARAMETERS.contracts * last)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.linalg import LinAlgError
 
+from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths
 from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.linear import decompositions, rank
@@ -47,9 +48,6 @@ class PathOrbitParameters:
     offset: float = 1e-4
     """Of a difference quotient. `test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides` fails at
     1e-5 and 0.001."""
-    sure: float = 1e-6
-    """The allowed part of its change with finer steps. `test_a_path_comes_back_to_six_digits` fails at 1e-7
-    and 1e-5."""
     seen: float = 1e-5
     """Directions of this part are none: above the error of the quotient, the square of its step.
     `test_a_direction_of_an_orbit_is_seen_to_five_digits` fails at 1e-6 and 0.0001."""
@@ -149,7 +147,7 @@ def _carried(
     )
     with np.errstate(invalid="ignore"):
         # Beside a pole the difference of paths is that of their errors.
-        sure = np.abs(fine - rough).max(axis=1) <= PARAMETERS.sure * np.abs(fine).max(axis=1)
+        sure = np.abs(fine - rough).max(axis=1) <= doubles.ROOT * np.abs(fine).max(axis=1)
     return np.asarray(fine[sure].T), bool(sure.mean() > PARAMETERS.most)
 
 

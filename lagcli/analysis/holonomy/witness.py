@@ -13,7 +13,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.holonomy import controlled_paths
+from lagcli import doubles
+from lagcli.analysis.holonomy import controlled_paths, loop_words
 from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
 
@@ -31,11 +32,6 @@ class WitnessParameters:
     clear: float = 0.04
     """The least amount worth showing. `test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size` fails
     at 0.004 and 0.4."""
-    nearly: float = 1e-5
-    """A coordinate that comes back so well has come back. `test_a_coordinate_has_come_back_to_five_digits`
-    fails at 1e-6 and 0.0001."""
-    nothing: float = 1e-10
-    """A move that is left out. `test_a_move_of_ten_digits_less_is_left_out` fails at 1e-11 and 1e-9."""
     shown: int = 12
     """Points of a segment that are kept. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at
     120."""
@@ -45,18 +41,6 @@ class WitnessParameters:
     finest: int = 96
     """The most steps in a segment. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at 9 and
     960."""
-    exact: float = 3e-12
-    """A path that changes by so little with finer steps, as a part of the size of its points, is exact.
-    `test_a_path_that_no_longer_changes_is_exact` fails at 3e-13 and 3e-11."""
-    hopeless: float = 1e-6
-    """One that changes by more at `coarsest` steps is not followed further.
-    `test_a_path_that_still_changes_at_forty_eight_steps_is_given_up` fails at 1e-7 and 1e-5."""
-    holds: float = 1e-11
-    """The largest |A dz| / (|A| |dz|) of a path that keeps the rows.
-    `test_a_path_keeps_the_rows_to_eleven_digits` fails at 1e-12 and 1e-10."""
-    digits: float = 1e-7
-    """An amount may not be less certain than this part of it. `test_an_amount_is_known_to_seven_digits` fails
-    at 1e-8 and 1e-6."""
 
 
 PARAMETERS = WitnessParameters()
@@ -121,7 +105,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
     """The path integrated ever finer until its end stands, and everything about it measured; None if not so."""
     part = words.frame.part
     controls = words.controls(x[None])[0]
-    paths = [controls[np.abs(controls).max(axis=1) > PARAMETERS.nothing * goal.size]]
+    paths = [controls[np.abs(controls).max(axis=1) > doubles.ZERO * goal.size]]
     if words.rest is not None:
         paths.append(words.rest)
     followed = [_followed(words.frame, goal.start, path) for path in paths]
@@ -132,13 +116,13 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
     end = points[0][-1] - (points[1][-1] if len(points) > 1 else goal.start)
     amount = float(end[goal.along])
     closure = float(np.abs(end[goal.closed]).max(initial=0.0))
-    moved = np.abs(end) > PARAMETERS.nearly * goal.size
+    moved = np.abs(end) > loop_words.PARAMETERS.coarse * goal.size
     moved[[goal.along, *goal.closed]] = False
     residual = max(_row_residual(words.frame, p, c) for p, c in zip(points, paths, strict=True))
     size = float(max(np.abs(p).max() for p in points))
-    error = float(uncertain[goal.along] + closure + 4 * np.finfo(float).eps * size)
-    clear = abs(amount) > PARAMETERS.clear * goal.size and error < PARAMETERS.digits * abs(amount)
-    if not (clear and residual < PARAMETERS.holds and _crosses(part, goal, amount, bool(moved.any()))):
+    error = float(uncertain[goal.along] + closure + 4 * doubles.EPS * size)
+    clear = abs(amount) > PARAMETERS.clear * goal.size and error < doubles.ROOT * abs(amount)
+    if not (clear and residual < doubles.ZERO and _crosses(part, goal, amount, bool(moved.any()))):
         return None
     names, scale = part.names, part.scale
     points = [p * scale for p in points]
@@ -189,9 +173,9 @@ def _followed(
             return None
         changed = np.abs(finer[-1] - points[-1])
         points = finer
-        if steps >= PARAMETERS.coarsest and changed.max() > PARAMETERS.hopeless:
+        if steps >= PARAMETERS.coarsest and changed.max() > doubles.ROOT:
             return None
-        if changed.max() <= PARAMETERS.exact * max(1.0, np.abs(points).max()):
+        if changed.max() <= doubles.VALUE * max(1.0, np.abs(points).max()):
             break
     return points, changed
 

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths, loop_words, path_orbit
 from lagcli.analysis.holonomy.local_system import LARGEST, LocalPart, LoopTimeUpError, around
 from lagcli.analysis.holonomy.loop_trial import LoopTrial
@@ -54,9 +55,6 @@ class WitnessSearchParameters:
     drawn: float = 0.7
     """The part that is left of the distances of particles from those of the row.
     `test_particles_are_drawn_together_to_seven_tenths` fails at 0.07 and 7."""
-    offset: float = 1e-6
-    """Of a difference quotient, in the units of the model. `test_the_turn_of_rows_is_seen_over_a_millionth`
-    fails at 1e-7 and 1e-5."""
     together: int = 2
     """Parts among which the simplest witness is looked for.
     `test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time` fails at 0 and 20."""
@@ -75,15 +73,6 @@ class WitnessSearchParameters:
     segments: tuple[int, ...] = (4, 6)
     """Pieces of a loop of any shape. `test_a_loop_of_any_shape_has_four_pieces_or_six` fails at a tenth and
     at ten times of it."""
-    pole: float = 1e6
-    """The condition of the led coordinates from which on they have a pole.
-    `test_led_coordinates_have_a_pole_from_a_condition_of_a_million` fails at 100000 and 1e7."""
-    least_row: float = 1e-6
-    """Rows of length one that are nearer to those before them depend on them.
-    `test_rows_of_which_a_millionth_is_left_depend_on_others` fails at 1e-7 and 1e-5."""
-    least_pivot: float = 1e-9
-    """Columns that are nearer to those before them are not solved for.
-    `test_a_column_of_nine_digits_less_is_not_solved_for` fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = WitnessSearchParameters()
@@ -132,7 +121,7 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     """
     noise = np.random.default_rng(seed).standard_normal(state.q.size)
     here, there = (
-        numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + PARAMETERS.offset * noise)
+        numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + doubles.ROOT * noise)
     )
     row_of, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
     is_holonomic = row_of < system.holonomic_count
@@ -145,7 +134,7 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
         for x in (there - here, here)
     )
     with np.errstate(all="ignore"):
-        rates = turned / lengths / PARAMETERS.offset
+        rates = turned / lengths / doubles.ROOT
     rates = rates[np.isfinite(rates) & (rates > 0)]
     q = state.q + (PARAMETERS.bent / float(np.median(rates)) if rates.size else PARAMETERS.bent) * noise
     count = state.q.size - len(system.model.generalized_names)  # components of particles come first
@@ -338,7 +327,7 @@ class _WitnessSearch:
             return []
         A = A / (np.linalg.norm(A, axis=2, keepdims=True) + 1e-300)
         rank = part.k - found.kernel.shape[1]
-        chosen = np.array(independent_rows.leading(A[0][:, :-1], PARAMETERS.least_row)[:rank], dtype=np.int64)
+        chosen = np.array(independent_rows.leading(A[0][:, :-1], doubles.ROOT)[:rank], dtype=np.int64)
         if chosen.size < rank:
             return []
         others = [i for i in range(part.k) if i != along]
@@ -349,7 +338,7 @@ class _WitnessSearch:
         ranked = []
         for led in sets:
             worst = max(np.linalg.cond(B) for B in A[:, chosen][:, :, led])
-            if worst < PARAMETERS.pole:
+            if worst * doubles.ROOT < 1:
                 free = np.setdiff1d(np.arange(part.k), led)
                 pure = np.abs(A[:, :, free]).max(axis=(0, 1), initial=0.0) < 1e-12
                 steering = int(pure.sum())
@@ -387,9 +376,9 @@ class _WitnessSearch:
 
 def _pivots(rows: Floats, first: int) -> Numbers:
     """Columns of rows (r, k) that are independent, `first` before all and then the largest, (r,)."""
-    if np.linalg.norm(rows[:, first]) < PARAMETERS.least_pivot:
+    if np.linalg.norm(rows[:, first]) < doubles.ZERO:
         return np.zeros(0, dtype=np.int64)
     return np.array(
-        independent_rows.farthest(rows.T, min(rows.shape), [first], least=PARAMETERS.least_pivot),
+        independent_rows.farthest(rows.T, min(rows.shape), [first], least=doubles.ZERO),
         dtype=np.int64,
     )

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.analysis.numeric_flag import evaluation_point, precise_brackets, undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.precise_brackets import Exact
@@ -24,8 +24,8 @@ from lagcli.compiled.lie_brackets import LEAF, Shape
 
 Floats = npt.NDArray[np.float64]
 
-# In doubles, where x moved by OFFSET shows the size of what cancelled.
-ROUGH_ZERO, ROUGH_SURE, OFFSET = Decimal("1e-13"), Decimal("1e-8"), 1e-13
+# In doubles.
+ROUGH_ZERO, ROUGH_SURE = Decimal("1e-13"), Decimal("1e-8")
 # What longer brackets are made of is no smaller than this part of the terms of short ones.
 DEEPER = 1e-4
 # Random components are whole numbers up to this, so that one random bracket stands for all.
@@ -97,10 +97,10 @@ class BracketValues:
     def _rough(self, shape: Shape, U: Floats) -> DigitSample:
         """The values in doubles: at x moved by rounding the size is seen, but where all is rounding."""
         point, function = self.point, self._brackets.values(shape)
-        neighbour = point.x + OFFSET * point.sizes * self._random.standard_normal(point.x.size)
+        neighbour = point.x + doubles.VALUE * point.sizes * self._random.standard_normal(point.x.size)
         here, there = (np.array(function(x, point.p, U)).ravel() for x in (point.x, neighbour))
         terms = point.terms[point.differential] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
-        sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / OFFSET), terms)
+        sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / doubles.VALUE), terms)
         if not np.isfinite(sizes).all():
             raise undecided.Undecided("a bracket is not finite")
         return DigitSample([Decimal(a) for a in here.tolist()], [Decimal(a) for a in sizes.tolist()])

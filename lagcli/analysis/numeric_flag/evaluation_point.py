@@ -23,10 +23,6 @@ from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
 
-# A row counts as zero below this part of the terms it is made of and of what it changes by over the size of the
-# coordinates: that much rounding leaves of a row that vanishes, on the surface or around the start.
-ROW_ROUNDOFF, OFFSET = 64 * float(np.finfo(float).eps), 1e-7
-
 
 class BracketParameters:
     """Brackets at a point, relative to the size of what they are made of.
@@ -36,9 +32,6 @@ class BracketParameters:
 
     __slots__ = ()
 
-    certain: float = 1e-6
-    """They are certainly not zero from here on.
-    `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point` fails at 1e-7 and 1e-5."""
     off: float = 100.0
     """A value that vanishes on the orbit is less than this many times its size and how far the point is off.
     `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point` fails at 10 and 1000."""
@@ -139,12 +132,12 @@ class EvaluationPoint:
         rows = metric_rows.LocalRows(row_block.scaled(self.plain, self.sizes))
         scaled = terms * self.sizes[rows.column] / rows.divisors[rows.row]
         largest = float(scaled.max(initial=0.0))
-        return max(doubles.VALUE, ROW_ROUNDOFF * largest, PARAMETERS.off * self.error)
+        return max(doubles.VALUE, doubles.SUM * largest, PARAMETERS.off * self.error)
 
     @property
     def first(self) -> int:
         """The rank of these brackets, the certain part of it."""
-        return int((self.turning > max(PARAMETERS.certain, PARAMETERS.off * self.error)).sum())
+        return int((self.turning > max(doubles.ROOT, PARAMETERS.off * self.error)).sum())
 
     @cached_property
     def turning(self) -> Floats:
@@ -202,15 +195,17 @@ def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Spars
     """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
     s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
     size = initial.size(x)
-    neighbour, _ = block.rows(x + OFFSET * size * np.random.default_rng(SEED + 2).standard_normal(x.size), p)
+    neighbour, _ = block.rows(
+        x + doubles.ROOT * size * np.random.default_rng(SEED + 2).standard_normal(x.size), p
+    )
     values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, neighbour))
     largest, change = np.zeros(A.size1()), np.zeros(A.size1())
     np.maximum.at(largest, row, np.abs(values))
-    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / OFFSET)
-    is_nothing = (largest > 0) & (largest <= ROW_ROUNDOFF * change)
+    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / doubles.ROOT)
+    is_nothing = (largest > 0) & (largest <= doubles.SUM * change)
     if not metric_rows.are_many(*A.shape):
         terms = term_sizes.of(program.written_out(block.rows), [x, p])[: values.size]
-        is_rounding = np.isfinite(terms) & (np.abs(values) <= ROW_ROUNDOFF * terms)
+        is_rounding = np.isfinite(terms) & (np.abs(values) <= doubles.SUM * terms)
         is_nothing |= (largest > 0) & (np.bincount(row[~is_rounding], minlength=largest.size) == 0)
     nothing = np.flatnonzero(is_nothing)
     if not (nothing >= s).any():

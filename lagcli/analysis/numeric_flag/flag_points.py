@@ -18,8 +18,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import progress
-from lagcli.analysis.numeric_flag import evaluation_point, undecided
+from lagcli import doubles, progress
+from lagcli.analysis.numeric_flag import undecided
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
@@ -64,19 +64,12 @@ class FlowParameters:
     substeps: tuple[int, ...] = (2, 4, 6, 8, 10, 12, 14, 16)
     """Substeps of the midpoint rule that are extrapolated.
     `test_a_flow_is_extrapolated_from_eight_numbers_of_substeps` fails at a tenth and at ten times of it."""
-    converged: float = 1e-12
-    """The allowed difference of the last two columns, as a part of the step.
-    `test_a_flow_has_converged_to_twelve_digits` fails at 1e-13 and 1e-11."""
     roughly: float = 1e-5
     """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits` fails at
     1e-6 and 0.0001."""
     flows: int = 2
     """One after the other, each from the point before; of many rows one, which takes long.
     `test_two_flows_follow_each_other` fails at 0 and 20."""
-    on_kink: float = 1e-9
-    """A switch (abs, min, max, sign) that is this part of the size of the coordinates from zero stands on
-    neither side. `test_a_switch_within_nine_digits_of_zero_stands_on_neither_side` fails at 1e-10 and
-    1e-8."""
     lines: int = 4
     """Straight lines through a start on switches, which are looked at on both sides.
     `test_both_sides_of_switches_are_looked_at_on_four_lines` fails at 0 and 40."""
@@ -100,7 +93,7 @@ class Points:
         size = initial.size(begin.q)
         self.has_switches, block = (
             block.has_kinks,
-            block.on_branch(variables(block, begin), begin.p, PARAMETERS.on_kink * size),
+            block.on_branch(variables(block, begin), begin.p, doubles.ZERO * size),
         )
         self._block, self._begin = block, begin
         self.start = EvaluationPoint(block, variables(block, begin), begin.p)
@@ -185,12 +178,12 @@ class ReachablePoints:
 
         first = along(point.x)
         largest = 0.0 if first is None else float(np.abs(first).max(initial=0.0))
-        if first is None or largest < np.finfo(float).eps:
+        if first is None or largest < doubles.EPS:
             return None
         # Time goes on.
         sign = -1.0 if self._block.has_time and first[-1] < 0 else 1.0
         best = EvaluationPoint(self._block, point.x, point.p, math.inf)
-        rounding = max(PARAMETERS.converged, evaluation_point.ROW_ROUNDOFF / point.least)
+        rounding = max(doubles.VALUE, doubles.SUM / point.least)
         for k in range(PARAMETERS.shorter):
             undecided.require_time(self._deadline)
             scale = sign * ranges / largest / PARAMETERS.factor**k
@@ -206,7 +199,7 @@ class ReachablePoints:
             )
             if there is not None and there.is_finite:
                 best = EvaluationPoint(self._block, there.x, point.p, error)
-            if best.error <= PARAMETERS.converged:
+            if best.error <= doubles.VALUE:
                 break
         # The rounding of large terms may allow no more.
         return (
@@ -263,7 +256,7 @@ def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
         if k:
             error = float(np.abs((row[-1] - row[-2]) / scale).max(initial=0.0))
         table = row
-        if error <= PARAMETERS.converged or (k + 1 == PARAMETERS.few and error > PARAMETERS.hopeless):
+        if error <= doubles.VALUE or (k + 1 == PARAMETERS.few and error > PARAMETERS.hopeless):
             break
     return table[-1], error
 

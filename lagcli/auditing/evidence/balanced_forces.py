@@ -10,13 +10,13 @@ import dataclasses
 
 import numpy as np
 
-from lagcli.auditing.evidence import differences
+from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 
 # Of the terms that forces are made of, and of positions, in which forces are made of terms that are not seen.
-FORCE_ROUNDOFF = 64 * differences.EPS
+FORCE_ROUNDOFF = 64 * doubles.EPS
 # Rows at which positions are moved by their rounding, and how much further: random moves show a part of the largest
 # change.
 SAMPLES, FURTHER = 9, 4

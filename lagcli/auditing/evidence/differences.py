@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
 
 
@@ -72,8 +73,7 @@ PARAMETERS = StencilParameters()
 A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
 curvature 10 and 1/30. At an end of the table the difference shows a jump once.
 """
-EPS = float(np.finfo(float).eps)  # the rounding of a double
-CLOCK = 8 * EPS  # of the largest time: how well the times are known
+CLOCK = 8 * doubles.EPS  # of the largest time: how well the times are known
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +133,9 @@ class DifferenceGrid:
                     spread = sizes.sum(axis=1)[:, None] * noise
                 else:
                     spread = combined(indices, sizes, noise)
-                spread = spread + clock * np.abs(slope) + 4 * EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
+                spread = (
+                    spread + clock * np.abs(slope) + 4 * doubles.EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
+                )
                 wider = Estimate(slope, spread, wrong)
                 if best is not None:
                     keep = best.bound <= wider.bound
@@ -174,11 +176,13 @@ class DifferenceGrid:
             wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
-        rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * EPS
+        rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * doubles.EPS
         # Each time is an end of two steps: with an integrand that stays the same no more is left of the rounding of all
         # times than of the first and the last.
         ways = np.concatenate([begin, np.cumsum(np.abs(np.diff(y, axis=0)), axis=0)])
-        rounding = rounding + self.clock / CLOCK * (CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + EPS * ways)
+        rounding = rounding + self.clock / CLOCK * (
+            CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + doubles.EPS * ways
+        )
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
 
     def _unresolved(self, y: Array) -> Array:

@@ -11,7 +11,7 @@ import dataclasses
 
 import numpy as np
 
-from lagcli.auditing.evidence import differences
+from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
 
 
@@ -161,4 +161,4 @@ def _is_whole(numbers: Array, count: int, significant: bool) -> Array:
     power = count - 1 - np.floor(np.log10(numbers)) if significant else np.full(numbers.shape, float(count))
     power = np.clip(power, -300, 300)
     scaled = np.where(power >= 0, numbers * 10.0 ** np.abs(power), numbers / 10.0 ** np.abs(power))
-    return np.asarray(np.abs(scaled - np.rint(scaled)) <= 4 * differences.EPS * scaled)
+    return np.asarray(np.abs(scaled - np.rint(scaled)) <= 4 * doubles.EPS * scaled)

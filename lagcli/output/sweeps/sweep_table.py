@@ -16,6 +16,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.output.files import formats
 from lagcli.output.tables import sinks, table_format
 from lagcli.output.tables.read_table import ReadTable
@@ -30,7 +31,6 @@ NUMBER, STATUS, MESSAGE, END = "point", "status", "message", "t_end"
 # which `--merge` sees a changed digit.
 SHARD, CHECKSUM = "shard_of", "checksum"
 ROWS_AT_ONCE = 4096  # rows that are turned into a block: some megabytes
-MOST_EXACT = 2.0**53  # whole numbers below it are numbers of their own
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
     cells = table.take(numbers)
     for name in (NUMBER, STATUS):
         column = cells[:, numbers.index(name)]
-        if not (np.abs(column) < MOST_EXACT).all() or (column % 1).any():  # nan neither
+        if not (np.abs(column) < doubles.WHOLE).all() or (column % 1).any():  # nan neither
             raise table_format.bad(path, f"the column `{name}` holds a number that is not whole")
     found = [
         PointRow(int(row[0]), tuple(row[1 : 1 + names]), tuple(row[1 + names : -2]), int(row[-2]), message, row[-1])

@@ -16,6 +16,7 @@ import sympy
 from sympy.polys.fields import FracElement
 from sympy.polys.rings import PolyElement
 
+from lagcli import doubles
 from lagcli.pfaffian.exact import guarded, normal_form, sampling
 from lagcli.pfaffian.exact.sampling import Values
 
@@ -26,9 +27,6 @@ _PolyRow = dict[int, PolyElement]  # entries by their columns
 _EXTRA_POINTS = 12
 # Points lie in (-2, 2).
 _WIDTH = 2.0
-# Of columns of length one: a rest that is rounding, and a weight that is not.
-_DEPENDENT = 1e-10
-_PRESENT = 1e-8
 
 # A fixed one: what is found must not change from run to run.
 _SEED = 20240229
@@ -74,7 +72,7 @@ def _involved(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[int
         again = orthogonal.T @ rest
         weights, rest = combined @ (weights + again), rest - orthogonal @ again
         length = float(np.sqrt(rest @ rest))
-        if length > _DEPENDENT:
+        if length > doubles.ZERO:
             orthogonal = np.column_stack([orthogonal, rest / length])
             combined = np.block(
                 [
@@ -84,7 +82,10 @@ def _involved(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[int
             )
             pivots.append(n)
         else:
-            involved |= {n, *(p for p, weight in zip(pivots, weights, strict=True) if abs(weight) > _PRESENT)}
+            involved |= {
+                n,
+                *(p for p, weight in zip(pivots, weights, strict=True) if abs(weight) > doubles.ZERO),
+            }
     return sorted(involved)
 
 

@@ -43,8 +43,7 @@ _COUNTED = tuple(
 
 # SymPy recurses a thousand deep, with large frames.
 _STACK_BYTES = 64 * 1024 * 1024
-# Seconds between two attempts to end a thread, and seconds for all of them; seconds of one wait.
-_KILL_INTERVAL = 0.02
+# Seconds of one wait, as between two attempts to end a thread, and seconds for all of them.
 _KILL_PATIENCE = 1.0
 _POLL = 0.05
 # Seconds of processor time that the smallest budget of operations has: one pass of the garbage collector through a
@@ -193,7 +192,7 @@ def _interrupted(work: _Work, give_up: float) -> bool:
                     ctypes.pythonapi.PyThreadState_SetAsyncExc(
                         ctypes.c_ulong(thread.ident), ctypes.py_object(_INTERRUPT)
                     )
-            threads[0].join(_KILL_INTERVAL)
+            threads[0].join(_POLL)
     return not threads
 
 

@@ -14,6 +14,7 @@ from itertools import combinations
 
 import sympy
 
+from lagcli import doubles
 from lagcli.pfaffian.exact import guarded, time_limit, zero_test
 from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
@@ -23,8 +24,6 @@ Substitutions = dict[sympy.Symbol, sympy.Expr]
 TIME = "t"
 """The name of time, which is never eliminated."""
 _BUDGET = 20_000  # operations for the proof that a constant is not zero
-# A constant below this is rounding, for the values of the parameters.
-_ROUNDING = 1e-12
 
 
 def eliminated(
@@ -144,7 +143,7 @@ def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.E
     if constant.is_Rational:
         return bool(constant != 0)
     number = constant.xreplace(dict(parameters)).evalf()
-    if number.is_number and abs(number) <= _ROUNDING:
+    if number.is_number and abs(number) <= doubles.VALUE:
         return False
     try:
         finding = time_limit.run(math.inf, lambda: zero_test.is_zero(constant, math.inf), _BUDGET)

@@ -15,6 +15,7 @@ import sympy
 from sympy.polys.fields import FracElement
 from sympy.polys.rings import PolyElement
 
+from lagcli import doubles
 from lagcli.pfaffian.exact import enclosure, guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms.form import PfaffianBlock
@@ -25,8 +26,6 @@ Values = Mapping[sympy.Symbol, sympy.Expr]
 # Terms of one entry; beyond them the flag stays undecided.
 MAX_TERMS = 3000
 MAX_DIVISOR = 60  # terms of a divisor that is looked at again
-# A sum of terms counts as zero below this part of their sizes, for given values of parameters.
-COEFFICIENT_ROUNDOFF = 1e-12
 
 
 class NotDecidedError(Exception):
@@ -230,7 +229,7 @@ class FunctionField:
                 size *= value ** powers[i] if powers[i] else 1.0
             coefficients.setdefault(rest, []).append(size)
         if self._values and all(
-            abs(sum(c)) <= COEFFICIENT_ROUNDOFF * sum(map(abs, c)) for c in coefficients.values()
+            abs(sum(c)) <= doubles.VALUE * sum(map(abs, c)) for c in coefficients.values()
         ):
             raise ExceptionalError("a divisor vanishes for the values of the parameters")
         if len(coefficients) > 1 and any(

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from lagcli import doubles
 from lagcli.linear import decompositions
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
 from lagcli.pfaffian.forms import form as forms
@@ -27,13 +28,10 @@ Floats = npt.NDArray[np.float64]
 MAX_MONOMIALS = 330
 # Equations beyond the unknowns, so that chance makes no null vector; points at which new differentials are looked at.
 _SPARE, _NEAR = 12, 4
-# Parts of the length of a column: a rest that is rounding, a coefficient that is one of its roots, a singular value
-# of differentials that are dependent.
-_DEPENDENT, _SMALL, _RANK = 1e-11, 1e-7, 1e-6
 # Smooth functions nearly depend on each other: so many with constants that are no fractions are rounding.
 _MANY = 12
-# A coefficient is a fraction where one with so small a denominator is as near as this.
-_MAX_DENOMINATOR, _SAME = 360, 1e-9
+# A coefficient is a fraction where one has so small a denominator.
+_MAX_DENOMINATOR = 360
 # The highest power of a letter without a relation, beyond every degree that is asked for.
 _UNBOUNDED = 99
 
@@ -209,7 +207,7 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
             R[:n, k] += part
             rest = rest - Q[:, :n] @ part
         size = float(np.linalg.norm(rest))
-        if size <= _DEPENDENT * lengths[k]:
+        if size <= doubles.ZERO * lengths[k]:
             dependent.append(k)
         elif n < Q.shape[1]:
             Q[:, n], R[n, k] = rest / size, size
@@ -217,7 +215,7 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
     c = np.linalg.solve(R[: len(independent), independent], R[: len(independent), dependent])
     found = []
     for n, k in enumerate(dependent):
-        least = _SMALL * max(float(lengths[k]), 1e-300)
+        least = doubles.ROOT * max(float(lengths[k]), 1e-300)
         parts = ((i, -float(v)) for i, v in zip(independent, c[:, n], strict=True) if i < k)
         found.append({i: v for i, v in parts if abs(v) * lengths[i] > least} | {k: 1.0})
     return found
@@ -236,10 +234,10 @@ class Known:
             if not np.all(np.isfinite(matrix)):
                 continue
             norms = np.linalg.norm(matrix, axis=1)
-            if not (np.all(norms > _DEPENDENT) and np.all(np.isfinite(norms))):
+            if not (np.all(norms > doubles.ZERO) and np.all(np.isfinite(norms))):
                 continue
             singular = decompositions.singular_values(matrix / norms[:, None])
-            if len(singular) == len(matrix) and singular[-1] > _RANK:
+            if len(singular) == len(matrix) and singular[-1] > doubles.ROOT:
                 return True
         return False
 
@@ -284,7 +282,9 @@ def exact(
 
     Constants that are not fractions of small numbers hold parameters."""
     fractions = {i: Fraction(c).limit_denominator(_MAX_DENOMINATOR) for i, c in vector.items()}
-    sure = all(abs(float(f) - vector[i]) <= _SAME * max(1.0, abs(vector[i])) for i, f in fractions.items())
+    sure = all(
+        abs(float(f) - vector[i]) <= doubles.ZERO * max(1.0, abs(vector[i])) for i, f in fractions.items()
+    )
     if sure:
         scale = lcm(*(f.denominator for f in fractions.values()))
         return sympy.Add(*(int(f * scale) * functions[i] for i, f in fractions.items()))

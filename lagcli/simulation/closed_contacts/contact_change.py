@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lagcli.contact import few_contacts, impact_law
-from lagcli.contact.least_distance import EPS
+from lagcli import doubles
+from lagcli.contact import complementarity, few_contacts, impact_law
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
 
 # The tail of a series of rebounds is left out where its coefficient is below this.
@@ -221,7 +221,9 @@ def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -
         return None
     free = here.open_acceleration
     c = here.changes(free) - here.gamma
-    rounding = impact_law.PARAMETERS.safe * EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
+    rounding = (
+        complementarity.PARAMETERS.safe * doubles.EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
+    )
     z = few.solve(c[numbers], rounding[numbers])
     return None if z is None else _carrying(here, numbers, (few.moved(free, z), z), sunk)
 

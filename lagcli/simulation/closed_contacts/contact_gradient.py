@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
@@ -93,7 +94,7 @@ def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> t
         one, other = (G[[i - first for i in closed]] for G in both)
         return np.asarray(np.abs(other - one).max(axis=1) / (1e-300 + np.abs(one).max(axis=1)))
 
-    jumps = sides.differ(change(PARAMETERS.near), change(PARAMETERS.far), np.array(sides.PARAMETERS.slope))
+    jumps = sides.differ(change(PARAMETERS.near), change(PARAMETERS.far), np.array(doubles.ROOT))
     return tuple(i for i, is_edge in zip(closed, jumps, strict=True) if is_edge)
 
 
@@ -134,7 +135,7 @@ def _jumps(here: ContactInstant, contact: int) -> bool:
             )
             changes = [float(np.abs(side - own).max(initial=0.0)) for side in beside]
             near, far = max(near, changes[0]), max(far, changes[1])
-    least = sides.PARAMETERS.slope * (np.abs(own).max(initial=0.0) + far)
+    least = doubles.ROOT * (np.abs(own).max(initial=0.0) + far)
     return bool(sides.differ(np.array(near), np.array(far), least))
 
 

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem, contact_values
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.contact_values import MotionNumbers
@@ -355,7 +356,7 @@ class ContactInstant:
 
     def _roundings_of_forces(self, contacts: Numbers) -> Floats:
         """Multipliers (k,) of some contacts that are rounding of the forces and curvatures."""
-        s, ratio = self.state, contact_values.ROUNDINGS * contact_values.EPS
+        s, ratio = self.state, contact_values.ROUNDINGS * doubles.EPS
         h, gamma = (np.array(x).ravel() for x in self._values.numeric.force_roundings(s.t, s.q, s.v, s.p))
         responses = [self.response(j) for j in contacts.tolist()]
         own = np.array([np.abs(r.x) @ h + np.abs(r.of_equalities) @ gamma for r in responses])

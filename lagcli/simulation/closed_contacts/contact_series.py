@@ -15,7 +15,6 @@ import numpy as np
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.contact import impact_law
-from lagcli.contact.least_distance import EPS
 from lagcli.equations import power_series
 from lagcli.equations.power_series import PowerSeries, SeriesFunction
 from lagcli.linear import rank
@@ -141,7 +140,7 @@ class ContactOrders:
 
     def __init__(self, series: MotionSeries, here: ContactInstant, known: float) -> None:
         self._series, self._here = series, here
-        self._rounding = max(PARAMETERS.roundings * EPS, known)
+        self._rounding = max(PARAMETERS.roundings * doubles.EPS, known)
 
     def decided(self, forces: ContactForces, level: Numbers, crossing: Flags) -> ContactForces:
         """The contacts that press among those that are closed and neither approach nor part, `level`; crossing (K,):

@@ -13,7 +13,7 @@ import dataclasses
 
 import numpy as np
 
-from lagcli.contact.least_distance import EPS
+from lagcli import doubles
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
@@ -212,7 +212,7 @@ class _Series:
 
     def _crowding(self, times: Floats) -> Flags | None:
         """The contacts (K,) of a series that adds nothing to its time any more, in whatever order they are struck."""
-        lost = EPS * self._took
+        lost = doubles.EPS * self._took
         if self._afters[-1].wait >= lost:
             return None
         own = np.any([after.struck for after in self._afters[len(self._afters) // 2 :]], axis=0)

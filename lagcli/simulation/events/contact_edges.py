@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import force_switches
 from lagcli.compiled.contact_values import ROUNDINGS
-from lagcli.contact.least_distance import EPS
 from lagcli.simulation.events import switch_event
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import FEW
@@ -73,7 +73,7 @@ class EdgeEvent(Event):
         if not watched[-1]:
             return None
         u, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
-        is_on = self._of_forces & (np.abs(u) <= EPS * sizes)
+        is_on = self._of_forces & (np.abs(u) <= doubles.EPS * sizes)
         if not is_on.any():
             return None
         moving = is_on & (rates != 0.0)
@@ -84,7 +84,7 @@ class EdgeEvent(Event):
         while dt < run.grid.step / 2:
             y = self._led(dt)
             beside, _, sizes = self._at(run.t + dt, y, run.bound.k)
-            led = is_on & (np.abs(beside) > 16 * EPS * sizes)
+            led = is_on & (np.abs(beside) > 16 * doubles.EPS * sizes)
             if led.any():
                 self._require_no_return(dt, y, led)
                 # No time is lost in which forces are not those of the side.
@@ -107,7 +107,7 @@ class EdgeEvent(Event):
         s = run.state_at(run.t + dt, run.bound.y + dt * run.bound.k)
         h, _ = numeric.force_roundings(s.t, s.q, s.v, s.p)
         inertia = np.diag(np.array(numeric.inertia(s.t, s.q, s.v, s.p)))
-        return np.asarray(ROUNDINGS * EPS * np.array(h).ravel() / inertia)
+        return np.asarray(ROUNDINGS * doubles.EPS * np.array(h).ravel() / inertia)
 
     def _beside(self, ahead: Floats, sides: Floats) -> Floats:
         """The state with some of its numbers moved by a few roundings to the sides (U,) of switches, 0 of those that do
@@ -121,9 +121,9 @@ class EdgeEvent(Event):
             own = sorted(numbers[switch], key=lambda i: -moved[n + i % n])
             for way, i, sign in itertools.product(FEW_ROUNDINGS, own, (1.0, -1.0)):
                 z = y.copy()
-                z[i] += sign * way * EPS * extents[i]
+                z[i] += sign * way * doubles.EPS * extents[i]
                 u, _, sizes = self._at(t, z, run.bound.k)
-                if (u * np.sign(sides) > 16 * EPS * sizes)[decided].all():
+                if (u * np.sign(sides) > 16 * doubles.EPS * sizes)[decided].all():
                     y = z
                     break
             else:
@@ -165,7 +165,7 @@ class EdgeEvent(Event):
         if not are_watched.any():
             return None
         begin, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
-        are_watched &= (np.abs(begin) > EPS * sizes) | (begin * rates > 0)
+        are_watched &= (np.abs(begin) > doubles.EPS * sizes) | (begin * rates > 0)
         part = 1.0
         while found.taken > self._nearest(found.taken):
             crossed = self._first_crossing(found, np.where(are_watched, begin, 0.0))
@@ -233,7 +233,7 @@ class EdgeEvent(Event):
         is_on = of_forces & (u == 0) & (rates != 0)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             times = np.where(are_watched & ((u * rates < 0) | is_on), np.abs(u / rates), np.inf)
-            blurred = np.where(of_forces & are_watched, np.abs(EPS * sizes / rates), 0.0)
+            blurred = np.where(of_forces & are_watched, np.abs(doubles.EPS * sizes / rates), 0.0)
         return times, np.where(np.isfinite(times), blurred, 0.0)
 
     @property

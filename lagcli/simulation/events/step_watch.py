@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
@@ -20,10 +21,9 @@ Numbers = npt.NDArray[np.intp]
 
 # Of more functions than these no look is taken at all where some come near.
 MANY = 256
-# Rounding of the state: of each of its numbers so many times EPS, and of the size of the motion; of what it makes of
-# a function, the largest of some random samples, as many times.
+# Rounding of the state: of each of its numbers so many roundings, and of the size of the motion; of what it makes of a
+# function, the largest of some random samples, as many times.
 OF_EACH, OF_ALL, SAMPLES, TIMES = 16.0, 4.0, 4, 4.0
-EPS = float(np.finfo(float).eps)
 
 
 class StepWatch:
@@ -156,15 +156,15 @@ class StepWatch:
         sizes = self._sizes.results[0]
         units, (q, v, a) = sizes[:n], sizes[n:].tolist()
         speed = max(v, h * a)
-        room = EPS * OF_EACH * np.abs(y)
-        room[:n] += EPS * OF_ALL * units * max(q, h * speed)
-        room[n : 2 * n] += EPS * OF_ALL * units * speed
+        room = doubles.EPS * OF_EACH * np.abs(y)
+        room[:n] += doubles.EPS * OF_ALL * units * max(q, h * speed)
+        room[n : 2 * n] += doubles.EPS * OF_ALL * units * speed
         at, state, _ = self._scratch.arguments
         state[:], at[0] = y, t
         self._scratch.trigger()
         here, found = self._scratch.results[0].copy(), np.zeros(self._scratch.results[0].size)
         for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, y.size + 1)):
-            at[0], state[:] = t * (1.0 + EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
+            at[0], state[:] = t * (1.0 + doubles.EPS * OF_ALL * signs[-1]), y + room * signs[:-1]
             self._scratch.trigger()
             found = np.fmax(found, np.abs(self._scratch.results[0] - here))
         return TIMES * found

@@ -8,10 +8,10 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
-from lagcli.smoothness import sides
 from lagcli.smoothness.sides import Sides
 from lagcli.start.initial import State
 
@@ -118,7 +118,7 @@ def _rounding(numeric: NumericSystem, state: State) -> Floats:
     norms = LocalRows(numeric.rows(state.t, state.q, np.zeros_like(state.v), state.p)[0]).norms
     s, size = numeric.holonomic.size1_out(0), float(np.abs(state.q).max(initial=0.0))
     floor = np.zeros((4, norms.size))
-    floor[0, :s] = sides.PARAMETERS.rounded * np.nan_to_num(norms[:s], posinf=0.0) * size
+    floor[0, :s] = doubles.ZERO * np.nan_to_num(norms[:s], posinf=0.0) * size
     return floor.ravel()
 
 
