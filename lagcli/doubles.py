@@ -4,7 +4,8 @@ What tells a number from rounding is taken from here. Rows at a state are known 
 own (`linear/rank.py`). Of other gaps the lower limit is `VALUE` and the upper one is `ROOT`; where one limit has to do
 it is `ZERO`, the middle of them.
 
-The tests are of `tests/unit/test_numbers_of_rows.py` and `tests/unit/test_surface.py`.
+The tests are of `tests/unit/test_numbers_of_rows.py`, `tests/unit/test_precise_rows.py` and
+`tests/unit/test_drawing_thresholds.py`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ EPS = sys.float_info.epsilon
 
 SUM = 2**6 * EPS
 """Of a sum or a product of some terms, as a part of the largest: 64 roundings, 1.4e-14.
-`test_a_descent_ends_at_rounding` fails at 1e-15 and 1e-13."""
+`test_rows_within_the_rounding_of_their_coefficients_are_dependent` fails at 1e-15 and 1e-13."""
 
 VALUE = 2**12 * EPS
 """Of a value that a formula, or a solution in many steps, has, as a part of its terms: 4096 roundings, 9.1e-13.
@@ -42,4 +43,5 @@ WHOLE = 2**53
 
 STEP = math.cbrt(EPS)
 """The step of a difference quotient on two sides, as a part of what changes: what it leaves out is its square, as much
-as rounding over it leaves. 6.1e-6."""
+as rounding over it leaves. 6.1e-6.
+`test_gradients_lose_as_little_to_rounding_as_to_bends` fails at 1e-7 and 1e-4."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.api import assemble_start
 from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel
@@ -22,9 +23,6 @@ from lagcli.start import initial
 
 if TYPE_CHECKING:
     from lagcli.derivation.symbolic.linear_matrices import LinearPoint
-
-# What is rounding beside the largest coordinate or rate.
-COORDINATE_ROUNDOFF = 1e-14
 
 
 def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...], tuple[str, ...]]:
@@ -80,7 +78,7 @@ def of_start(model: Model) -> LinearPoint:
 
 def _without_rounding(values: npt.NDArray[np.float64]) -> tuple[float, ...]:
     size = float(np.abs(values).max(initial=0.0))
-    return tuple(float(x) if abs(x) > COORDINATE_ROUNDOFF * size else 0.0 for x in values)
+    return tuple(float(x) if abs(x) > doubles.SUM * size else 0.0 for x in values)
 
 
 def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], s: int) -> tuple[float, ...]:
@@ -89,5 +87,5 @@ def _multipliers(linear: Linear, lam: npt.NDArray[np.float64], s: int) -> tuple[
     B, A = (np.array(part) for part in (linear.matrices.B, linear.matrices.A))
     rows = np.vstack([B[:s], A, B[s:]])
     forces = np.abs(rows * lam[:, None]).max(axis=1, initial=0.0)
-    least = reference.BALANCED * float(linear.load.max(initial=0.0))
+    least = doubles.ZERO * float(linear.load.max(initial=0.0))
     return tuple(float(x) if force > least else 0.0 for x, force in zip(lam, forces, strict=True))

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.analysis.classification.known_integrals import KnownIntegrals
 from lagcli.api import constrained_run
 from lagcli.api.constrained_run import IN_A_SWING, Constrained, LimitPlan
@@ -27,7 +28,6 @@ Floats = npt.NDArray[np.float64]
 # Steps of a swing at the usual tolerance: an estimate until the first run has been made.
 STEPS_IN_A_SWING = 12.0
 NO_RATE = "of a ramp no rate is fitted: its errors are swings that the soft spring began, and they keep their action"
-ROUNDINGS = 4.0 * 2.0**-52
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -183,7 +183,9 @@ class _StiffRuns:
         again, _, _ = self._force(k, (q, v), constrained_run.looser(constrained.settings))
         rows = constrained_run.spaced(len(force), refined)
         t = constrained.at(1)[0]
-        uncertainty = np.abs(again - force[rows]) / constrained_run.LARGER + ROUNDINGS * self._size * k.at(t)
+        uncertainty = np.abs(
+            again - force[rows]
+        ) / constrained_run.LARGER + 4 * doubles.EPS * self._size * k.at(t)
         return _Followed(force, steps, seconds, uncertainty)
 
     def _force(

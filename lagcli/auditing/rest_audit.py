@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
@@ -21,9 +22,9 @@ EQUILIBRIUM = CheckedLaw(
 )
 REACTIONS = CheckedLaw("reactions", "D.22", "R = sum lambda_i B_i, and m a - F of dependent particles")
 SIGNORINI = CheckedLaw("signorini", "", "g >= 0, lambda >= 0, lambda g = 0")
-# The rounding of numbers that a table holds, and of forces, as parts of the terms; the step of differences in t, as a
-# part of the length of a run, with what they can tell.
-ROUNDED, BALANCED, STEP, DIFFERENCED = 1e-11, 1e-9, 1e-3, 1e-6
+# The rounding of numbers that a table holds, as a part of them; the step of differences in t, as a part of the length
+# of a run.
+ROUNDED, STEP = 1e-11, 1e-3
 
 
 def is_table(columns: Sequence[str]) -> bool:
@@ -146,17 +147,17 @@ class _RestValues:
 
     def equilibrium(self, names: table_input.TableNames) -> Check:
         """The forces along every coordinate."""
-        limit = BALANCED * self._parts + 4 * np.abs(self._moved_total - self._total)
-        limit = limit + DIFFERENCED * self._driven * (self._parts > 0) + 1e-300
+        limit = doubles.ZERO * self._parts + 4 * np.abs(self._moved_total - self._total)
+        limit = limit + doubles.ROOT * self._driven * (self._parts > 0) + 1e-300
         return self._judge(EQUILIBRIUM, names.q, (self._total,), (limit,))
 
     def reactions(self, R_q: Array, R_x: Array, names: table_input.TableNames) -> Check:
         """R of coordinates and of dependent particles."""
         pull, F, inertial = self._here.pull, self._on_dependent(self._here), self._inertial
-        beside = 4 * np.abs(self._on_dependent(self._there) - F) + BALANCED * _largest(F)
+        beside = 4 * np.abs(self._on_dependent(self._there) - F) + doubles.ZERO * _largest(F)
         limits = (
-            4 * np.abs(self._there.pull - pull) + BALANCED * _largest(pull) + 1e-300,
-            beside + DIFFERENCED * np.abs(inertial) + 1e-300,
+            4 * np.abs(self._there.pull - pull) + doubles.ZERO * _largest(pull) + 1e-300,
+            beside + doubles.ROOT * np.abs(inertial) + 1e-300,
         )
         return self._judge(REACTIONS, [*names.R_q, *names.R_x], (pull - R_q, inertial - F - R_x), limits)
 
@@ -166,7 +167,7 @@ class _RestValues:
         first = laws.s - len(laws.contacts)
         g, lam = self._here.f[:, first:], self._lam[:, first : laws.s]
         off = 4 * np.abs(self._there.f[:, first:] - g) + 1e-12
-        push = BALANCED * _largest(self._lam) + 0 * lam + 1e-300
+        push = doubles.ZERO * _largest(self._lam) + 0 * lam + 1e-300
         residuals = np.minimum(g, 0), np.minimum(lam, 0), np.minimum(np.abs(g), np.abs(lam))
         labels = [f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts]
         return self._judge(SIGNORINI, labels, residuals, (off, push, off))

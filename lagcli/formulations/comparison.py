@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.formulations.principles import PartingPoint, Principles
 from lagcli.model.model import Model
 
@@ -21,16 +22,10 @@ TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 # of `tests/unit/test_numbers_of_formulations.py` fails.
 MOST_DIGITS = 16.0
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
-# Of the time both runs last: an incident so near its end may be in one of them alone. At 1e-5
-# `test_an_incident_at_the_very_end_may_be_of_one_run_alone` fails.
-LATE = 1e-6
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
 # rows are not there, and those of holonomic ones share the force with them. Motions that agree are one motion.
 COMPARED = ("r", "v", "R", "energy", "outputs")
 MOTION = ("r", "v")
-# A kind of columns that are all below this part of the largest number of the table is rounding, and has no digits: at
-# 1e-11 `test_columns_that_are_rounding_beside_the_table_have_no_error` fails.
-COLUMN_ROUNDOFF = 1e-12
 
 TITLES = {
     "newton": "Newton with multipliers (D.24)",
@@ -206,7 +201,7 @@ def compare(
     matches = matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
     parted = np.zeros(count, dtype=bool) if matches is None else matches.parts(t)
     values = first.table[:, 1:]
-    rounding = COLUMN_ROUNDOFF * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    rounding = doubles.VALUE * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     for kind in KINDS:
         shared = [name for name, own in of.items() if own == kind and name in other.columns]
         if not shared or not count:
@@ -310,7 +305,7 @@ def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span
         if rest and not (
             rest[0].kind == "impact" and all(f"accumulation of {rest[0].name}" in side for side in sides)
         ):
-            alone += [event for event in rest if event.t < end - LATE * span]
+            alone += [event for event in rest if event.t < end - doubles.ROOT * span]
     t = np.array(times, dtype=float).reshape(-1, 2)
     return Matched(t, tuple(labels), min(alone, key=lambda event: event.t, default=None))
 

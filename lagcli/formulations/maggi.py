@@ -21,15 +21,16 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.formulations.dense_functions import DenseFunctions, DensePoint
 from lagcli.linear import decompositions, rank
 
 Floats = npt.NDArray[np.float64]
 
 # Newton's iterations for q, and the change, as a part of the size, that ends them.
-ITERATIONS, ARRIVED = 16, 4e-16
+ITERATIONS, ARRIVED = 16, 2 * doubles.EPS
 # Steps that do not shrink to SLOW of the one before ask for new derivatives; small ones that do not halve are rounding.
-SLOW, HALF, STALLED = 0.1, 0.5, 1e-12
+SLOW, HALF = 0.1, 0.5
 
 
 class ChartError(Exception):
@@ -125,14 +126,14 @@ class Chart:
             residual = np.concatenate([self._mix_h @ here.f, self._G_h @ (q - self._q_ref) - xi])
             step = self._inverse_h @ residual
             moved = self._part(step)
-            if moved > SLOW * before and moved > STALLED:
+            if moved > SLOW * before and moved > doubles.VALUE:
                 self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
                 step = self._inverse_h @ residual
                 moved = self._part(step)
             if not np.isfinite(moved):
                 break
             q = q - step
-            if moved <= ARRIVED or (moved >= HALF * before and moved <= STALLED):
+            if moved <= ARRIVED or (moved >= HALF * before and moved <= doubles.VALUE):
                 self._guess = q
                 return q, functions.point(t, q)
             before = moved

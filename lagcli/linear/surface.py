@@ -52,6 +52,9 @@ class SurfaceParameters:
     """Steps of a descent from far. `test_a_descent_has_two_hundred_steps` fails at 20 and 2000."""
     most_halvings: int = 30
     """Halvings of one of them. `test_a_step_of_a_descent_is_damped_thirty_times` fails at 3 and 300."""
+    bottom: float = 1e-14
+    """The distance at which a descent ends, as a part of the size of the point: below the rounding of rows whose own
+    coordinates are smaller. `test_a_descent_ends_at_fourteen_digits` fails at 1e-15 and 1e-13."""
     first_damping: float = 1e-3
     """Damping, on rows of length one: where it begins. `test_a_step_of_a_descent_is_damped_thirty_times`
     fails at 0.0001 and 0.01."""
@@ -293,7 +296,7 @@ def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = Fals
     least = math.inf if here is None else here.distance
     for taken in range(PARAMETERS.most_steps):
         progress.require_time()
-        if here is None or least <= doubles.SUM:
+        if here is None or least <= PARAMETERS.bottom:
             break
         if taken % PARAMETERS.slow_steps == 0:
             if here.norm > PARAMETERS.slow * passed and not to_the_end:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
@@ -19,12 +20,6 @@ Complex = npt.NDArray[np.complex128]
 
 # Models of more coordinates have their lowest modes looked for, and how many of them where nobody says.
 DENSE, WANTED = 600, 20
-# Entries of a shape that are this small are none; those this near to the largest are as large. NOTHING at 1e-10:
-# `test_an_entry_of_a_shape_is_rounding_below_eleven_digits`, EQUAL at 1e-8:
-# `test_the_first_of_entries_as_large_as_the_largest_is_one` of `tests/unit/test_numbers_of_linear_equations.py` fails.
-NOTHING, EQUAL, ROUNDED = 1e-11, 1e-9, 1e-13
-# Frequencies that differ by this part belong to one space of shapes.
-TOGETHER = 1e-9
 
 
 def modes(
@@ -182,7 +177,7 @@ def _shapes(found: Spectrum) -> Complex:
     count = max(0, found.freedoms - forward.size)
     parts = [_tidy_basis(decompositions.range_basis(found.still)[:, :count].T.astype(complex))]
     w = values.imag[forward]
-    breaks = np.flatnonzero(np.diff(w) > TOGETHER * w[1:]) + 1
+    breaks = np.flatnonzero(np.diff(w) > doubles.ZERO * w[1:]) + 1
     parts += [_tidy_basis(found.shapes[:, group].T) for group in np.split(forward, breaks) if group.size]
     return np.vstack([np.zeros((0, n)), *parts])
 
@@ -200,7 +195,7 @@ def _tidy_basis(rows: Complex) -> Complex:
             others = np.arange(len(rows)) != k
             rows[others] -= rows[others, column][:, None] * rows[k]
     found = [_normalized(row) for row in rows]
-    found.sort(key=lambda row: int(np.argmax(np.abs(row) >= 1 - EQUAL)))
+    found.sort(key=lambda row: int(np.argmax(np.abs(row) >= 1 - doubles.ZERO)))
     return np.array(found).reshape(rows.shape)
 
 
@@ -209,7 +204,7 @@ def _normalized(row: Complex) -> Complex:
     size = np.abs(row)
     if not size.any():
         return row
-    row = row / row[int(np.argmax(size >= (1 - EQUAL) * size.max()))]
-    real, imag = (np.where(np.abs(part) <= NOTHING, 0.0, part) for part in (row.real, row.imag))
-    real, imag = (np.where(np.abs(np.abs(x) - 1) <= ROUNDED, np.sign(x), x) for x in (real, imag))
+    row = row / row[int(np.argmax(size >= (1 - doubles.ZERO) * size.max()))]
+    real, imag = (np.where(np.abs(part) <= doubles.ZERO, 0.0, part) for part in (row.real, row.imag))
+    real, imag = (np.where(np.abs(np.abs(x) - 1) <= doubles.VALUE, np.sign(x), x) for x in (real, imag))
     return np.asarray(real + 1j * imag)

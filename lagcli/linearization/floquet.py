@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions, rank
 from lagcli.linearization import spectrum
@@ -29,10 +30,6 @@ Complex = npt.NDArray[np.complex128]
 Signature = Callable[[float], Floats]
 
 RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow
-# What the integration leaves in a matrix over one period, as a part of its size.
-LEFT = 1e-9
-# A kinetic energy and multipliers that change by less than this part are constant.
-CONSTANT = 1e-9
 # Times that are looked at in a span, and spans as parts of the time allowed, the shortest first.
 TIMES = 400
 SPANS = (1e-3, 1e-2, 1e-1, 1.0)
@@ -102,7 +99,7 @@ class FollowedMotion:
             M = np.array(self.numeric.inertia(here.t, here.q, here.v, here.p))
             values.append(np.concatenate([[here.v @ M @ here.v, here.a @ M @ here.a], here.lam]))
         spread = np.abs(np.array(values) - values[0]).max(axis=0)
-        return bool((spread <= CONSTANT * np.abs(values[0]).max()).all())
+        return bool((spread <= doubles.ZERO * np.abs(values[0]).max()).all())
 
     def signature(self, path: Callable[[float], Floats], s: float) -> Floats:
         """Velocities and the entries of the linear equations at a time after the start, of one size."""
@@ -149,7 +146,7 @@ def cycle(orbit: FollowedMotion, T: float) -> Cycle:
     linear = orbit.functions.at(orbit.here)
     deviations = _tangent(linear, T)
     carried = deviations.T @ orbit.monodromy(deviations, T)
-    found = spectrum.deflate(carried - np.eye(len(carried)), LEFT * float(np.linalg.norm(carried, 2)))
+    found = spectrum.deflate(carried - np.eye(len(carried)), doubles.ZERO * float(np.linalg.norm(carried, 2)))
     values, vectors = np.linalg.eig(found.rest)
     others = 1 + values
     order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))

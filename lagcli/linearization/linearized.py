@@ -11,6 +11,7 @@ at constant a and lambda, so that what the reference loads (prestress) is in K.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,6 +20,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.equations import level_functions, operation_rules, system
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
@@ -30,12 +32,12 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-# Points at which a function is looked at, how far they are spread, and what is zero of one.
-POINTS, SPREAD, ENERGY_ROUNDOFF = 4, 0.1, 1e-11
+# Points at which a function is looked at, and how far they are spread.
+POINTS, SPREAD = 4, 0.1
 # Of linear equations, by sparse factors.
 SOLVER = "qr"
 # A number below this or above its inverse has no square that is a normal double.
-SMALLEST = 1e-150
+SMALLEST = math.sqrt(doubles.TINY)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -264,7 +266,7 @@ class LinearizedFunctions:
             )
             v = random.standard_normal(here.q.size)
             driving, left, terms = (np.array(part).ravel() for part in self._powers(t, q, v, here.p))
-            if driving.any() or not (np.abs(left) <= ENERGY_ROUNDOFF * terms).all():
+            if driving.any() or not (np.abs(left) <= doubles.ZERO * terms).all():
                 return False
         return True
 

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linearization.linearized import Linear
 from lagcli.smoothness import sides
 
@@ -26,13 +27,10 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-# Shift, zeros and weights of rows, as parts of the largest K_ii / M_ii.
-SHIFT, ZERO, STIFF = 1e-7, 1e-12, 1e5
+# Shift and weights of rows, as parts of the largest K_ii / M_ii.
+SHIFT, STIFF = 1e-7, 1e5
 # Eigenvalues that are asked for beyond those that are wanted, and rounds in which more are asked for.
 SPARE, ROUNDS = 6, 3
-ASYMMETRY = 1e-11
-# For singular factors, of dependent rows: their part of the diagonal.
-LOOSE = 1e-13
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +54,7 @@ class NotFoundError(Exception):
 def modes(linear: Linear, wanted: int) -> Lowest:
     """The lowest modes of linear equations. Raises `NotFoundError`."""
     K, C = linear.K, linear.C
-    is_symmetric = abs(K - K.T).max() <= ASYMMETRY * abs(K).max() if K.nnz else True
+    is_symmetric = abs(K - K.T).max() <= doubles.ZERO * abs(K).max() if K.nnz else True
     if is_symmetric and not linear.A.shape[0] and (not C.nnz or not abs(C).max()):
         return _of_energy(linear, wanted)
     return _of_states(linear, wanted)
@@ -71,7 +69,7 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
     size = float(np.abs(K.diagonal() / M.diagonal()).max())
     if not size:
         raise NotFoundError
-    negative = _below(K, M, B, -ZERO * size, size)
+    negative = _below(K, M, B, -doubles.VALUE * size, size)
     begin = np.random.default_rng(0).standard_normal(n)
     k = min(wanted + SPARE, n - rank - 1)
     sigma = -SHIFT * size
@@ -99,7 +97,7 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
         k = min(2 * k, n - rank - 1)
     count_chosen = min(wanted, found if is_complete else squares.size)
     squares, x = squares[:count_chosen], x[:, :count_chosen]
-    squares = np.where(np.abs(squares) <= ZERO * size, 0.0, squares)
+    squares = np.where(np.abs(squares) <= doubles.VALUE * size, 0.0, squares)
     roots = np.sqrt(-squares + 0j)
     return Lowest(
         roots,
@@ -168,7 +166,7 @@ def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats],
 
     h = B.shape[0]
     size = float(abs(matrix).max())
-    for loose in (0.0, LOOSE / size):
+    for loose in (0.0, doubles.SUM / size):
         corner = -loose * sparse.eye(h) if h else None
         blocks = [[matrix, B.T], [B, corner]] if h else [[matrix]]
         try:

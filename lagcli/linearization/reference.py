@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference, RowValues
@@ -20,14 +21,6 @@ from lagcli.linearization.linearized import Linear, LinearizedFunctions, Referen
 Floats = npt.NDArray[np.float64]
 Kind = Literal["equilibrium", "steady", "varying"]
 
-# What is left of forces in balance, as a part of the largest: at 1e-10 and at 1e-12
-# `test_forces_balance_where_a_part_of_rounding_is_left` fails.
-BALANCED = 1e-11
-# The same along a path, where positions have roundings of their own; entries of matrices that stay the same.
-PATH_ROUNDOFF, SAME = 1e-9, 1e-9
-# Speeds that would lead no farther than this part of the configuration in the time of the run are none: at 1e-13
-# `test_what_leads_nowhere_in_the_time_of_the_run_is_at_rest` of `tests/unit/test_numbers_of_linear_equations.py` fails.
-RESTING = 1e-12
 # Parts of the duration at which the path is looked at: no common period.
 PATH_PARTS = (0.0173, 0.1379, 0.3813, 0.7071, 1.0)
 
@@ -44,10 +37,10 @@ class Steady:
 def is_at_rest(q: Floats, v: Floats, duration: float) -> bool:
     """True if the velocities are zero or rounding."""
     size = float(np.abs(q).max(initial=0.0)) or 1.0
-    return float(np.abs(v).max(initial=0.0)) * duration <= RESTING * size
+    return float(np.abs(v).max(initial=0.0)) * duration <= doubles.VALUE * size
 
 
-def is_balanced(linear: Linear, part: float = BALANCED, least: float = 0.0) -> bool:
+def is_balanced(linear: Linear, part: float = doubles.ZERO, least: float = 0.0) -> bool:
     """True if the forces of a reference, which are finite, balance each other.
 
     Forces over the roots of their masses are compared: newtons and newton metres, and those of light and heavy
@@ -89,12 +82,12 @@ def _without_rounding(functions: LinearizedFunctions, here: Reference, duration:
     still = dataclasses.replace(here, a=np.zeros_like(here.q))
     linear = functions.at(still)
     least = _least(linear, here, duration)
-    return still.a if is_balanced(linear, BALANCED, least) else functions.acceleration(here)
+    return still.a if is_balanced(linear, doubles.ZERO, least) else functions.acceleration(here)
 
 
 def _least(linear: Linear, here: Reference, duration: float) -> float:
     """An acceleration that changes the velocities by their rounding in the time of the run."""
-    return RESTING * float(np.linalg.norm(linear.inertia * here.v)) / duration
+    return doubles.VALUE * float(np.linalg.norm(linear.inertia * here.v)) / duration
 
 
 def _lasting(
@@ -110,7 +103,7 @@ def _lasting(
         if not on_rows(functions.rows(later)):
             return None
         linear = functions.at(later)
-        if not np.isfinite(linear.values).all() or not is_balanced(linear, PATH_ROUNDOFF, least):
+        if not np.isfinite(linear.values).all() or not is_balanced(linear, doubles.ZERO, least):
             return None
         same = same and is_same(found.linear, linear, duration)
     return found if same else dataclasses.replace(found, kind="varying")
@@ -130,7 +123,7 @@ def on_rows(rows: RowValues) -> bool:
     Where the terms of a row are rounding, they do not tell how large the row is: beside them stands what the whole
     configuration, or all speeds, could make of it.
     """
-    least = PATH_ROUNDOFF * rows.terms + RESTING * rows.scales
+    least = doubles.ZERO * rows.terms + doubles.VALUE * rows.scales
     off = np.abs(rows.values)
     one_sided = off.size - rows.one_sided
     off[one_sided:] = -rows.values[one_sided:]
@@ -149,8 +142,10 @@ def is_same(one: Linear, other: Linear, duration: float) -> bool:
             return False
         largest = np.zeros(int(row.max(initial=-1)) + 1)
         np.maximum.at(largest, row, np.abs(entries))
-        least = spectrum.floor(len(largest)) * largest.max(initial=0.0) + RESTING * (1 / duration) ** order
+        least = (
+            spectrum.floor(len(largest)) * largest.max(initial=0.0) + doubles.VALUE * (1 / duration) ** order
+        )
         with np.errstate(invalid="ignore"):  # infinite ones are no number apart
-            if not (np.abs(entries - others) <= SAME * largest[row] + least).all():
+            if not (np.abs(entries - others) <= doubles.ZERO * largest[row] + least).all():
                 return False
     return True

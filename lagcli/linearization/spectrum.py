@@ -20,13 +20,8 @@ from lagcli.linearization.freedoms import Freedoms
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-# A matrix is symmetric or skew where this part of it is not.
-ASYMMETRY = 1e-11
 # The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
 MOST_ROUNDOFF = 1e-7
-# A singular value that is this many roundings a row of the largest is zero: at 6.4 and at 640
-# `test_a_singular_value_of_some_roundings_is_a_zero` of `tests/unit/test_numbers_of_linear_equations.py` fails.
-ROUNDINGS = 64.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +50,7 @@ def compute(free: Freedoms) -> Spectrum:
     squares = np.linalg.eigvalsh((K + K.T) / 2) if K.size else np.zeros(0)
     least = max(floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     is_definite = not c and bool((squares > least).all())
-    if is_conservative and _size(C) <= ASYMMETRY * _size(K) ** 0.5:
+    if is_conservative and _size(C) <= doubles.ZERO * _size(K) ** 0.5:
         values, shapes, still = _at_rest(free)
     elif is_conservative and is_definite:
         values, shapes = _turning(free)
@@ -128,7 +123,7 @@ def _size(matrix: Floats) -> float:
 
 
 def _near(difference: Floats, matrix: Floats, beside: float = 0.0) -> bool:
-    return _size(difference) <= ASYMMETRY * max(_size(matrix), beside)
+    return _size(difference) <= doubles.ZERO * max(_size(matrix), beside)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +146,7 @@ class WithoutZeros:
 
 def floor(n: int) -> float:
     """The part of its largest singular value that is zero in a matrix of n rows."""
-    return ROUNDINGS * doubles.EPS * max(n, 8)
+    return doubles.SUM * max(n, 8)
 
 
 def deflate(S: Floats, noise: float = 0.0) -> WithoutZeros:

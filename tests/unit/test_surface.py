@@ -155,7 +155,7 @@ def test_damping_wanes_by_eight_down_to_nine_digits():
 
 
 @pytest.mark.parametrize(("distance", "steps"), [(3e-15, 0), (3e-14, 1)])
-def test_a_descent_ends_at_rounding(distance, steps):
+def test_a_descent_ends_at_fourteen_digits(distance, steps):
     assert len(descended([distance, 0.0]).asked) == 1 + steps
 
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_impact
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, merged
 from lagcli.auditing.checks.checks_contact import ContactStates
@@ -28,7 +29,6 @@ FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the
 # Rows between two incidents that are examined by differences; fewer are, one by one, as flights. At 4
 # `test_rows_between_impacts_are_judged_however_few_they_are` of `tests/physics/test_audit_tables.py` fails.
 FEWEST_ROWS = 8
-FEW = 1e-13  # of the length of a flight: what is shorter is none
 MOST_SETS = 60  # sets of contacts that rest, those with most flights
 # A formula of the fourth order knows by so many times what one of the second one is off how far off it is.
 CAREFUL = 4.0
@@ -88,7 +88,7 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     at_begin = np.concatenate([states.is_closed[rows], after_it[last]])
     at_end = np.concatenate([states.is_closed[rows], before_it[first]])
     begin, end = begins.part(pairs[:, 0]), ends.part(pairs[:, 1])
-    long = end.t - begin.t > FEW * np.abs(r.t).max()
+    long = end.t - begin.t > doubles.SUM * np.abs(r.t).max()
     closed = at_begin[pairs[:, 0]]
     weak = np.concatenate([np.zeros(len(rows), dtype=bool), is_weak[first]])
     known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long & ~weak[pairs].any(axis=1)

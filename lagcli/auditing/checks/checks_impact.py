@@ -23,12 +23,13 @@ from functools import cached_property
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues
 from lagcli.auditing.evidence.table_input import Incidents, Record
-from lagcli.auditing.evidence.tolerances import FORCE_ROUNDOFF, RESOLVED, SAFETY, Evidence
+from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
 ROWS_AFTER = CheckedLaw(
@@ -49,7 +50,6 @@ LOSSES = CheckedLaw(
 BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
 CLOSING = ("impact", "accumulation", "contact")
 SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
-SHARPLY = 1e-6  # times the limit of g: contacts that are closed for certain
 MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
 
 
@@ -93,7 +93,7 @@ class ImpactEvidence:
         size = np.maximum.reduce(list(sizes))
         size = np.where(size > 0, size, 1.0)
         limit = size * (one.spread(own / size, moved / size) + one.spread(pull / size, pull_moved / size))
-        rounding = FORCE_ROUNDOFF * np.abs(momenta(one, r.q, r.v, one.values.u, one.values))
+        rounding = doubles.SUM * np.abs(momenta(one, r.q, r.v, one.values.u, one.values))
         names = [f"p({name})" for name in one.names.q]
         # Impulses on both sides of a body may cancel.
         limit = limit + off_v + 2 * rounding + SAFETY * self.tolerance.rtol * size + self.tolerance.atol
@@ -236,7 +236,9 @@ class ImpactEvidence:
         wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
         wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
         # Within the limit it may be open all the same: then it parts, or is struck as soon as it comes.
-        is_open = (after >= 0) & (np.abs(g) > SHARPLY * limit_g) | self._are_struck_soon(g + limit_g, after)
+        is_open = (after >= 0) & (np.abs(g) > doubles.ROOT * limit_g) | self._are_struck_soon(
+            g + limit_g, after
+        )
         wrong = np.where(~pushes & is_open, 0.0, wrong)
         sign = np.minimum(impulse, 0.0)
         residual = np.concatenate([wrong, sign], axis=1)

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import TINY
@@ -15,7 +16,6 @@ from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
 # Rows at which a symmetry is tried, evenly over the table.
 SAMPLES = 48
-SYMMETRIC = 1e-9  # of the size of the terms that would have to cancel
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
             extent = max(float(np.abs(q).max(initial=0.0)), 1e-300)
             felt = max(felt, float(np.abs(L.imag / TINY).max(initial=0.0)))
             size = max(size, float(np.abs(L.real).max() * np.abs(along).max() / extent))
-        if felt <= SYMMETRIC * size or felt == 0.0:
+        if felt <= doubles.ZERO * size or felt == 0.0:
             unfelt.append(Symmetry(name, xi, rate))
 
     for j in range(own, index.n):

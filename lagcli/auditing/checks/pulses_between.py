@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
 POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
 PARTS = np.arange(POINTS + 2) / (POINTS + 1)  # of a step, both ends among them
-BENDS, ROUNDED = 2.0, 1e-12  # times the bend that rows show, and a part of the size: what is above is hidden
+BENDS = 2.0  # times the bend that rows show: what is above is hidden
 FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass it on
 
 
@@ -40,7 +41,7 @@ def _drives(e: Evidence, steps: Array) -> Array:
     around = r.t[np.clip(steps[:, None] + np.arange(-1, 3), 0, len(r.t) - 1)]
     fine, coarse = _momenta(e, steps, inside), _momenta(e, steps, around)
     apart, bends = _bulge(fine), np.linalg.norm(np.diff(coarse, 2, axis=1), axis=2).max(axis=1)
-    rounding = ROUNDED * np.linalg.norm(fine, axis=2).max(axis=1)
+    rounding = doubles.VALUE * np.linalg.norm(fine, axis=2).max(axis=1)
     return np.where(apart > BENDS * bends + rounding, FORWARD * apart / (last - first), 0.0)
 
 

@@ -15,8 +15,6 @@ from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 
-# Of the terms that forces are made of, and of positions, in which forces are made of terms that are not seen.
-FORCE_ROUNDOFF = 64 * doubles.EPS
 # Rows at which positions are moved by their rounding, and how much further: random moves show a part of the largest
 # change.
 SAMPLES, FURTHER = 9, 4
@@ -41,19 +39,19 @@ def rounding(laws: ModelLaws, record: Record, values: LawValues) -> ForceRoundin
     rows = np.unique(np.linspace(0, len(record.t) - 1, min(SAMPLES, len(record.t))).astype(np.int64))
     random = np.random.default_rng(6)
     part = record.part(rows)
-    moved = part.q * (1 + FURTHER * FORCE_ROUNDOFF * random.choice((-1.0, 1.0), size=part.q.shape))
+    moved = part.q * (1 + FURTHER * doubles.SUM * random.choice((-1.0, 1.0), size=part.q.shape))
     there = laws.values(part.t, moved, part.v, part.lam)
 
     def largest(y: Array) -> Array:
         return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
 
-    q = FORCE_ROUNDOFF * largest(record.R_q)
+    q = doubles.SUM * largest(record.R_q)
     for name in PARTS:
         whole, shifted = getattr(values, name), getattr(there, name)
-        q = q + FORCE_ROUNDOFF * largest(whole) + largest(shifted - whole[rows])
-    pushed = FORCE_ROUNDOFF * largest(values.F) + largest(there.F - values.F[rows])
+        q = q + doubles.SUM * largest(whole) + largest(shifted - whole[rows])
+    pushed = doubles.SUM * largest(values.F) + largest(there.F - values.F[rows])
     q[:own] += pushed[index.cartesian].ravel()
-    x = FORCE_ROUNDOFF * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
+    x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
     x = x + pushed[index.dependent].ravel()
     # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
     M, M_x = _inertia(laws, part), np.repeat(index.masses[index.dependent], 3)

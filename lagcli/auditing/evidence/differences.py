@@ -50,9 +50,6 @@ class StencilParameters:
     converging: float = 0.5
     """The next stencil must come closer by that factor, or both differences be `smooth`.
     `test_rows_resolve_what_wider_stencils_come_closer_together_for` fails at 0.05 and 5."""
-    smooth: float = 1e-6
-    """That part of the slopes around. `test_differences_of_a_millionth_of_the_slopes_are_resolved` fails at
-    1e-7 and 1e-5."""
     rough: int = 8
     """The order of differences that show a kink.
     `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0 and 80."""
@@ -156,7 +153,7 @@ class DifferenceGrid:
             slopes.append(combined(indices, weights, y, about=True))
             spread = np.abs(weights).sum(axis=1)[:, None] * noise
         before, now = (widest(np.abs(b - a), PARAMETERS.reach) for a, b in itertools.pairwise(slopes))
-        small = np.maximum(PARAMETERS.smooth * widest(np.abs(slopes[-1]), 2 * PARAMETERS.reach), spread)
+        small = np.maximum(doubles.ROOT * widest(np.abs(slopes[-1]), 2 * PARAMETERS.reach), spread)
         return np.asarray((now <= PARAMETERS.converging * before) | (np.maximum(now, before) <= small))
 
     def integral(self, y: Array, noise: Array) -> Estimate:

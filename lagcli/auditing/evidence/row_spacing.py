@@ -11,11 +11,12 @@ import functools
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import widest
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Record
-from lagcli.auditing.evidence.tolerances import FORCE_ROUNDOFF, SAFETY, Evidence
+from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 COARSE = 1.0  # a row to the next may change a velocity by that part of itself
 LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
@@ -135,7 +136,7 @@ class RowSpacing:
         # Rows, forces or momenta that turn too far with generalized coordinates from a row to the next, all along: an
         # error of a row lets few steps look so
         if own < index.n:
-            part = SAFETY * self._e.tolerance.rtol + FORCE_ROUNDOFF
+            part = SAFETY * self._e.tolerance.rtol + doubles.SUM
             fast = _turning_steps(self._e.laws, r, part, self._e.tolerance.atol).sum(axis=0)
             rows = len(r.t)
             is_far[own:] = (fast > (rows / 4 if rows < FEW else max(2 * REACHED, OFTEN * rows))).any()

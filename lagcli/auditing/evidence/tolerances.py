@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.evidence import balanced_forces, differences, table_input, written_digits
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.balanced_forces import ForceRounding
@@ -27,7 +28,6 @@ Made = typing.TypeVar("Made")
 # A limit is so many times the noise that evaluations at states moved by delta show.
 SAFETY = 30.0
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
-FORCE_ROUNDOFF = balanced_forces.FORCE_ROUNDOFF
 WORSE = 1e6  # a limit grows by no more than that towards a singular configuration
 COST = 3e8  # of the singular values of B, in multiplications
 
@@ -174,7 +174,7 @@ class Evidence:
             usual = np.partition(known, index, axis=0)[index]
         found = np.maximum(widest(np.nan_to_num(flat)), usual)
         size = np.nan_to_num(np.abs(one).reshape(flat.shape))
-        return np.asarray((SAFETY * found + FORCE_ROUNDOFF * size).reshape(one.shape))
+        return np.asarray((SAFETY * found + doubles.SUM * size).reshape(one.shape))
 
     @functools.cached_property
     def acceleration(self) -> Estimate:
@@ -233,7 +233,7 @@ class Evidence:
         R = np.abs(self.record.R_q)
         return np.asarray(
             self.noise("pull")
-            + FORCE_ROUNDOFF * (R + R.max(initial=0.0))
+            + doubles.SUM * (R + R.max(initial=0.0))
             + self.tolerance.atol
             + (self.recorded(R) if self.tolerance.written.is_short else 0.0)
         )

@@ -6,15 +6,8 @@ import copy
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
-
-# A singular value below that part of the largest is none: at 1e-8
-# `test_rows_are_dependent_where_a_singular_value_is_a_thousand_millionth` of `tests/unit/test_numbers_of_the_audit.py`
-# fails.
-RANK = 1e-9
-# A configuration with one between is too near to a singular one: at 1e-5
-# `test_a_configuration_is_singular_within_a_millionth` fails.
-NEAR = 1e-6
 
 
 class VirtualSpace:
@@ -36,7 +29,7 @@ class VirtualSpace:
         if least:
             self._left, self.sigma, self._across = np.linalg.svd(scaled, full_matrices=False)
         top = self.sigma.max(axis=1, initial=0.0)[:, None]
-        self._independent = self.sigma > RANK * top
+        self._independent = self.sigma > doubles.ZERO * top
         self._judge()
 
     def part(self, rows: slice) -> VirtualSpace:
@@ -54,7 +47,7 @@ class VirtualSpace:
         self.usual = int(self.rank.max(initial=0))
         smallest = self.sigma[:, self.usual - 1] if self.usual else np.ones(M)
         largest = top[:, 0] if self.usual else np.ones(M)
-        self.is_singular = (smallest < NEAR * largest) | self._has_none
+        self.is_singular = (smallest < doubles.ROOT * largest) | self._has_none
         with np.errstate(divide="ignore", invalid="ignore"):
             self._inverse = np.where(self._independent, 1 / self.sigma, 0.0)
             self.condition = largest / smallest
@@ -64,7 +57,7 @@ class VirtualSpace:
     @property
     def are_apart(self) -> Array:
         """True for each of the M rows of a table where no row of B is near a combination of the others."""
-        return np.asarray(self.sigma[:, -1] > NEAR * self.sigma[:, 0])
+        return np.asarray(self.sigma[:, -1] > doubles.ROOT * self.sigma[:, 0])
 
     def virtual(self, w: Array) -> Array:
         """The part of w (M, n) along virtual displacements: the sum over an orthonormal basis of (w . e) e."""

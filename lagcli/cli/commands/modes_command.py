@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lagcli import doubles
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 
 MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
-STATE_ROUNDOFF = 1e-12  # a column of the state below this part of the largest is printed as 0
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 
 
@@ -120,7 +120,7 @@ def _print_report(found: Modes) -> None:
 def _reference_text(found: Modes) -> str:
     """The first columns of the state about which the equations are linear."""
     size = max((abs(value) for value in found.at.values()), default=0.0)
-    state = {name: value if abs(value) > STATE_ROUNDOFF * size else 0.0 for name, value in found.at.items()}
+    state = {name: value if abs(value) > doubles.VALUE * size else 0.0 for name, value in found.at.items()}
     named = [f"{name} = {value:.6g}" for name, value in state.items()]
     more = f" and {len(named) - MOST_COORDINATES} more" if len(named) > MOST_COORDINATES else ""
     return f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}"

@@ -13,8 +13,6 @@ from collections.abc import Callable, Sequence
 
 from lagcli.cli.terminal import console, exits, status_line
 
-INTERVAL = 0.25  # seconds between looks
-
 Stamp = tuple[tuple[int, int, int] | None, ...]
 
 
@@ -71,4 +69,4 @@ def _stamp(path: str) -> tuple[int, int, int] | None:
 
 
 def _pause() -> None:
-    time.sleep(INTERVAL)
+    time.sleep(status_line.TICK)

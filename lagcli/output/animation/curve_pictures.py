@@ -9,15 +9,13 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.model import model as nouns
 from lagcli.output.animation import nets, quadratic_algebra
 from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import STANDING, DrawnSurface, Viewpoint
 
 Floats = npt.NDArray[np.float64]
-# A part of a gradient: less of it lies in the plane of the motion by rounding alone.
-# `tests/unit/test_drawing_thresholds.py::test_a_plane_that_is_the_picture_draws_no_line` fails at 1e-5 and 1e-7.
-LEVEL_ROUNDOFF = 1e-6
 # Rows of models of more particles are not tried one by one for curves.
 MOST_TRIED = 60
 # Shapes that move take room in a page for each instant.
@@ -76,7 +74,7 @@ class CurvePictures:
         points = track[:, None] if one.moves else track[:1, None]
         slope = nets.gradient(one.function, points, 2 * self.view.size)
         across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
-        return bool(np.all(across <= LEVEL_ROUNDOFF * np.linalg.norm(slope, axis=-1)))
+        return bool(np.all(across <= doubles.ROOT * np.linalg.norm(slope, axis=-1)))
 
     def _others(self, number: int, track: Floats) -> Iterator[SingleParticleRow]:
         """The rows not of the second degree that name this particle alone."""

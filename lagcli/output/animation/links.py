@@ -14,10 +14,11 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.equations import rigid
 from lagcli.linear import rank
 from lagcli.model import model as nouns
-from lagcli.output.animation import quadratic_form, scene
+from lagcli.output.animation import scene
 from lagcli.output.animation.quadratic_algebra import PicturedRow, SpringLength
 from lagcli.output.animation.quadratic_form import SquareDistance
 from lagcli.output.animation.scene import Link
@@ -33,9 +34,6 @@ ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pip
 CIRCULAR = re.compile(r"(?i)(hoop|ring|circle|wire|track)")
 # All pairs of a rigid body of few particles are drawn, of more the nearest ones.
 MOST_JOINED, NEAREST = 6, 3
-# A part of the distance: what varies less at all samples, which are rounded alone, does not vary.
-# `tests/unit/test_drawing_thresholds.py::test_a_distance_that_varies_is_no_tie` fails at 1e-8 and 1e-10.
-TIE_ROUNDOFF = 1e-9
 MOST_TIED = 40  # particles whose pairs are looked at
 NEAREST_TIED = 3  # of the particles at a constant distance, so many are joined to each
 SAMPLES = 12  # instants at which a distance is compared
@@ -68,7 +66,7 @@ class PointTable:
         nothing = np.zeros(3)
         if not negative or not positive:
             return self._mean(positive or negative, nothing), self.point_at(-found.shift / total)
-        if abs(total) > quadratic_form.SAME * heavy:
+        if abs(total) > doubles.ZERO * heavy:
             return None
         return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
 
@@ -208,7 +206,7 @@ def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link
 def _bar_ends(weights: Weights, shift: Floats, points: PointTable) -> list[tuple[int, int]]:
     """The pairs of points that a bar joins; none where the rows are no bar."""
     total, heavy = sum(weights.values()), max(map(abs, weights.values()))
-    balanced = abs(total) <= quadratic_form.SAME * heavy
+    balanced = abs(total) <= doubles.ZERO * heavy
     particles = list(weights)
     if len(particles) == 2:
         if balanced:
@@ -253,7 +251,7 @@ def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
     for i in range(len(numbers)):
         apart = np.linalg.norm(samples - samples[:, i : i + 1], axis=-1)
         constant = np.flatnonzero(
-            (np.ptp(apart, axis=0) <= TIE_ROUNDOFF * size) & (apart[0] > TIE_ROUNDOFF * size)
+            (np.ptp(apart, axis=0) <= doubles.ZERO * size) & (apart[0] > doubles.ZERO * size)
         )
         pairs[i] = sorted((float(apart[0, j]), int(j)) for j in constant)[:NEAREST_TIED]
     joined = {(min(i, j), max(i, j)): length for i, near in pairs.items() for length, j in near}
@@ -269,7 +267,7 @@ def _pivot(positions: Floats, size: float) -> tuple[Floats, float] | None:
     """The fixed position nearest to these from which they all have one distance, and the distance."""
     middle = positions.mean(axis=0)
     offsets = positions - middle
-    if np.abs(offsets).max() <= TIE_ROUNDOFF * size:
+    if np.abs(offsets).max() <= doubles.ZERO * size:
         return None
     square = (offsets**2).sum(axis=1)
     # |p|^2 = 2 c . p + d; the mean is taken off, so that the solution of least norm lies in the plane of the positions.
@@ -277,6 +275,6 @@ def _pivot(positions: Floats, size: float) -> tuple[Floats, float] | None:
     found = rank.space(offsets / scale, is_whole=False)
     centre = found.step(right / scale)
     distances = np.linalg.norm(offsets - centre, axis=1)
-    if found.low < 2 or np.ptp(distances) > TIE_ROUNDOFF * size:
+    if found.low < 2 or np.ptp(distances) > doubles.ZERO * size:
         return None
     return middle + centre, float(distances.mean())

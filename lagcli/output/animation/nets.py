@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import surface
 
 Floats = npt.NDArray[np.float64]
@@ -28,27 +29,6 @@ AROUND = 0.15  # of the size of the scene, by which the net reaches beyond what 
 MOST_SHEETS = 3  # of a surface at rest
 
 
-class NetParameters:
-    """The numbers by which zeros of a function are met; lengths are parts of the size of what is seen. The
-    tests are those of `tests/unit/test_drawing_thresholds.py`.
-    """
-
-    __slots__ = ()
-
-    exact: float = 1e-9
-    """A bend that is this part of the values is none, well above the rounding of gradients, 1e-10.
-    `test_a_function_is_straight_along_an_axis_to_nine_digits` fails at 1e-8 and 1e-10."""
-    difference: float = 1e-6
-    """The step of differences, whose rounding and truncation are both 1e-10:
-    `test_gradients_lose_as_little_to_rounding_as_to_bends` fails at 1e-5 and 1e-7."""
-    same_height: float = 1e-6
-    """Heights of one surface closer than this are one: `test_heights_that_are_one_are_drawn_once` fails at 1e-5 and
-    1e-7."""
-
-
-PARAMETERS = NetParameters()
-
-
 def gradient(function: Function, points: Floats, size: float) -> Floats:
     """Central differences at points (T, k, 3), as (T, k, 3)."""
     return _expanded([function], points, size)[1][:, :, 0]
@@ -57,7 +37,7 @@ def gradient(function: Function, points: Floats, size: float) -> Floats:
 def _expanded(functions: Sequence[Function], points: Floats, size: float) -> tuple[Floats, Floats]:
     """Values (T, k, m) of m functions at points (T, k, 3), and their gradients (T, k, m, 3)."""
     count, width = points.shape[:2]
-    step = PARAMETERS.difference * size
+    step = doubles.STEP * size
     moves = step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     around = (points[:, :, None] + moves).reshape(count, -1, 3)
     found = [np.broadcast_to(one(around), around.shape[:2]).reshape(count, width, 7) for one in functions]
@@ -88,7 +68,7 @@ def followed(functions: Sequence[Function], starts: Floats, size: float, centre:
     for number in range(STEPS):
         direction = np.cross(rows[:, :, 0], rows[:, :, 1])
         length = np.linalg.norm(direction, axis=-1)
-        going &= length > PARAMETERS.exact * np.linalg.norm(rows, axis=-1).prod(axis=-1)
+        going &= length > doubles.ZERO * np.linalg.norm(rows, axis=-1).prod(axis=-1)
         turned = np.where((direction * last).sum(axis=-1) < 0, -length, length)
         last = direction / np.where(going, turned, np.nan)[..., None]
         there, rows = nearest(functions, point + step * last, size)
@@ -179,7 +159,7 @@ def _apart(sheets: Floats, up: int, size: float) -> Floats:
     heights = sheets[..., up]
     for number in range(1, len(sheets)):
         gaps = np.abs(heights[number] - heights[:number])
-        heights[number, (gaps <= PARAMETERS.same_height * size).any(axis=0)] = np.nan
+        heights[number, (gaps <= doubles.ROOT * size).any(axis=0)] = np.nan
     return sheets
 
 
@@ -220,7 +200,7 @@ def _straight(function: Function, points: Floats, slope: Floats, size: float) ->
         line[..., axis] += steps
         values = np.broadcast_to(function(line), line.shape[:2])
         bend = np.abs(np.diff(values, 2, axis=1)).max()
-        if np.isfinite(bend) and slope[axis] > 0 and bend <= PARAMETERS.exact * np.abs(values).max():
+        if np.isfinite(bend) and slope[axis] > 0 and bend <= doubles.ZERO * np.abs(values).max():
             return axis
     return None
 

@@ -15,12 +15,11 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
+
 Floats = npt.NDArray[np.float64]
 Coefficient = Floats | np.float64  # (T,) or a number
 ZERO = np.float64(0.0)
-# A part of the largest coefficient below which two are the same: they are sums and products of few numbers.
-# `tests/unit/test_drawing_thresholds.py::test_squares_with_other_factors_are_no_distance` fails at 1e-8 and 1e-10.
-SAME = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -236,7 +235,7 @@ def _weights(square: dict[tuple[int, int], float]) -> tuple[float, dict[int, flo
         for index, k in enumerate(particles):
             for other in particles[index:]:
                 wanted = factor * weights[k] * weights[other] * (1.0 if k == other else 2.0)
-                if abs(square.get((3 * k + axis, 3 * other + axis), 0.0) - wanted) > SAME * largest:
+                if abs(square.get((3 * k + axis, 3 * other + axis), 0.0) - wanted) > doubles.ZERO * largest:
                     return None
     return factor, weights, axes
 
@@ -254,7 +253,7 @@ def _shift(
         part = polynomial.linear.get(3 * first + axis, ZERO) / (2.0 * factor)
         for k, weight in weights.items():
             linear = polynomial.linear.get(3 * k + axis, ZERO)
-            if np.any(np.abs(linear - 2.0 * factor * weight * part) > SAME * size):
+            if np.any(np.abs(linear - 2.0 * factor * weight * part) > doubles.ZERO * size):
                 return None
         parts.append(part)
     return np.stack(np.broadcast_arrays(*parts), axis=-1)

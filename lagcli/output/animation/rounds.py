@@ -10,15 +10,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.output.animation import quadratic_form
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
 from lagcli.output.animation.scene import DrawnSurface, steady
 
 Floats = npt.NDArray[np.float64]
-# Eigenvalues, normals and radii closer than this part of the largest are one.
-# `tests/unit/test_drawing_thresholds.py::test_planes_that_are_one_are_drawn_once` fails at 1e-8 and 1e-10.
-SAME = 1e-9
 # A part of the size of the scene: a particle this far off a surface is not on it. FAR: sizes of the scene; a plane
 # farther than this from all that moves on its side is not drawn.
 # `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn`
@@ -46,8 +44,8 @@ class RowPlane:
         if self.offset.shape != other.offset.shape:
             return False
         for sign in (1.0,) if self.one_sided else (1.0, -1.0):
-            near = np.abs(self.normal - sign * other.normal).max() <= SAME
-            if near and np.abs(self.offset - sign * other.offset).max() <= SAME * size:
+            near = np.abs(self.normal - sign * other.normal).max() <= doubles.ZERO
+            if near and np.abs(self.offset - sign * other.offset).max() <= doubles.ZERO * size:
                 return True
         return False
 
@@ -96,12 +94,12 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Draw
     if values.sum() < 0:
         values, vectors, b, c = -values[::-1], vectors[:, ::-1], [-part for part in b], -c
     largest = values[2]
-    if values[1] <= SAME * largest or values[0] < -SAME * largest:
+    if values[1] <= doubles.ZERO * largest or values[0] < -doubles.ZERO * largest:
         return None
     # In the principal directions: sum values_i (x_i + slope_i)^2 = square, and along a direction without a value x_i.
     along = np.stack(b, axis=-1) @ vectors
-    bent = values > SAME * largest
-    if np.abs(along[:, ~bent]).max(initial=0.0) > SAME * max(float(np.abs(along).max()), largest):
+    bent = values > doubles.ZERO * largest
+    if np.abs(along[:, ~bent]).max(initial=0.0) > doubles.ZERO * max(float(np.abs(along).max()), largest):
         return None
     slope = np.zeros_like(along)
     slope[:, bent] = along[:, bent] / (2 * values[bent])
@@ -148,7 +146,7 @@ def polygons(
             continue
         # The radius of the particles that touch a wall, where all have the same
         own = radii[sorted(one.particles)]
-        known = one.one_sided and not np.isnan(own).any() and np.ptp(own) <= SAME * own.max()
+        known = one.one_sided and not np.isnan(own).any() and np.ptp(own) <= doubles.ZERO * own.max()
         shift = float(own[0]) if known else 0.0
         walls = [
             other
@@ -186,9 +184,9 @@ def _polygon(one: RowPlane, tracks: Floats, cut: tuple[list[RowPlane], float], s
 
 def basis(normal: Floats) -> tuple[Floats, Floats]:
     """Two directions in planes with normals (k, 3), the first of them level."""
-    level = np.linalg.norm(normal[:, :2], axis=-1).min() > SAME
+    level = np.linalg.norm(normal[:, :2], axis=-1).min() > doubles.ZERO
     u = np.cross([0.0, 0.0, 1.0] if level else [0.0, 1.0, 0.0], normal)
-    if np.linalg.norm(u, axis=-1).min() <= SAME:
+    if np.linalg.norm(u, axis=-1).min() <= doubles.ZERO:
         u = np.cross([1.0, 0.0, 0.0], normal)
     lengths = np.linalg.norm(u, axis=-1)
     u = u / np.where(lengths > 0, lengths, 1.0)[:, None]
@@ -197,7 +195,7 @@ def basis(normal: Floats) -> tuple[Floats, Floats]:
 
 def _cut(corners: Floats, normal: Floats, level: float) -> Floats:
     """The part of a convex polygon (k, 2) with normal . x >= level."""
-    if np.linalg.norm(normal) <= SAME or not len(corners):
+    if np.linalg.norm(normal) <= doubles.ZERO or not len(corners):
         return corners
     gap = corners @ normal - level
     clipped = []

@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.model import model as nouns
 from lagcli.output.animation import links, quadratic_algebra, quadratic_form, rounds
 from lagcli.output.animation.links import PointTable
@@ -18,9 +19,6 @@ from lagcli.output.animation.rounds import RowPlane
 from lagcli.output.animation.scene import DrawnSurface, Link, Viewpoint
 
 Floats = npt.NDArray[np.float64]
-# A part of the size: what moves less along a line does not move there.
-# `tests/unit/test_drawing_thresholds.py::test_two_particles_on_one_line_touch` fails at 1e-5 and 1e-7.
-STILL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +117,7 @@ def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int
     if factor != -other or constant >= 0:
         return None
     apart = np.delete(particles[:, i // 3] - particles[:, j // 3], i % 3, axis=1)
-    if float(np.abs(apart).max()) > STILL * size:
+    if float(np.abs(apart).max()) > doubles.ROOT * size:
         return None
     return i // 3, j // 3, -constant / abs(factor)
 
@@ -153,7 +151,7 @@ def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoi
 
 def _is_face(one: RowPlane, view: Viewpoint) -> bool:
     """True for the plane in which the whole motion lies."""
-    return not one.one_sided and bool(np.all(np.abs(np.abs(one.normal @ view.towards) - 1.0) <= STILL))
+    return not one.one_sided and bool(np.all(np.abs(np.abs(one.normal @ view.towards) - 1.0) <= doubles.ROOT))
 
 
 def _flat_circle(ball: DrawnSurface, view: Viewpoint) -> DrawnSurface | None:
@@ -168,7 +166,7 @@ def _flat_circle(ball: DrawnSurface, view: Viewpoint) -> DrawnSurface | None:
 def _circle(ball: DrawnSurface, one: RowPlane) -> DrawnSurface | None:
     """The circle in which a sphere and a plane meet."""
     lengths = np.linalg.norm(ball.frames[:, :3], axis=-1)
-    if np.ptp(lengths, axis=1).max() > rounds.SAME * lengths.max():
+    if np.ptp(lengths, axis=1).max() > doubles.ZERO * lengths.max():
         return None
     count = max(len(ball.frames), len(one.normal), len(one.offset))
     centre = np.broadcast_to(ball.frames[:, 3], (count, 3))

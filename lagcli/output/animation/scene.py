@@ -12,18 +12,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
+
 Floats = npt.NDArray[np.float64]
 # Seconds on the clock of who watches: a run whose time is in seconds and lasts no longer than `WATCHABLE` keeps its own
 # time if it lasts `SHORT` at least, any other is shown within `SHOWN`.
 SHORT, WATCHABLE, SHOWN = 2.0, 40.0, 10.0
-# A part of the largest value: less is no motion. What stands still stands in a page once.
-# `tests/unit/test_drawing_thresholds.py::test_less_than_rounding_is_no_motion` fails at 1e-11 and 1e-13.
-STEADY_ROUNDOFF = 1e-12
-# A part of the extent: points closer than this to a plane lie in it, also where positions are those of a table.
-# `tests/unit/test_drawing_thresholds.py::test_points_near_a_plane_are_seen_face_on` fails at 1e-5 and 1e-7.
-FLAT = 1e-6
 TOWARDS_EYE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
-LEAST = 1e-300  # for what is divided by: no extent at all
 # The directions of space, for shapes whose corners are points.
 STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
 
@@ -139,7 +134,7 @@ class Scene:
 def steady(values: Floats) -> Floats:
     """An array over instants, (T, ...), as one row if it never changes by more than rounding."""
     size = float(np.abs(values).max(initial=0.0))
-    if len(values) and float(np.ptp(values, axis=0).max(initial=0.0)) <= STEADY_ROUNDOFF * size:
+    if len(values) and float(np.ptp(values, axis=0).max(initial=0.0)) <= doubles.VALUE * size:
         return values[:1]
     return values
 
@@ -166,10 +161,10 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
     if down is not None and 0 < steepest < np.inf:
         up = -down / steepest / np.linalg.norm(down / steepest)
     axes, spread = _spread([track - centre for track in tracks])
-    flat = spread[2] <= FLAT * max(spread[0], LEAST) and extent > 0
+    flat = spread[2] <= doubles.ROOT * max(spread[0], doubles.TINY) and extent > 0
     if not flat:
         # The direction aside, for another direction that is up
-        if abs(up[2]) > 1 - FLAT:
+        if abs(up[2]) > 1 - doubles.ROOT:
             towards = np.asarray(TOWARDS_EYE * np.array([1.0, 1.0, np.sign(up[2])]))
         else:
             right = np.cross(up, [0.0, 0.0, 1.0])
@@ -194,11 +189,13 @@ def _spread(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:
 def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:
     """The direction towards the eye and up, of points in the plane of the first two axes, or on the first alone."""
     normal = axes[2]
-    if spread[1] <= FLAT * spread[0]:  # on a line: the plane with up in it
+    if spread[1] <= doubles.ROOT * spread[0]:  # on a line: the plane with up in it
         line = axes[0]
         normal = np.cross(line, up)
-        if np.linalg.norm(normal) <= FLAT:
-            normal = np.array([0.0, -1.0, 0.0]) if abs(line[1]) < 1 - FLAT else np.array([1.0, 0.0, 0.0])
+        if np.linalg.norm(normal) <= doubles.ROOT:
+            normal = (
+                np.array([0.0, -1.0, 0.0]) if abs(line[1]) < 1 - doubles.ROOT else np.array([1.0, 0.0, 0.0])
+            )
     normal = normal / np.linalg.norm(normal)
     up = up - (up @ normal) * normal
     if np.linalg.norm(up) <= 0.1:  # it looks at the eye

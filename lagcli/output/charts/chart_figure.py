@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib import axes, collections, ticker
 from numpy.typing import NDArray
 
+from lagcli import doubles
 from lagcli.output.figures import figure_page, labels, panels
 from lagcli.output.figures.chart import (
     ChartData,
@@ -171,7 +172,7 @@ def _grid(
     usual = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(count, 4 if count <= 12 else 5)
     high = {1: 2.0, 2: 1.4, 3: 1.2, 4: 0.9, 5: 0.56}[usual]
     size = 8.0 if usual <= 3 else 7.0
-    floor = panels.ROUND_OFF * max(panels.size(curve.y) for panel in shown for curve in panel.curves)
+    floor = doubles.VALUE * max(panels.size(curve.y) for panel in shown for curve in panel.curves)
     scales = [_values(panel, 5 if usual <= 2 else 3, floor) for panel in shown]
     label = ruler.wrap(shown[0].y_label, -(-count // usual) * high, 8)
     strip = figure_page.MARGIN + figure_page.text_height(label, 8)

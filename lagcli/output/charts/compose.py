@@ -10,6 +10,7 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli import doubles
 from lagcli.errors import diagnostics
 from lagcli.output.charts import chart_table, chart_texts
 from lagcli.output.charts.chart_table import ChartTable, Series
@@ -219,7 +220,7 @@ class _Plan:
         self, names: Sequence[str], kind: str, series: chart_table.SeriesSet
     ) -> set[tuple[int, str]]:
         """The columns, with their tables, that are zero to rounding, but not exactly zero."""
-        floor = panels.ROUND_OFF * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
+        floor = doubles.VALUE * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
         return {
             (run, name)
             for run, table in enumerate(self._tables)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli import doubles
 from lagcli.simulation.run_state.incident import KINDS
 
 Floats = NDArray[np.float64]
@@ -178,7 +179,7 @@ def squared(
     scale = scale or 1.08 * max(abs(x[0]), abs(y[0]), 1.0) / max(width, height)
     middles = x[0] / 2 + x[1] / 2, y[0] / 2 + y[1] / 2
     halves = (
-        max(scale * size / 2, POINT * abs(middle))
+        max(scale * size / 2, doubles.VALUE * abs(middle))
         for size, middle in zip((width, height), middles, strict=True)
     )
     (a, b), (c, d) = ((m - h, m + h) for m, h in zip(middles, halves, strict=True))
@@ -211,7 +212,7 @@ def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]
     """The limits of an axis that shows all of a span, and a part of it more at both ends; the span may be a point."""
     low, high = (min(max(end, -LARGEST), LARGEST) for end in span)
     if low == high:
-        half = max(0.5, POINT * abs(low))
+        half = max(0.5, doubles.VALUE * abs(low))
         return low - half, high + half
     return low - part * (high - low), high + part * (high - low)
 

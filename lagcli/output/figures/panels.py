@@ -11,6 +11,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli import doubles
 from lagcli.model import dimension_facts
 from lagcli.output.figures import chart, decimate
 from lagcli.output.figures.chart import LARGEST, ChartCurve, ChartPanel, LegendKey
@@ -28,9 +29,6 @@ _NOT_UNIQUE = (
     "not unique: the constraints are dependent, and of all λ with the same R those with the least Σ λᵢ² Bᵢ M⁻¹ Bᵢᵀ are"
     " shown"
 )
-# Below this part of the largest value a curve is round-off.
-# `tests/unit/test_drawing_thresholds.py::test_forces_that_are_rounding_have_no_panel` fails at 1e-11 and 1e-13.
-ROUND_OFF = 1e-12
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -209,7 +207,7 @@ def _coordinate_forces(table: _Table, coordinates: list[str]) -> Band:
 def _acting(table: _Table, forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
     """The names whose force is not zero throughout (but for round-off), and a note on the others."""
     sizes = {name: size(force) for name, force in forces.items()}
-    floor = ROUND_OFF * max(sizes.values())
+    floor = doubles.VALUE * max(sizes.values())
     shown = [name for name, size in sizes.items() if size > floor]
     idle = [name for name, size in sizes.items() if size <= floor]
     if not idle:
