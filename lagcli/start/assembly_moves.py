@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-MOST_LISTED = 6
+MOST_LISTED = 6  # moves that are named one by one
 
 
 @frozen_value

@@ -20,9 +20,6 @@ MOST_KEYS = 12
 MOST_DECADES = 40
 # The largest size on an axis: ticks around it, and their differences, are doubles too.
 LARGEST = 1e300
-# Of a value that is all there is on an axis: half of what the axis shows, where that is more than 0.5.
-# `tests/unit/test_drawing_thresholds.py::test_an_instant_far_from_zero_has_an_axis_around_it` fails at 1e-11 and 1e-13.
-POINT = 1e-12
 # Marks of incidents of one kind across a figure; closer ones cannot be told apart. From so many on lines are thinner.
 MOST_MARKS, DENSE_MARKS = 300, 60
 
