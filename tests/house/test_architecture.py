@@ -28,7 +28,7 @@ DOORS = {
     "matplotlib": (
         "lagcli.output.figures.figure_page",
         "lagcli.output.charts.chart_figure",
-        "lagcli.output.figures.loop_figure",
+        "lagcli.reporting.loop_figure",
         "lagcli.output.figures.audit_figure",
         "lagcli.output.figures.principles_figure",
         "lagcli.output.figures.limit_figure",
@@ -209,6 +209,13 @@ def test_the_rooms_of_a_package_import_each_other_in_no_circle(package: str) -> 
         for name in free:
             del graph[name]
     assert not graph, f"a circle among {sorted(graph)}"
+
+
+def test_output_knows_neither_analysis_nor_start() -> None:
+    """It draws and writes what it is given; a figure of a witness is of `reporting`."""
+    used = {room(other) for name in FILES if name.startswith("lagcli.output.") for other in inside(name)}
+    assert "model" in used
+    assert not used & {"analysis", "start"}
 
 
 @pytest.mark.parametrize("library", DOORS)

@@ -86,7 +86,8 @@ def shown(model: Model, report: Report, row: str, assemble: bool, limit: float, 
         return Answer(None, reason, exits.UNDECIDED)
     if plot is not None:
         with write_guard.drawing(plot):
-            from lagcli.output.figures import figure_page, loop_figure
+            from lagcli.output.figures import figure_page
+            from lagcli.reporting import loop_figure
 
             figure_page.write(plot, loop_figure.compose(found))
     return Answer(found, "", exits.DONE)
