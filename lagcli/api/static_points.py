@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -116,8 +117,9 @@ def _answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: in
     if asked.called == "potential":
         source = point_values.potential_origin(problem)
     angles = static_problem.angles(problem)
+    repeating = static_problem.repeating(problem, ready.system.r)
     pushes = asked.called == "potential"
-    search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed))
+    search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed, repeating))
     search.run(0)
     whole = all_zeros.complete(search)
     if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
@@ -128,6 +130,9 @@ def _answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: in
     kinks = kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
     points = [_point(ready, asked, columns, source, found) for found in search.points]
     notes = [*asked.start.notes, *asked.notes, *_remarks(search, source, points, starts)]
+    turning = itertools.compress(ready.system.model.coordinate_names, repeating)
+    if points and (names := " and ".join(turning)):
+        notes.append(f"points repeat with every turn of {names}, by 2 pi: those next to the start are listed")
     if whole.is_told:
         notes.append(whole.reason)
     notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)

@@ -94,13 +94,16 @@ PARAMETERS = SearchParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SearchOptions:
-    """pushes: contacts push (rest), or pull too (stationary points); angles (n,): periodic coordinates."""
+    """pushes: contacts push (rest), or pull too (stationary points); angles (n,): coordinates in which the equations
+    are periodic; repeating (n,): those in which points a turn apart are two, of which the one next to the start is
+    taken."""
 
     has_potential: bool
     pushes: bool
     angles: Flags
     starts: int
     seed: int
+    repeating: Flags = ()
 
 
 def _everywhere(q: Floats) -> bool:
@@ -291,12 +294,14 @@ class PointSearch:
         return True
 
     def wrapped_angles(self, q: Floats) -> Floats:
-        """q with angles between -pi and pi."""
+        """q with angles between -pi and pi, or within half a turn of the start where turns differ."""
         turned = np.array(q)
         angles = np.array(self.options.angles, dtype=bool)
-        turned[angles] = -np.remainder(np.pi - turned[angles], 2 * np.pi) + np.pi
+        centres = np.where(self.options.repeating or False, self.problem.begin, 0.0)
+        turned[angles] = (centres + np.pi - np.remainder(centres + np.pi - turned, 2 * np.pi))[angles]
         # -pi and pi are one angle, and rounding decides nothing.
-        turned[angles & (np.abs(turned + np.pi) < 1e-9)] = np.pi
+        is_end = angles & (np.abs(turned - centres + np.pi) < 1e-9)
+        turned[is_end] = centres[is_end] + np.pi
         return turned
 
     def apart(self, a: Floats, b: Floats) -> float:

@@ -157,12 +157,10 @@ class StaticProblem:
         there, here = (self._value(self.t, each, self.p)[3].full() for each in (q, self.begin))
         return bool((there <= part * here).any())
 
-    def programs(self) -> list[Program]:
-        """The functions of q among the equations and the potential, as lists of operations."""
+    def as_program(self, *parts: ca.SX) -> Program:
+        """Expressions as a function of q and of t and p, as a list of operations."""
         laws = self.laws
-        parts = [laws.F, laws.B, laws.c, laws.g, laws.G, laws.value]
-        function = SizedFunction("parts", [laws.q, laws.t, laws.p], [_stacked(parts)])
-        return [program.written_out(function)]
+        return program.written_out(SizedFunction("parts", [laws.q, laws.t, laws.p], [_stacked([*parts])]))
 
     def exact_program(self, closed: tuple[int, ...]) -> tuple[Program, int]:
         """All equations with these contacts closed, then the gaps of the others and the sides of leaves, as a function
@@ -246,15 +244,19 @@ def _stacked(parts: list[ca.SX]) -> ca.SX:
 
 
 def angles(problem: StaticProblem) -> tuple[bool, ...]:
-    """For each of the n coordinates, whether all functions of a problem have the period 2 pi in it, by their form."""
-    programs, n = problem.programs(), problem.n
-    if not any(name in WAVES for program in programs for name, *_ in program.steps):
-        return (False,) * n
-    return tuple(
-        all(_is_periodic(program, k) for program in programs)
-        and any(_occurs(program, k) for program in programs)
-        for k in range(n)
-    )
+    """For each of the n coordinates, whether the equations have the period 2 pi in it, by their form."""
+    laws = problem.laws
+    equations = problem.as_program(laws.F, laws.B, laws.c, laws.g, laws.G)
+    if not any(name in WAVES for name, *_ in equations.steps):
+        return (False,) * problem.n
+    return tuple(_occurs(equations, k) and _is_periodic(equations, k) for k in range(problem.n))
+
+
+def repeating(problem: StaticProblem, positions: ca.SX) -> tuple[bool, ...]:
+    """For each coordinate, whether it is an angle to the equations and not to the function or to positions: x - 2 sin x
+    is stationary at pi/3 and at pi/3 + 2 pi, which are two points."""
+    shown = problem.as_program(problem.laws.value, positions)
+    return tuple(is_angle and not _is_periodic(shown, k) for k, is_angle in enumerate(angles(problem)))
 
 
 def _occurs(program: Program, index: int) -> bool:
