@@ -140,7 +140,7 @@ def _find(search: PointSearch, closed: tuple[int, ...], found: list[SingularPoin
     equations = DependentGradients(problem, rows, closed, lengths, scales)
     begins = [problem.begin, *(one.point.q for one in search.points if not one.type.unique)]
     tries = PARAMETERS.tries_with_contacts if closed else PARAMETERS.tries
-    begins += [problem.begin + scales.length * random.standard_normal(problem.n) for _ in range(tries)]
+    begins += search.others(tries)
     for begin in begins:
         mu = random.standard_normal(lengths.size)
         mu /= np.linalg.norm(mu)

@@ -222,3 +222,11 @@ forces: {w: {to: b, force: [0, 0, -9.81*m]}}
     assert any("every turn of x" in note for note in found.notes)
     pendulum = text.replace("[x, 0, sin(x)]", "[cos(x), 0, sin(x)]")
     assert not any("turn" in note for note in lagcli.equilibrium(lagcli.loads(pendulum)).notes)
+
+
+def test_a_point_between_two_walls_that_touch_is_named():
+    """x^2 <= y <= x^3: (0, 0) is alone, and the walls have one tangent there."""
+    walls = "coordinates: {x: {value: 0.5}, y: {value: 0.4}}\ninequality: {a: y >= x**2, b: y <= x**3}\n"
+    found = lagcli.stationary(lagcli.loads("lagcli: 1\n" + walls), of="x")
+    assert [(p.at["x"], p.type) for p in found] == [(1.0, "minimum")]
+    assert any("at x = 0, y = 0 the gradients of closed inequalities depend" in note for note in found.notes)
