@@ -572,7 +572,7 @@ def test_the_end_of_a_row_is_looked_for_a_tenth_ahead(edge, is_seen, monkeypatch
     assert ("`row` is not defined beyond" in found) is is_seen
 
 
-@pytest.mark.parametrize(("size", "jumps"), [(3e-11, False), (3e-10, True)])
+@pytest.mark.parametrize(("size", "jumps"), [(3e-10, False), (3e-9, True)])
 def test_rounding_of_a_surface_is_no_jump(size, jumps):
     numeric = SimpleNamespace(
         rows=lambda *_: (ca.DM([[1.0]]), None), holonomic=SimpleNamespace(size1_out=lambda _: 1)
