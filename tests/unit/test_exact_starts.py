@@ -423,3 +423,11 @@ def test_rows_that_doubles_do_not_tell_count_by_their_digits(
     found = counted(values, rows)
     assert (found.configuration_dof, found.velocity_dof, found.redundant) == truth
     assert len(found.redundant_rows) == found.redundant
+
+
+@pytest.mark.parametrize(("y", "truth"), [("0", 2), ("0.4", 3)])
+def test_a_hidden_condition_counts_on_a_place_that_its_rows_keep_to(y: str, truth: int) -> None:
+    """On y = 0, which the first row keeps to, algebra has divided by y before it comes to w = u**2."""
+    rows = ["d(y) - 10*sin(y)*(x + 1)*d(z)", "d(z)", "d(z) + 3*y*d(x) + (w - u**2)*dt"]
+    found = counted({"y": y, "u": "1/3", "w": "1/9"}, rows)
+    assert found.configuration_dof == truth

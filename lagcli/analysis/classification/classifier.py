@@ -55,7 +55,7 @@ class Classifier:
         if declared is not None:
             self._locality = locality.Locality(self._case, group, declared, self._translation, self._deadline)
         block, flagged = self._flagged(group, declared, PROMPT)
-        settled = self._settled(block, flagged)
+        settled = self._settled(group, block, flagged)
         numbers = None if settled is not None else self._case.flag(group, self._deadline)
         single = [self._alone(name) for name in names]
         solved: tuple[FirstIntegral, ...] = ()
@@ -63,7 +63,7 @@ class Classifier:
             solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
             if not numbers.is_certain or len(solved) < numbers.extra[-1]:
                 block, flagged = self._flagged(group, block, PATIENT)
-                settled = self._settled(block, flagged)
+                settled = self._settled(group, block, flagged)
         if block is not None and settled is not None:
             together = self._by_algebra(block, settled, single)
             if self._case.rank(group) != settled.rank:
@@ -79,8 +79,14 @@ class Classifier:
             together = dataclasses.replace(together, lost=lost) if lost else together
         return tuple(_verdict(name, one, together) for name, one in zip(names, single, strict=True)), together
 
-    def _settled(self, block: PfaffianBlock | None, flagged: joint.Flagged | None) -> locality.Settled | None:
-        return None if block is None or flagged is None else self._locality.settled(block, flagged)
+    def _settled(
+        self, group: CoupledGroup, block: PfaffianBlock | None, flagged: joint.Flagged | None
+    ) -> locality.Settled | None:
+        """Where motions from the start stay. Raises as `_flagged` does, of a place that they keep to."""
+        found = None if block is None or flagged is None else self._locality.settled(block, flagged)
+        if found is not None and found.flagged.flag.contradiction:
+            self._demand(group, found.flagged)
+        return found
 
     def _by_algebra(
         self,
@@ -182,9 +188,10 @@ class Classifier:
             return block, None
         if found.flag.contradiction:
             may_hold = all(one.factors for one in found.flag.conditions)
-            if may_hold and not self._locality.is_demanded(block, found):
+            demanded = self._locality.demanded(block, found) if may_hold else found
+            if demanded is None:
                 return block, None
-            self._demand(group, found)
+            self._demand(group, demanded)
         return block, found
 
     def _demand(self, group: CoupledGroup, found: joint.Flagged) -> None:

@@ -33,6 +33,7 @@ from lagcli.start import precise_rows
 BUDGET = 60_000
 # No answer of algebra about a place.
 OPEN: tuple[type[Exception], ...] = (function_field.NotDecidedError, *time_limit.NO_ANSWER)
+UNKNOWN = -1  # a rank
 MOST_LISTED = 3  # equations that are named
 
 
@@ -49,7 +50,7 @@ class Settled:
     """Where motions from the start stay: equations, none of which it may take, and the flag of exact algebra there.
 
     beyond: how many of the equations are independent; vanishing: the rows that are zero there; is_sided: the flag is
-    that of the start's side of kinks.
+    that of the start's side of kinks. Where rows on the place demand g dt = 0 the flag has no more than that.
     """
 
     equations: tuple[Expression, ...]
@@ -86,7 +87,21 @@ class Locality:
         self._case, self._translation, self._deadline = case, translation, deadline
         self._start = exact_start.ExactStart(case, group, block, translation)
 
-    def is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
+    def demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> joint.Flagged | None:
+        """The flag whose conditions motions from the start meet: that of general position, or on a place that they
+        keep to; None where that is open."""
+        if self._is_demanded(block, flagged):
+            return flagged
+        own = self._own_factors(flagged.flag.divisors)
+        whole = flagged.block.with_values(self._translation.values)
+        # The rank is lower at the start, where the conditions hold: a place is only kept by rows that count there.
+        kept = self._kept(whole, (), own, UNKNOWN) if own and not self._on_side(block).has_kinks else None
+        there = self._flagged(block, kept) if kept else None
+        if there is None or not there.flag.contradiction or self._own_factors(there.flag.divisors) != []:
+            return None
+        return there
+
+    def _is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
         """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
         where something that algebra divided by vanishes, and of those that do not, or it is these that vanish there."""
         own = self._own_factors(flagged.flag.divisors)
@@ -116,7 +131,7 @@ class Locality:
                 return None  # the start lies on a kink, or its digits are not known
         if is_sided:
             there = self._flagged(block, ())
-            if there is None:
+            if there is None or there.flag.contradiction:
                 return None
             flagged, own = there, self._own_factors(there.flag.divisors)
         whole = self._on_side(flagged.block.with_values(self._translation.values))
@@ -134,6 +149,8 @@ class Locality:
             if there is None:
                 return None
             found, own = there, self._own_factors(there.flag.divisors)
+            if found.flag.contradiction:
+                return Settled(equations, found, 0, frozenset(), is_sided) if own == [] else None
         return None
 
     def _settled(
