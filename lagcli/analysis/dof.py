@@ -20,6 +20,7 @@ from lagcli.analysis import codimension
 from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem, pattern
+from lagcli.equations import kinks
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction, metric_rows, rank
@@ -150,7 +151,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
             if later:
                 points = _generic(system, numeric, begin, holonomic_rows, later)
         on = _ranks(numeric, points, holonomic_rows, effective, lost)
-        conflict.require_lasting(system, numeric, begin)
+        conflict.require_lasting(system, numeric, begin, _proved(found, names))
     if lost and not vanishing and max(r.low for r in on.everything) <= on.everything[0].high:
         vanishing = (
             f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
@@ -301,8 +302,9 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
     here = _normalized_rows(numeric, state).take(holonomic_rows)
     far = sides.PARAMETERS.farther * doubles.VALUE
+    sizes = kinks.coordinate_sizes(state.q, gradients.row, gradients.column, gradients.count)
     beside = [
-        dataclasses.replace(state, q=state.q + side * initial.size(state.q) * direction)
+        dataclasses.replace(state, q=state.q + side * sizes * direction)
         for side in (-far, -doubles.VALUE, doubles.VALUE, far)
     ]
     for there in beside[1:3]:
@@ -350,6 +352,13 @@ def _following_by_algebra(found: Classification) -> dict[str, bool]:
         return {}
     known = ((group.rows, group.following) for group in found.groups)
     return {name: name in following for rows, following in known if following is not None for name in rows}
+
+
+def _proved(found: Classification, names: list[str]) -> frozenset[int]:
+    """Rows of which algebra has shown that no combination of them and of others is a multiple of dt."""
+    groups = (one for one in found.groups if one.proof == "symbolic" or one.holonomic_rank)
+    rows = {name for group in groups for name in group.rows}
+    return frozenset(i for i, name in enumerate(names) if name in rows)
 
 
 def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool, exact: dict[str, bool]) -> str:

@@ -38,6 +38,19 @@ class KinkParameters:
 PARAMETERS = KinkParameters()
 
 
+def coordinate_sizes(q: Floats, numbers: Indices, columns: Indices, count: int) -> Floats:
+    """How large the coordinates of a row are, (n,): of the one with the smallest, of those that hold a coordinate.
+
+    numbers, columns (E,): which of `count` rows hold which coordinates. Beside a coordinate of another row that is
+    large a switch would seem near.
+    """
+    size = float(np.abs(q).max(initial=0.0)) or 1.0
+    of_rows, of_coordinates = np.zeros(count), np.full(q.size, size)
+    np.maximum.at(of_rows, numbers, np.abs(q)[columns])
+    np.minimum.at(of_coordinates, columns, np.where(of_rows > 0.0, of_rows, size)[numbers])
+    return of_coordinates
+
+
 @frozen
 class Kinks:
     """The K rows that switch; slopes: (t, q, p) -> their B, b and f (K, n + 2), b at rest, f zero where a row is
@@ -49,7 +62,9 @@ class Kinks:
 
     def at(self, t: float, q: Floats, p: Floats) -> Row | None:
         """A row that jumps at a configuration, itself or its gradient, or None."""
-        way = np.random.default_rng(0).standard_normal(q.size) * self._sizes(q)
+        way = np.random.default_rng(0).standard_normal(q.size) * coordinate_sizes(
+            q, *self.entries, len(self.rows)
+        )
         here = self._slopes(t, q, p)
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
@@ -58,18 +73,6 @@ class Kinks:
         least = doubles.ROOT * (np.abs(here).max(axis=1, initial=0.0) + far)
         jumps = np.isfinite(here).all(axis=1) & sides.differ(near, far, least)
         return self.rows[int(np.argmax(jumps))] if jumps.any() else None
-
-    def _sizes(self, q: Floats) -> Floats:
-        """How large the coordinates of a row are, (n,): of the one with the smallest, of those that hold a coordinate.
-
-        Beside a coordinate of another row that is large a switch would seem near.
-        """
-        size = float(np.abs(q).max(initial=0.0)) or 1.0
-        numbers, columns = self.entries
-        of_rows, of_coordinates = np.zeros(len(self.rows)), np.full(q.size, size)
-        np.maximum.at(of_rows, numbers, np.abs(q)[columns])
-        np.minimum.at(of_coordinates, columns, np.where(of_rows > 0.0, of_rows, size)[numbers])
-        return of_coordinates
 
     def require_smooth(self, t: float, q: Floats, p: Floats) -> None:
         """Raise `diagnostics.ModelError` where the gradient of a row jumps at the start."""

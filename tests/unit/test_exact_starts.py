@@ -431,3 +431,36 @@ def test_a_hidden_condition_counts_on_a_place_that_its_rows_keep_to(y: str, trut
     rows = ["d(y) - 10*sin(y)*(x + 1)*d(z)", "d(z)", "d(z) + 3*y*d(x) + (w - u**2)*dt"]
     found = counted({"y": y, "u": "1/3", "w": "1/9"}, rows)
     assert found.configuration_dof == truth
+
+
+def test_a_gradient_beside_a_large_coordinate_of_no_row_does_not_jump() -> None:
+    """The kink of |y - 1| is as far off as y is large, whatever x is."""
+    found = counted({"x": "1e12", "y": "0.5"}, ["d(w) - u*d(z)"], ["abs(y - 1) = 0.5"])
+    assert found.configuration_dof == 4
+
+
+PARTING = """
+lagcli: 1
+coordinates:
+  o: {value: 0.2}
+  c: {value: pi/3}
+  x: {value: (pi/3)/(2 + pi/3)}
+  k: {value: cos(pi/3)}
+  h: {value: -8/7}
+  e: {value: 1 + 8/11 - 0.2*cos(pi/3)}
+  m: {value: -4/7 - cos(pi/3)}
+lagrangian: (rate(o)**2 + rate(c)**2 + rate(x)**2 + rate(k)**2 + rate(h)**2 + rate(e)**2 + rate(m)**2)/2
+differential:
+  n1: d(o) = 0
+  n2: d(o) + (1000*c/(c + 2) - 1000*x)*dt = 0
+  n3: >-
+    (1000000000001*sin(t)/1000000 + 1500000000001/500000)*d(o) + (c/(c + 2)**2 - 1/(c + 2))*(sin(t) + 2)*d(c)
+    + (sin(t) + 2)*d(x) + d(h)
+    + (-t**2 + (sin(t) + 2)*(1000000000*c/(c + 2) - 1000*k - 1000000000*x + 1000*cos(c)))*dt = 0
+"""
+
+
+def test_rows_that_algebra_has_decided_do_not_part_later() -> None:
+    """Beside the conditions that they demand doubles see 1e9 times what is left."""
+    found = lagcli.dof(lagcli.loads(PARTING))
+    assert (found.configuration_dof, found.velocity_dof) == (5, 4)
