@@ -25,16 +25,16 @@ GENERATIONS = 8
 def kept(
     block: PfaffianBlock,
     equations: Sequence[sympy.Expr],
-    rank: int,
+    rank: int | None,
     vanishes: Callable[[sympy.Expr], bool],
     deadline: float,
 ) -> tuple[sympy.Expr, ...]:
     """All equations that follow for the motions from a start on a place, or none where they leave it.
 
     equations: of the place, the last of which is in question, while the others hold on the motions; rank: that of all
-    rows of the block, its surface among them, where the others hold; vanishes: whether an expression does at the start.
-    Raises `NotDecidedError` where the rows that are independent at the start are fewer and do not keep to the place
-    by themselves, and where algebra comes to no end.
+    rows of the block, its surface among them, where the others hold, None if it is not known; vanishes: whether an
+    expression does at the start. Raises `NotDecidedError` where the rows that are independent at the start are fewer
+    and do not keep to the place by themselves, and where algebra comes to no end.
     """
     all_of_them, new = [*equations], [equations[-1]]
     for _ in range(GENERATIONS):
@@ -87,4 +87,4 @@ def vanishing(block: PfaffianBlock, equations: Sequence[sympy.Expr]) -> frozense
 
 def _own(expression: sympy.Expr, vanishes: Callable[[sympy.Expr], bool]) -> sympy.Expr:
     """The factors that vanish at the start, each once: they say all that the expression does around it."""
-    return sympy.Mul(*(e for e, _ in guarded.factor_list(expression)[1] if vanishes(e)))
+    return special_points.product(e for e in special_points.factors(expression) if vanishes(e))

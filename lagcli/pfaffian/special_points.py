@@ -20,7 +20,7 @@ import sympy
 
 from lagcli import doubles
 from lagcli.expression import term_sizes
-from lagcli.pfaffian.exact import enclosure, guarded, normal_form, operations
+from lagcli.pfaffian.exact import enclosure, normal_form, operations
 from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -113,8 +113,14 @@ def of(divisors: Iterable[sympy.Expr | None], points: Sequence[SpecialPoint]) ->
     found = []
     for divisor in divisors:
         if divisor is not None and vanishes(divisor, points):
-            found += [factor for factor, _ in guarded.factor_list(divisor)[1] if vanishes(factor, points)]
+            found += [factor for factor in factors(divisor) if vanishes(factor, points)]
     return found
+
+
+def factors(expression: sympy.Expr) -> list[sympy.Expr]:
+    """The factors of an expression, each once, roots being letters. Raises `guarded.NoAnswerError`."""
+    basis = normal_form.NormalForm([expression])
+    return [basis.expression(part) for part, _ in basis.element(expression).numer.factor_list()[1]]
 
 
 def distinct(*several: Iterable[sympy.Expr]) -> list[sympy.Expr]:

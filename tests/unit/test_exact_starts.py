@@ -393,6 +393,7 @@ def test_a_side_of_a_kink_is_that_of_the_start_though_numbers_go_on_beyond_it(y:
         # Of two places one is kept.
         ({"y": "0", "z": "0", "p": "0"}, ["d(y) - y*d(x)", "d(w) - y*z*d(p)"], 4),
         ({"y": "1", "z": "0", "p": "0"}, ["d(y) - y*d(x)", "d(w) - y*z*d(p)"], 5),
+        ({"y": "0", "z": "0", "p": "0"}, ["d(y) - y*d(x)", "sqrt(u**2 + 3)*(d(w) - y*z*d(p))"], 4),
     ],
 )
 def test_algebra_alone_says_whether_motions_keep_to_a_place(

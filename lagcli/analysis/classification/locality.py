@@ -33,7 +33,6 @@ from lagcli.start import precise_rows
 BUDGET = 60_000
 # No answer of algebra about a place.
 OPEN: tuple[type[Exception], ...] = (function_field.NotDecidedError, *time_limit.NO_ANSWER)
-UNKNOWN = -1  # a rank
 MOST_LISTED = 3  # equations that are named
 
 
@@ -95,7 +94,7 @@ class Locality:
         own = self._own_factors(flagged.flag.divisors)
         whole = flagged.block.with_values(self._translation.values)
         # The rank is lower at the start, where the conditions hold: a place is only kept by rows that count there.
-        kept = self._kept(whole, (), own, UNKNOWN) if own and not self._on_side(block).has_kinks else None
+        kept = self._kept(whole, (), own, None) if own and not self._on_side(block).has_kinks else None
         there = self._flagged(block, kept) if kept else None
         if there is None or not there.flag.contradiction or self._own_factors(there.flag.divisors) != []:
             return None
@@ -173,7 +172,11 @@ class Locality:
         return Settled(equations, found, _surface_rank(found) - _surface_rank(flagged), vanishing, is_sided)
 
     def _kept(
-        self, block: PfaffianBlock, equations: tuple[Expression, ...], own: Sequence[Expression], rank: int
+        self,
+        block: PfaffianBlock,
+        equations: tuple[Expression, ...],
+        own: Sequence[Expression],
+        rank: int | None,
     ) -> tuple[Expression, ...] | None:
         """The equations with those of one more place that motions from the start keep to, if they keep to any of some
         (the factors of what vanishes there); None where that is open."""
