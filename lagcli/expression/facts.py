@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import evaluate, functions, messages, tree
+from lagcli.expression import evaluate, functions, messages, tokens, tree
 from lagcli.expression.tree import ExpressionError
 
 Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "acceleration", "result"]
@@ -24,6 +24,9 @@ Value = float | npt.NDArray[np.float64]
 
 # The degree of what is no polynomial; higher ones count as this.
 NONLINEAR = 9
+
+# What is 0 only where an operand is.
+_PRODUCTS: tuple[Callable[..., Value], ...] = (np.multiply, np.divide, np.power)
 
 NOTHING: frozenset[Flag] = frozenset()
 POSITION_OR_TIME: frozenset[Flag] = frozenset(("position", "time"))
@@ -87,7 +90,10 @@ class FactsAlgebra:
     def number(self, node: tree.Number) -> Facts:
         known = self._numbers.get(node.text)
         if known is None:
-            known = self._numbers[node.text] = Facts(self._finite(node, float(node.text)))
+            value = self._finite(node, float(node.text))
+            if value == 0.0:
+                _require_kept(node, tokens.has_size(node.text))
+            known = self._numbers[node.text] = Facts(value)
         return known
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> Either:
@@ -158,7 +164,7 @@ class FactsAlgebra:
         one, other = left.value, right.value
         if one is not None and other is not None:
             if one.__class__ is float and other.__class__ is float:
-                return Facts(self._finite(node, one * other))
+                return Facts(self._product(node, one * other, one, other))
             return self._each(node, np.multiply, lambda u, w: self.multiply(node, u, w), one, other)
         low, high = left.low + right.low, min(NONLINEAR, left.high + right.high)
         return self._checked(node, Facts(None, left.reads | right.reads, low, high))
@@ -170,7 +176,7 @@ class FactsAlgebra:
             raise ExpressionError("not-finite", "this divides by zero", node.start, node.end, member=member)
         if one is not None and other is not None:
             if one.__class__ is float and other.__class__ is float:
-                return Facts(self._finite(node, one / other))
+                return Facts(self._product(node, one / other, one, other))
             return self._each(node, np.divide, lambda u, w: self.divide(node, u, w), one, other)
         high = NONLINEAR if right.high else left.high
         return self._checked(node, Facts(None, left.reads | right.reads, left.low, high), bool(right.high))
@@ -179,7 +185,9 @@ class FactsAlgebra:
         one, other = base.value, exponent.value
         if one is not None and other is not None:
             if isinstance(one, float) and isinstance(other, float):
-                return Facts(self._constant(node, "**", math.pow, one, other))
+                return Facts(
+                    self._product(node, self._constant(node, "**", math.pow, one, other), one, other)
+                )
             return self._each(node, np.power, lambda u, w: self.power(node, u, w), one, other)
         reads = base.reads | exponent.reads
         if not base.high and not exponent.high:
@@ -209,6 +217,8 @@ class FactsAlgebra:
         with np.errstate(all="ignore"):
             found = np.asarray(compute(*values), dtype=float)
         broken = ~np.isfinite(found)
+        if compute in _PRODUCTS and not found.all():
+            broken |= (found == 0.0) & (values[0] != 0.0) & (values[1] != 0.0)
         if broken.any():
             member = int(np.argmax(broken))
             try:
@@ -229,12 +239,26 @@ class FactsAlgebra:
             value = math.inf
         return self._finite(node, value)
 
+    def _product(self, node: tree.Node, value: float, one: float, other: float) -> float:
+        """The product, quotient or power of two constants, which is 0 only where one of them is."""
+        if value == 0.0:
+            _require_kept(node, one != 0.0 and other != 0.0)
+        return self._finite(node, value)
+
     @staticmethod
     def _finite(node: tree.Node, value: float) -> float:
         if not math.isfinite(value):
             message = "this constant is not finite: it is larger than 1.8e308 or not a number"
             raise ExpressionError("not-finite", message, node.start, node.end)
         return value
+
+
+def _require_kept(node: tree.Node, has_size: bool) -> None:
+    """Raise `ExpressionError` of a constant that doubles hold as 0, and that is something."""
+    if has_size:
+        message = "this constant is not 0, and smaller than 4.9e-324, the least number there is"
+        hint = "choose units in which it is nearer to 1, or leave it out where it does not matter"
+        raise ExpressionError("not-finite", message, node.start, node.end, hint)
 
 
 def constant(fact: Facts) -> Value:

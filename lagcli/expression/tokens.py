@@ -61,6 +61,11 @@ def _is_letter(character: str) -> bool:
     return character == "_" or character.isalpha()
 
 
+def has_size(number: str) -> bool:
+    """True if a number has a digit before its exponent that is not 0."""
+    return re.match("[0.]*[1-9]", number) is not None
+
+
 def tokenize(text: str) -> Tokens:
     """All tokens of a text. Raises `ExpressionError`."""
     if len(text) > MAX_LENGTH:
