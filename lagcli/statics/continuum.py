@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
 from lagcli.statics import newton, point_type, precise_zeros, refine
@@ -41,9 +42,6 @@ class ContinuumParameters:
     stride: float = 0.2
     """The longest step of a walk. `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 0.02 and
     2."""
-    arrived: float = 1e-6
-    """What is left of the way where a walk has arrived. `test_a_walk_has_arrived_where_a_millionth_is_left`
-    fails at 1e-7 and 1e-5."""
     straight: tuple[float, ...] = (0.0917, 0.2371, 0.3719, 0.5113, 0.6547, 0.7829, 0.9137, 1.0)
     """Points on a straight way at which it is looked whether they are points of rest too; at no common
     period. `test_points_at_equal_distances_are_no_straight_continuum` fails at a tenth and at ten times of
@@ -118,9 +116,7 @@ def stepped(
         return None
     end = newton.refined(equations, begun)
     near = np.linalg.norm(end.x[:n] - predicted[:n]) <= off * np.linalg.norm(change)
-    settled = (
-        end.step <= refine.PARAMETERS.settled and equations.unbalanced(end.x) <= refine.PARAMETERS.balanced
-    )
+    settled = end.step <= refine.PARAMETERS.settled and equations.unbalanced(end.x) <= doubles.ZERO
     return end.x if near and settled else None
 
 
@@ -128,11 +124,11 @@ def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
     """True if the continuum is flat along a way (n,) from x: all that was looked at on it rests."""
     n, size = equations.problem.n, equations.scales.length
     basis = directions(equations, x)
-    if np.linalg.norm(way - basis @ (basis.T @ way)) > PARAMETERS.arrived * size:
+    if np.linalg.norm(way - basis @ (basis.T @ way)) > doubles.ROOT * size:
         return False
     for part in PARAMETERS.straight:
         end = stepped(equations, x, part * way)
-        if end is None or np.linalg.norm(end[:n] - x[:n] - part * way) > PARAMETERS.arrived * size:
+        if end is None or np.linalg.norm(end[:n] - x[:n] - part * way) > doubles.ROOT * size:
             return False
     return True
 
@@ -142,7 +138,7 @@ def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> b
     n, unit = equations.problem.n, equations.scales.length
     for _ in range(PARAMETERS.most_steps):
         way = goal - x[:n]
-        if float(np.linalg.norm(way)) <= PARAMETERS.arrived * unit or _is_straight(equations, x, way):
+        if float(np.linalg.norm(way)) <= doubles.ROOT * unit or _is_straight(equations, x, way):
             return True
         there = _nearer(equations, x, goal, size)
         if there is None:
@@ -161,9 +157,7 @@ def _nearer(equations: RestEquations, x: Floats, goal: Floats, size: int) -> Flo
     for free in (basis, tangent(equations, x) if is_crossing else basis[:, :0]):
         along = free @ (free.T @ way)
         length = float(np.linalg.norm(along))
-        if (
-            free.size and length <= PARAMETERS.arrived * left
-        ):  # straight across, as on a ring: either way will do
+        if free.size and length <= doubles.ROOT * left:  # straight across, as on a ring: either way will do
             along, length = free[:, 0], 1.0
         if not length > 0.0:
             continue

@@ -42,9 +42,6 @@ class FlatParameters:
     orders: int = 16
     """Powers of the function that are looked at, half of them first.
     `test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not` fails at 15 and 160."""
-    roundings: float = 64.0
-    """A coefficient is zero where it is so many roundings of its terms.
-    `test_a_coefficient_of_sixty_roundings_is_none` fails at 6.4 and 640."""
     moves: int = 6
     """Moves to where derivatives vanish: each doubles the digits.
     `test_a_point_is_moved_to_where_derivatives_vanish` fails at 0."""
@@ -169,7 +166,7 @@ class FlatEquations:
             across /= decompositions.lengths((A * down[:, None] * across).T)
         inverse = decompositions.pseudo_inverse(A * down[:, None] * across)
         # Entries of rounding are none: what is zero by structure would be divided by the unit of force.
-        inverse[np.abs(inverse) <= PARAMETERS.roundings * doubles.EPS * np.abs(inverse).max()] = 0.0
+        inverse[np.abs(inverse) <= doubles.SUM * np.abs(inverse).max()] = 0.0
         residual = np.concatenate([values.F + rows.T @ lam[self._acting], values.c, g, np.zeros(k)])
         return residual, A, np.asarray(across[:, None] * inverse * down)
 
@@ -182,7 +179,7 @@ class FlatEquations:
         if any(each is None for each in found):
             return None
         rho, sizes = (np.array([each[part] for each in found if each is not None]) for part in (0, 1))
-        return _Expansion(rays, rho, PARAMETERS.roundings * doubles.EPS * sizes)
+        return _Expansion(rays, rho, doubles.SUM * sizes)
 
     def _sizes(self, q: Floats, lam: Floats) -> Floats:
         """The sizes of the unknowns: of coordinates no less than that of things."""
@@ -195,7 +192,7 @@ class FlatEquations:
         fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
         unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
         function = problem.balance_series(tuple(self._closed))
-        found = function.at([unknowns, fixed], count, PARAMETERS.roundings * doubles.EPS)[0]
+        found = function.at([unknowns, fixed], count, doubles.SUM)[0]
         if any(each.known < count for each in found):
             return None
         nothing = np.zeros(self._all.shape[1])

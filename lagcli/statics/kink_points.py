@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions, rank
 from lagcli.smoothness import operation_graph, switches
 from lagcli.statics import newton, point_type, precise_zeros, refine, rest_equations, surface_descent
@@ -54,12 +55,6 @@ class KinkSearchParameters:
     isolated: float = 1e-4
     """A kink whose gradient is this part of its size, or less, is one of a point alone, as that of a distance.
     `test_a_kink_without_a_gradient_is_one_of_a_point` fails at 1e-5 and 1e-3."""
-    zero: float = 1e-9
-    """Coordinates of a kink that are this part of the size of things are zero.
-    `test_a_coordinate_of_a_kink_is_zero_to_nine_digits` fails at 1e-10 and 1e-8."""
-    slope: float = 1e-6
-    """Slopes beside a kink of this part of the forces are none.
-    `test_a_slope_of_six_digits_less_is_none` fails at 1e-7 and 1e-5."""
     continuous: float = 0.9
     """Differences of values from that at a kink, a thousand times nearer, that are more than this part of them: it is
     a pole. `test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none` fails at 0.09 and 9."""
@@ -236,9 +231,9 @@ def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]
                     if not isinstance(point, refine.EquilibriumPoint):
                         continue
                     q = point.q
-                q = np.where(np.abs(q) <= PARAMETERS.zero * length, 0.0, q)
+                q = np.where(np.abs(q) <= doubles.ZERO * length, 0.0, q)
                 g = on_kink.at(on_kink.t, q, on_kink.nothing).g
-                if (g >= -refine.PARAMETERS.closed * search.scales.contacts * length).all():
+                if (g >= -doubles.ZERO * search.scales.contacts * length).all():
                     yield q
 
 
@@ -250,7 +245,7 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     if not np.isfinite([here, on_kink.value(q)]).all():
         return None  # 1/sqrt(x**2 + y**2) has a pole there
     values = on_kink.at(on_kink.t, q, on_kink.nothing)
-    near = values.g <= refine.PARAMETERS.closed * search.scales.contacts * search.scales.length
+    near = values.g <= doubles.ZERO * search.scales.contacts * search.scales.length
     rows = len(problem.laws.c.nz)
     Z = rank.null_basis(decompositions.unit(values.dc[:rows]))
     normals = values.dc[rows:] @ Z
@@ -279,7 +274,7 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     if not beside.size or np.abs(beside[1]).max() > PARAMETERS.continuous * np.abs(beside[0]).max():
         return None
     slopes = beside[0] / h
-    floor = PARAMETERS.slope * max(float(np.abs(slopes).max()), search.scales.force)
+    floor = doubles.ROOT * max(float(np.abs(slopes).max()), search.scales.force)
     if (slopes > floor).all() and along in ("isolated", "minimum"):
         return "minimum"
     if (slopes < -floor).all() and along in ("isolated", "maximum"):
@@ -337,7 +332,7 @@ def _on_surface(search: PointSearch, on_pole: StaticProblem) -> Iterator[Floats]
         if q is None:
             continue
         g = on_pole.at(on_pole.t, q, on_pole.nothing).g
-        if not (g < -refine.PARAMETERS.closed * search.scales.contacts * length).any():
+        if not (g < -doubles.ZERO * search.scales.contacts * length).any():
             yield np.where(np.abs(q) <= PARAMETERS.same * length, 0.0, q)
 
 
@@ -355,7 +350,7 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
     wild = (
         is_known
         & (np.abs(then) > PARAMETERS.unbounded * np.abs(first))
-        & (np.abs(then) > PARAMETERS.slope * np.abs(near))
+        & (np.abs(then) > doubles.ROOT * np.abs(near))
     )
     rises, falls = bool((wild & (then > 0)).any()), bool((wild & (then < 0)).any())
     if rises and falls:

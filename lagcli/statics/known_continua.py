@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.statics import continuum, point_type, refine
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint
@@ -58,7 +59,7 @@ class KnownContinua:
             return False
         one, other = problem.value(a.q), problem.value(b.q)
         size = max(self._scales.force * self._scales.length, abs(one), abs(other))
-        return abs(one - other) > continuum.PARAMETERS.arrived * size
+        return abs(one - other) > doubles.ROOT * size
 
     def _is_connected(self, begin: FoundPoint, end: FoundPoint) -> bool:
         """True if a walk from a point of a continuum comes to another point, with the least turns of angles."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions, surface
 
 Floats = npt.NDArray[np.float64]
@@ -30,18 +31,12 @@ class NewtonParameters:
     most_damped: int = 200
     """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more.
     `test_two_hundred_damped_steps_are_made_of_a_search` fails at 20 and 2000."""
-    near: float = 1e-6
-    """Damped steps end where the residual is below this: Newton's steps double its digits from there.
-    `test_damped_steps_end_where_newton_takes_over` fails at 1e-7 and 1e-5."""
     least: float = 1e-13
     """The least damping, so that the normal equations have a solution.
     `test_the_least_damping_holds_back_what_is_seven_digits_weaker` fails at 1e-14 and 1e-12."""
     dense: int = 120
     """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on.
     `test_above_a_hundred_and_twenty_unknowns_algebra_is_sparse` fails at 12 and 1200."""
-    flat: float = 1e-14
-    """A slope of the squares below which damped steps have come to the bottom of a valley.
-    `test_a_slope_of_rounding_is_the_bottom_of_a_valley` fails at 1e-15 and 1e-13."""
 
 
 PARAMETERS = NewtonParameters()
@@ -64,10 +59,11 @@ def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -
         return None
     r, J = begun
     with np.errstate(over="ignore", invalid="ignore"):
-        x, r, J = _lowered(residual, x, (r, J), damped, PARAMETERS.near)
+        # Newton's steps double the digits from there.
+        x, r, J = _lowered(residual, x, (r, J), damped, doubles.ROOT)
         end, left = refined(residual, x), np.linalg.norm(r)
         # A double zero is as far as the root of the residual: what seems farther is so by rounding alone.
-        if 2 * end.residual > left and end.step**2 > PARAMETERS.near >= left:
+        if 2 * end.residual > left and end.step**2 > doubles.ROOT >= left:
             # Beside a continuum gradients are dependent but for the distance, and the shortest step goes far along it.
             x, r, _ = _lowered(residual, x, (r, J), damped, 0.0)
             again = refined(residual, x)
@@ -89,15 +85,15 @@ def _lowered(
         widths = np.maximum(widths, np.linalg.norm(J, axis=0))
         unit = np.where(widths > 0, widths, 1.0)
         slope = J.T @ r
-        if np.abs(slope / unit).max(initial=0.0) < PARAMETERS.flat * size:
-            break
+        if np.abs(slope / unit).max(initial=0.0) < doubles.SUM * size:
+            break  # the bottom of a valley
         step = _damped(J, slope, damping, unit)
         there = residual(x + step)
         expected = size**2 - float(np.linalg.norm(r + J @ step)) ** 2
         gained = size**2 - (np.inf if there is None else float(np.linalg.norm(there[0])) ** 2)
         if there is not None and gained > 0 and gained > 1e-4 * expected:
             x, (r, J) = x + step, there
-            agreement = min(1.0, gained / max(expected, 1e-300))
+            agreement = min(1.0, gained / max(expected, doubles.TINY))
             damping *= max(1 / 9, 1 - (2 * agreement - 1) ** 3)
             growth = 2.0
         else:

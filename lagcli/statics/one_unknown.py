@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from mpmath import iv
 
+from lagcli import doubles
 from lagcli.compiled.program import Program
 from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
 from lagcli.smoothness import sides
@@ -42,23 +43,14 @@ class BranchingParameters:
     uneven: float = 1.0371
     """The end of the first shell in sizes of things, and so those of all: no decimal number is one, for there zeros
     are likely. `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
-    narrow: float = 1e-9
-    """An interval of this part of the size of things, or of x, is not halved.
-    `test_a_double_zero_is_enclosed_to_nine_digits` fails at 1e-10 and 1e-8."""
     together: float = 100.0
     """Narrow intervals side by side that are one piece. `test_a_hundred_narrow_intervals_are_one_piece` fails at 10
     and 1000."""
-    point: float = 1e-6
-    """A piece that is no wider is named by its middle. `test_a_piece_of_a_millionth_is_named_by_its_middle` fails at
-    1e-7 and 1e-5."""
     most_named: int = 4
     """Undecided pieces that a sentence names. `test_four_undecided_pieces_are_named` fails at 0 and 40."""
     digits: int = 20
     """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one.
     `test_intervals_have_twenty_digits` fails at 2 and 200."""
-    overlap: float = 1e-12
-    """Of the two ends of a turn, rad: no zero is lost between them.
-    `test_an_interval_of_a_turn_overlaps_itself` fails at 1e-13 and 1e-11."""
 
 
 PARAMETERS = BranchingParameters()
@@ -133,7 +125,7 @@ def complete(search: PointSearch, is_angle: bool) -> Completeness:
 def _undecided(pieces: list[Piece]) -> str:
     """A sentence on pieces that are undecided."""
     named = [
-        f"near {(low + high) / 2:.6g}" if high - low <= PARAMETERS.point else f"from {low:.3g} to {high:.3g}"
+        f"near {(low + high) / 2:.6g}" if high - low <= doubles.ROOT else f"from {low:.3g} to {high:.3g}"
         for low, high in sorted(pieces, key=lambda piece: abs(piece[0] + piece[1]))[: PARAMETERS.most_named]
     ]
     more = "" if len(pieces) <= PARAMETERS.most_named else " and elsewhere"
@@ -162,7 +154,7 @@ def _is_inside(search: PointSearch, x: float, piece: Piece) -> bool:
 
 def _width(search: PointSearch, x: float) -> float:
     """The width of some intervals that are not halved further, side by side."""
-    return PARAMETERS.together * PARAMETERS.narrow * (search.scales.length + abs(x))
+    return PARAMETERS.together * doubles.ZERO * (search.scales.length + abs(x))
 
 
 def _narrowed(force: _Force, piece: Piece) -> float:
@@ -185,8 +177,8 @@ def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
     """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
     found = LinePieces()
     if is_angle:
-        # The ends lie at no point where a zero is likely.
-        turn = (-np.pi + 0.0123 - PARAMETERS.overlap, np.pi + 0.0123 + PARAMETERS.overlap)
+        # The ends lie at no point where a zero is likely, and overlap: none is lost between them.
+        turn = (-np.pi + 0.0123 - doubles.VALUE, np.pi + 0.0123 + doubles.VALUE)
         _search(force, [turn], found, PARAMETERS.most_boxes, search.scales.length)
         return found
     length, left = search.scales.length, PARAMETERS.most_boxes
@@ -223,7 +215,7 @@ def _search(force: _Force, begun: list[Piece], found: LinePieces, boxes: int, le
                 if changes is not None:
                     found.isolated += [(low, high)] if changes else []
                     continue
-        if high - low < PARAMETERS.narrow * (length + abs(low)) or not low < middle < high:
+        if high - low < doubles.ZERO * (length + abs(low)) or not low < middle < high:
             found.undecided.append((low, high))
         else:
             waiting += [(low, middle), (middle, high)]

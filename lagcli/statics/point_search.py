@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.statics import (
     continuum,
     flat_directions,
@@ -58,8 +59,6 @@ class SearchParameters:
     most_together: int = 4
     """So many sets are searched from each start, of more only the next one.
     `test_four_sets_are_searched_from_each_start_and_of_more_one` fails at 0 and 40."""
-    same: float = 1e-6
-    """Points closer than this are one. `test_points_that_are_one_are_kept_once` fails at 1e-7 and 1e-5."""
     same_of_flat: float = 3e-4
     """The same of degenerate ones, that Newton's steps find to the root of rounding alone.
     `test_points_that_are_one_are_kept_once` fails at 3e-5 and 0.003."""
@@ -171,7 +170,7 @@ class PointSearch:
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
             kind, moved = self._typed(point, is_decided is _everywhere)
             is_one = moved.q is not point.q and is_decided is not _everywhere
-            if is_one and any(self.apart(each.point.q, moved.q) <= PARAMETERS.same for each in own):
+            if is_one and any(self.apart(each.point.q, moved.q) <= doubles.ROOT for each in own):
                 continue
             own.append(FoundPoint(moved if is_one else point, kind, 0, point.closed))
         same = PARAMETERS.same_of_flat
@@ -246,11 +245,11 @@ class PointSearch:
             return False
         found = dataclasses.replace(found, q=self.wrapped_angles(found.q))
         pulling, below = refine.wrong_side(self.problem, found, self.scales)
-        if below or (pulling and self.options.pushes) or self._is_known(found, PARAMETERS.same):
+        if below or (pulling and self.options.pushes) or self._is_known(found, doubles.ROOT):
             return False
         if found.closed in self._decided and self._decided[found.closed](found.q):
             return False
-        if self.problem.is_beyond(found.q, refine.PARAMETERS.closed):
+        if self.problem.is_beyond(found.q, doubles.ZERO):
             self.are_beyond = True
             return False
         found = continuum.with_own_contacts(self.problem, found, self.scales)
@@ -268,10 +267,10 @@ class PointSearch:
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
         nearest, is_exact = _nearest_zero(self.problem, found, self.scales)
-        if nearest is None or (nearest is not found and self._is_known(nearest, PARAMETERS.same)):
+        if nearest is None or (nearest is not found and self._is_known(nearest, doubles.ROOT)):
             return False
         typed = _typed_zero(self.problem, nearest, self.scales, self.options.has_potential, is_exact)
-        if typed is None or (typed.point is not nearest and self._is_known(typed.point, PARAMETERS.same)):
+        if typed is None or (typed.point is not nearest and self._is_known(typed.point, doubles.ROOT)):
             return False
         found, kind, size = typed.point, typed.type, typed.dimension
         near = (one for one in self.points if one.dimension and not self._continua.differ(one.point, found))
@@ -287,7 +286,7 @@ class PointSearch:
         if not size:
             limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
             tidy = self._tidied(equations, found, limit * self.scales.length)
-            if tidy is not found and self._is_known(tidy, PARAMETERS.same):
+            if tidy is not found and self._is_known(tidy, doubles.ROOT):
                 return False
             found = tidy
         self.points.append(dataclasses.replace(typed, point=found))
@@ -316,7 +315,7 @@ class PointSearch:
         """True if a point is one of those that are known; of_flat: how near to one where a curvature vanishes."""
         for known in self.points:
             is_flat = not known.type.is_regular and not known.dimension
-            if self.apart(known.point.q, found.q) <= (of_flat if is_flat else PARAMETERS.same):
+            if self.apart(known.point.q, found.q) <= (of_flat if is_flat else doubles.ROOT):
                 return True
         return False
 
@@ -419,7 +418,7 @@ def _nearest_zero(
     digits."""
     equations = RestEquations(problem, found.closed, scales)
     x = known_continua.unknowns(equations, found)
-    is_rounding = equations.rounding(x) > refine.PARAMETERS.balanced
+    is_rounding = equations.rounding(x) > doubles.ZERO
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
     zero = precise_zeros.nearest(equations, x)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions, rank
 from lagcli.statics import flat_directions, precise_zeros, refine
 from lagcli.statics.flat_directions import FlatVerdict
@@ -37,9 +38,6 @@ class PointTypeParameters:
     flat: float = 1e-7
     """Curvatures of this part of the largest are zero. `test_a_curvature_of_seven_digits_less_is_flat` fails
     at 1e-8 and 1e-6."""
-    no_force: float = 1e-9
-    """A contact that carries this part of the forces carries none.
-    `test_a_contact_carries_nothing_below_nine_digits_of_the_forces` fails at 1e-10 and 1e-8."""
     asymmetric: float = 1e-8
     """Forces have no potential where the Hessian is asymmetric by this part.
     `test_forces_have_no_potential_where_their_gradient_is_asymmetric` fails at 1e-9 and 1e-7."""
@@ -114,7 +112,7 @@ def classify(
     is_doubtful |= slopes <= max(PARAMETERS.doubtful * float(np.abs(values.K).max()), PARAMETERS.soft * floor)
     bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
-    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > PARAMETERS.no_force * floor)
+    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > doubles.ZERO * floor)
     doubtful, sure = (ways[:, is_doubtful], along), curvatures[~is_doubtful]
     exact = _of_digits(problem, bare, scales, along) if is_doubtful.any() else None
     verdict = exact or _of_doubtful(problem, bare, scales, doubtful, signs[is_doubtful], is_exact)
@@ -209,7 +207,7 @@ def _pushes(
     """The forces of the closed contacts, and which of them are more than rounding."""
     F = problem.at(problem.t, point.q, point.lam).F
     push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
-    limit = PARAMETERS.no_force * max(scales.force, float(np.abs(F).max(initial=0.0)))
+    limit = doubles.ZERO * max(scales.force, float(np.abs(F).max(initial=0.0)))
     return push, np.abs(push) > limit
 
 

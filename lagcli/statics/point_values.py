@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.contact import load_sharing
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
@@ -21,8 +22,7 @@ from lagcli.statics.static_problem import StaticProblem
 Floats = npt.NDArray[np.float64]
 Origin = Literal["declared", "integrated", "none"]
 
-# The part of the forces that is rounding; and points that are looked at.
-FORCE_ROUNDOFF = 1e-11
+# Points that are looked at.
 SAMPLES = (0.0, 0.1, 0.5, 1.0, 2.0)
 
 
@@ -81,7 +81,7 @@ def potential_origin(problem: StaticProblem) -> Origin:
         if not np.isfinite(driving).all() or not np.isfinite(gradient).all():
             continue
         largest = np.abs(F).max(initial=0.0)
-        if np.abs(driving).max(initial=0.0) <= FORCE_ROUNDOFF * max(largest, 1e-300):
+        if np.abs(driving).max(initial=0.0) <= doubles.ZERO * max(largest, doubles.TINY):
             continue  # a Lagrangian written at length leaves rounding, whose gradient is of any shape
         found = "integrated"
         if not decompositions.is_symmetric(gradient):

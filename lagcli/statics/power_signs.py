@@ -38,9 +38,6 @@ class SignParameters:
 
     __slots__ = ()
 
-    roundings: float = 64.0
-    """The rounding of a coefficient in units of the last digit of its terms.
-    `test_a_branch_is_zero_within_sixty_roundings` fails at 6.4 and 640."""
     same: float = 1e-3
     """Points at which a polynomial touches zero that are one: of a multiple zero the highest derivative tells it.
     `test_a_fourfold_zero_is_one_branch` fails at 1e-4 and 1e-2."""
@@ -176,7 +173,7 @@ def _clear_terms(
     for order in orders:
         exponents, values, floors = _coefficients(rays, forms[:, order - 1], roundings[:, order - 1], order)
         # The axes have a rounding of their own.
-        floors = floors + PARAMETERS.roundings * doubles.EPS * float(np.abs(values).max(initial=0.0))
+        floors = floors + doubles.SUM * float(np.abs(values).max(initial=0.0))
         found |= {
             at: (value, floor)
             for at, value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True)
@@ -319,5 +316,5 @@ def _shifted(terms: Terms, s: float, slope: Fraction) -> Terms:
             factor = comb(j, k) * s ** (j - k)
             entry = found.setdefault((i + slope * (j - k), k), [0.0, 0.0])
             entry[0] += value * factor
-            entry[1] += (rounding + PARAMETERS.roundings * doubles.EPS * abs(value)) * abs(factor)
+            entry[1] += (rounding + doubles.SUM * abs(value)) * abs(factor)
     return {at: (value, rounding) for at, (value, rounding) in found.items()}

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.linear import decompositions
 from lagcli.statics import newton, rest_equations
 from lagcli.statics.newton import NewtonEnd
@@ -25,15 +26,9 @@ class RefineParameters:
 
     __slots__ = ()
 
-    balanced: float = 1e-9
-    """What is left of the forces, as a part of its terms. `test_a_point_is_settled_and_balanced` fails at
-    1e-10 and 1e-8."""
     settled: float = 1e-5
     """The last Newton step, as a part of the unknowns: 1e-8 where a zero is double.
     `test_a_point_is_settled_and_balanced` fails at 1e-6 and 0.0001."""
-    closed: float = 1e-9
-    """A contact of which g and lambda are this small is closed and carries nothing.
-    `test_a_contact_is_closed_to_nine_digits` fails at 1e-10 and 1e-8."""
     changes: int = 12
     """Sets of closed contacts that are tried in turn.
     `test_twelve_sets_of_closed_contacts_are_tried_from_a_guess` fails at 1 and 120."""
@@ -118,7 +113,7 @@ def settled(equations: RestEquations, found: NewtonEnd) -> EquilibriumPoint | No
     residual = _largest(problem, q, lam, equations.acting)
     closed = tuple(equations.acting)
     point = EquilibriumPoint(q.copy(), lam, closed, residual)
-    good = found.step <= PARAMETERS.settled and equations.unbalanced(found.x) <= PARAMETERS.balanced
+    good = found.step <= PARAMETERS.settled and equations.unbalanced(found.x) <= doubles.ZERO
     if good and _holds_later(problem, q, closed, equations.scales):
         return point
     return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
@@ -150,7 +145,7 @@ def _holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], sca
 def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with contacts that push."""
     values = problem.at(problem.t, begin, problem.nothing)
-    near = np.flatnonzero(values.g <= PARAMETERS.closed * scales.contacts * scales.length)
+    near = np.flatnonzero(values.g <= doubles.ZERO * scales.contacts * scales.length)
     guesses = [_complementary(problem, begin, scales), (begin, tuple(near.tolist())), (begin, ())]
     best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
     for point, closed in guesses:
@@ -172,8 +167,8 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
     """The contacts that pull at a point, and the open ones behind whose surface it lies."""
     values = problem.at(problem.t, point.q, point.lam)
     lam = point.lam[problem.C :]
-    pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -PARAMETERS.closed * scales.force}
-    limits = PARAMETERS.closed * scales.contacts * scales.length
+    pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -doubles.ZERO * scales.force}
+    limits = doubles.ZERO * scales.contacts * scales.length
     below = {k for k in range(problem.K) if k not in point.closed and not values.g[k] >= -limits[k]}
     return pulling, below
 
@@ -181,7 +176,7 @@ def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) 
 def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
     """The contacts that touch at a point, those that carry nothing included."""
     g = problem.at(problem.t, found.q, found.lam).g
-    near = np.flatnonzero(g <= PARAMETERS.closed * scales.contacts * scales.length)
+    near = np.flatnonzero(g <= doubles.ZERO * scales.contacts * scales.length)
     return tuple(sorted({*found.closed, *near.tolist()}))
 
 

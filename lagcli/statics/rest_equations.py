@@ -22,7 +22,6 @@ from lagcli.statics.static_problem import StaticProblem, Values
 
 Floats = npt.NDArray[np.float64]
 
-TINY = 1e-300  # for what is divided by, so that zero over zero is zero
 # Of a unit: terms that are smaller than this vanish by accident.
 SMALL = 1e-3
 
@@ -119,7 +118,7 @@ class RestEquations:
             rows = np.vstack([values.B, values.G[self.acting]])
             if not np.isfinite(rows).all() or not np.isfinite(values.F).all():
                 return None
-            lengths = np.linalg.norm(rows, axis=1) + TINY
+            lengths = np.linalg.norm(rows, axis=1) + doubles.TINY
             unit = rows / lengths[:, None]
             found.append(decompositions.least_squares(unit.T, -values.F) / lengths)
         return found
@@ -135,7 +134,7 @@ class RestEquations:
             widths = np.where(rows != 0, np.linalg.norm(rows, axis=1, keepdims=True) * SMALL, 0.0)
             terms = np.abs(values.F) + (np.maximum(np.abs(rows), widths) * np.abs(lam)[:, None]).sum(axis=0)
             parts = np.maximum(
-                terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + TINY
+                terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + doubles.TINY
             )
             # What the last digit of the coordinates moves is balanced: in a flat cloth nothing else acts sideways.
             # Beside a pole that is no rounding.
@@ -177,9 +176,9 @@ class RestEquations:
 def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
     """a + b - sqrt(a^2 + b^2) with its derivatives; at the corner those of a = b."""
     root = np.hypot(a, b)
-    safe = np.where(root > TINY, root, 1.0)
-    slope_a = np.where(root > TINY, 1 - a / safe, 1 - np.sqrt(0.5))
-    slope_b = np.where(root > TINY, 1 - b / safe, 1 - np.sqrt(0.5))
+    safe = np.where(root > doubles.TINY, root, 1.0)
+    slope_a = np.where(root > doubles.TINY, 1 - a / safe, 1 - np.sqrt(0.5))
+    slope_b = np.where(root > doubles.TINY, 1 - b / safe, 1 - np.sqrt(0.5))
     return a + b - root, slope_a, slope_b
 
 

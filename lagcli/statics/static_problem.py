@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
@@ -23,8 +24,6 @@ Floats = npt.NDArray[np.float64]
 # Times at which equations that hold t are asked to hold together, as parts of the length of a run, and those at which
 # what is found is looked at again.
 ASKED, PROVED = (0.0, 0.37, 0.81), (0.113, 0.291, 0.523, 0.697, 0.977)
-# What changes with t by less than this part of its size does not depend on it.
-STEADY = 1e-11
 # Of a value as a function of one coordinate: it has the period, or grows by a whole multiple of the coordinate.
 NOT_PERIODIC: Final = None
 # Functions without which nothing is periodic.
@@ -234,7 +233,7 @@ class StaticProblem:
                 other = function(t, q, self.p).full()
                 both = np.isfinite(first) & np.isfinite(other)
                 largest = np.abs(first[both]).max(initial=0.0)
-                if (np.abs(other - first)[both] > STEADY * max(largest, 1e-300)).any():
+                if (np.abs(other - first)[both] > doubles.VALUE * max(largest, doubles.TINY)).any():
                     return False
         return True
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpmath import iv
 
+from lagcli import doubles
 from lagcli.statics import (
     algebraic_zeros,
     all_zeros,
@@ -70,14 +71,14 @@ def fake_equations(problem=None, acting=(), **more):
 
 def test_two_hundred_damped_steps_are_made_of_a_search():
     slow = Shrinking(0.99)
-    newton._lowered(slow, np.zeros(1), slow(None), newton.PARAMETERS.most_damped, newton.PARAMETERS.near)
+    newton._lowered(slow, np.zeros(1), slow(None), newton.PARAMETERS.most_damped, doubles.ROOT)
     assert slow.calls == 1 + 200
 
 
 def test_damped_steps_end_where_newton_takes_over():
     halved = Shrinking(0.5)
-    newton._lowered(halved, np.zeros(1), halved(None), 200, newton.PARAMETERS.near)
-    assert halved.calls == 1 + 20  # 2**-20 is the first below 1e-6
+    newton._lowered(halved, np.zeros(1), halved(None), 200, doubles.ROOT)
+    assert halved.calls == 1 + 20  # 2**-20 is the root of what a value is known to
 
 
 def test_a_slope_of_rounding_is_the_bottom_of_a_valley():
@@ -88,7 +89,7 @@ def test_a_slope_of_rounding_is_the_bottom_of_a_valley():
             calls.append(x)
             return np.array([1.0, slope - x[0]]), np.array([[0.0], [-1.0]])
 
-        newton._lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, newton.PARAMETERS.near)
+        newton._lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, doubles.ROOT)
         assert len(calls) == 1 + steps
 
 
@@ -607,7 +608,7 @@ def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_found, sea
 def test_an_interval_of_a_turn_overlaps_itself(search_of):
     pieces = one_unknown._pieces(lambda x: (iv.mpf([-1, 1]), iv.mpf([-1, 1])), search_of(), True).undecided
     low, high = min(low for low, _ in pieces), max(high for _, high in pieces)
-    assert high - low - 2 * math.pi == pytest.approx(2e-12, rel=0.01)
+    assert 0 < high - low - 2 * math.pi < 1e-11
 
 
 def test_intervals_have_twenty_digits(search_of, monkeypatch):
@@ -714,11 +715,6 @@ def test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through(count, k
     # Between the first two only the direction of x is left, along which the curvature is positive.
     walls = np.array([[0.0, 1.0], [0.0, -1.0]] + [[1.0, 0.0]] * (count - 2))
     assert point_type._kind_on_cone(np.diag([1.0, -1.0]), walls, (1, 1), (False, False))[0] == kind
-
-
-@pytest.mark.parametrize(("width", "is_named"), [(5e-7, True), (5e-6, False)])
-def test_a_piece_of_a_millionth_is_named_by_its_middle(width, is_named):
-    assert ("near" in one_unknown._undecided([(1.0, 1.0 + width)])) is is_named
 
 
 @pytest.mark.parametrize(("width", "is_one"), [(5e-8, True), (5e-7, False)])

@@ -448,13 +448,6 @@ def test_a_kink_without_a_gradient_is_one_of_a_point(
     assert len(candidates_at([gradient, 1.0], monkeypatch)) == count
 
 
-@pytest.mark.parametrize(("x", "is_zero"), [(3e-10, True), (3e-9, False)])
-def test_a_coordinate_of_a_kink_is_zero_to_nine_digits(
-    x: float, is_zero: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert bool(candidates_at([0.0, x], monkeypatch)[0][1] == 0) is is_zero
-
-
 @pytest.mark.parametrize(("slope", "kind"), [(3e-6, "minimum"), (3e-7, None)])
 def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> None:
     search = search_at_kinks(lambda q: slope * ca.fabs(q))
