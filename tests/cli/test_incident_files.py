@@ -37,7 +37,7 @@ def made_up(monkeypatch):
         is_accepting = vars(run).pop("is_accepting", False)
         if is_accepting and run.statistics.steps % EVERY == 0 and run.t < run.grid.end:
             t = run.origin + run.t
-            line = np.arange(float(run.rows.line.size - 7))
+            line = np.arange(float(run.trial.rows.line.size - 7))
             kinds = ("impact", "contact") if run.statistics.steps % (2 * EVERY) == 0 else ("impact",)
             for kind in kinds:
                 rows = len(run.bound.enforced.integrals.system.rows.rows)

@@ -465,7 +465,9 @@ def test_lines_close_to_the_instant_are_read_off_others(tau, lines, monkeypatch)
     monkeypatch.setattr(interpolate_rows, "_put_scratch", lambda run, at, step: asked.append(at))
     rows = SimpleNamespace(line=np.ones(20), at=np.zeros(1))
     across = SimpleNamespace(step=None, instant=0.0, width=1.0, is_start=False)
-    interpolate_rows.put_in_singular_step(SimpleNamespace(rows=rows, origin=0.0), across, tau)
+    interpolate_rows.put_in_singular_step(
+        SimpleNamespace(trial=SimpleNamespace(rows=rows), origin=0.0), across, tau
+    )
     assert len(asked) == lines
 
 
@@ -640,10 +642,9 @@ def test_steps_grow_by_ten_at_once():
 def a_run(angle):
     """A run at its start, of rows at an angle."""
     y = np.zeros(3)
-    results = (y, y, np.array([0.0, angle**2, 1.0]), np.ones(4))
-    project = SimpleNamespace(trigger=lambda: None, results=results)
+    found = np.array([0.0, angle**2, 1.0]), np.ones(4)
     return SimpleNamespace(
-        bound=SimpleNamespace(project=project, y=y, k=y.copy(), rhs=None),
+        bound=SimpleNamespace(put_on_constraints=lambda: found, y=y, k=y.copy(), rhs=None),
         control=SimpleNamespace(step=0.0),
         count=lambda evaluations: None,
         tolerance=np.zeros(6),
@@ -679,7 +680,7 @@ def test_rows_that_are_close_to_dependent_are_searched_at_once(angle, is_asked, 
         tolerance=(1e-6,),
         method=SimpleNamespace(order=8),
         bound=SimpleNamespace(numeric=None, scratch=None, enforced=SimpleNamespace(is_any=False)),
-        count_scratch=lambda: None,
+        trial=SimpleNamespace(count_scratch=lambda: None),
     )
     event = SingularEvent.__new__(SingularEvent)
     event._stepper = run

@@ -32,13 +32,16 @@ def failure(monkeypatch):
     simulation = SimpleNamespace(start=0.0, duration=1.0)
     system = SimpleNamespace(model=SimpleNamespace(simulation=simulation))
     enforced = SimpleNamespace(system=system, functions=SimpleNamespace(numeric=None))
+    plain = SimpleNamespace(functions=SimpleNamespace(numeric=SimpleNamespace(force_switches=None)))
+    bound = SimpleNamespace(enforced=SimpleNamespace(plain=plain), t=[0.5])
+    where = causes_of_stops.Standing(bound, None, SimpleNamespace(ahead=lambda *_: None), 1e-4, None)
 
     def found(rank_margin, is_alone, since=0.5):
         here = State(0.5, NOTHING, NOTHING, NOTHING)
         tried = stop_diagnosis.Rejection(
-            enforced, math.nan, 0.0, 1e-9, here, here, rank_margin, is_alone, True, here.t - since
+            enforced, math.nan, 0.0, here, here, rank_margin, is_alone, True, here.t - since
         )
-        return causes_of_stops.no_step(tried)
+        return causes_of_stops.no_step(where, tried)
 
     return found
 

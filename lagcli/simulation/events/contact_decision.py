@@ -245,7 +245,9 @@ class ContactDecision:
         now = run.bound.enforced.selection
         if (selection.inactive, selection.idle) != (now.inactive, now.idle):
             run.bind(run.bound.enforced.keeping(selection))
-        run.project_from(v)
+        run.bound.y[v.size : 2 * v.size] = v
+        run.bound.put_on_constraints()
+        run.count(1)
         contact_crossings.predict(run)
 
     def _report(self, reported: ContactReport, is_start: bool) -> None:

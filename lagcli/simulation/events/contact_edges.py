@@ -171,7 +171,7 @@ class EdgeEvent(Event):
             crossed = self._first_crossing(found, np.where(are_watched, begin, 0.0))
             if crossed is None or (found.barrier is not None and found.barrier.part < crossed):
                 break
-            found = run.again(found, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
+            found = run.trial.again(found, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
             part /= 2
         if found is step:
             return None
@@ -200,8 +200,8 @@ class EdgeEvent(Event):
         left = self._at(run.t + x * h, bound.y + x * ahead + x * (1 - x) * bends, bound.k)[0] * begin < 0.0
         if not left.any():
             return False
-        run.make_dense()
-        coefficients: Floats = run.rows.dense.results[0]
+        run.trial.make_dense()
+        coefficients: Floats = run.trial.rows.dense.results[0]
         y = run.method.interpolated(bound.y, coefficients, np.array(x))
         return bool((left & (self._at(run.t + x * h, y, bound.k)[0] * begin < 0.0)).any())
 

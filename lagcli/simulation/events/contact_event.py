@@ -116,7 +116,7 @@ class ContactEvent(Event):
                 return self._cut(Met(self._ended_at(step, limit)))
             deeper = step._replace(deepest=watch.deepest) if watch.deepest > contacts.deepest else step
             return self._cut(Met(deeper)) if contacts.again else None if deeper is step else Cut(deeper)
-        run.make_dense()
+        run.trial.make_dense()
         if hits := self._changes.sinking(step.taken):
             ahead = Ahead(run, step, BEYOND * FARTHER**contacts.again)
             return self._here(Met(step, hits, ahead))
@@ -137,7 +137,7 @@ class ContactEvent(Event):
 
     def _ended_at(self, step: FoundStep, t: float) -> FoundStep:
         """The step ended at a time at which rebounds of a contact come to their end."""
-        return self._stepper.again(step, t)._replace(is_jump=True)
+        return self._stepper.trial.again(step, t)._replace(is_jump=True)
 
     def _met_at_switch(self, step: FoundStep) -> Met:
         """What functions of t make jump at a switch: declared events, and walls, which may not.
@@ -271,7 +271,7 @@ class ContactEvent(Event):
                 if LEAST < x < 0.5 / FARTHER and (~watch.are_gaps & ~kinds.is_event)[indices[rows]].any():
                     # What was met before a contact that soon lets go is met again in the shorter step.
                     shorter = self._shortened(step, FARTHER * x)
-                    run.make_dense()
+                    run.trial.make_dense()
                     return self._search(watch, shorter, 1.0)
                 return self._met_at(watch, met, x, indices[rows])
             if run.t + x * step.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
@@ -328,7 +328,7 @@ class ContactEvent(Event):
         run = self._stepper
         if x < LEAST:
             raise StepFailure(self._changes.unresolved(), run_stop.CONTACT)
-        shorter = run.again(step, run.t + x * step.taken)
+        shorter = run.trial.again(step, run.t + x * step.taken)
         return shorter._replace(proposed=min(step.proposed, shorter.taken))
 
     def _event(self, watch: StepWatch, step: FoundStep, x: float, index: int) -> Incident:
@@ -351,7 +351,7 @@ class ContactEvent(Event):
             reached = run.t + tau
             if not reached > run.t:
                 return self._here(met)
-            step = run.again(step, reached)
+            step = run.trial.again(step, reached)
             left = float(watch.end(reached)[index])
             if not abs(left) < best / 2 or slope == 0:
                 break
@@ -363,8 +363,8 @@ class ContactEvent(Event):
         end = run.grid.end
         if step.reached != end and abs(step.reached - end) <= declared_events.AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
-            step = run.again(step, end)
+            step = run.trial.again(step, end)
         if bound.status[7] > COARSE_WORK:
-            step = run.with_work(step)
+            step = run.trial.with_work(step)
         proposed = min(step.proposed, LONGER * (step.reached - run.contacts.last))
         return met._replace(step=step._replace(is_jump=True, proposed=proposed))

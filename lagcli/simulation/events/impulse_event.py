@@ -115,7 +115,7 @@ class StepCurve:
         bound = run.bound
         _, h, y, k, _, _ = bound.step.arguments
         self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.enforced.p]
-        self._inside = [t, h, x, y, run.rows.dense.results[0].T, bound.enforced.p]
+        self._inside = [t, h, x, y, run.trial.rows.dense.results[0].T, bound.enforced.p]
         self._margin, self._clear = _bound(functions.margin, self._on_cubic)
 
     def is_of(self, run: Stepper) -> bool:
@@ -198,12 +198,11 @@ class ImpulseEvent(Event):
             return None
         if not self._curve.is_of(run):
             self._curve = StepCurve(self._functions, run)
-        if curve is None and not run.has_dense:
+        if curve is None and not run.trial.has_dense:
             if not self._curve.is_crossed():
                 return None
-            run.bound.staged.trigger()
-            run.count(run.method.evaluations)
-            run.make_dense()
+            run.trial.make_stages()
+            run.trial.make_dense()
         way: Way = self._curve if curve is None else SingularStepCurve(self._crossings, run, curve)
         barrier = self._crossings.first(way, PARTS)
         if barrier is None:

@@ -33,14 +33,14 @@ class IncidentLog:
 
     def line(self) -> Floats:
         """The line of the state where the run stands, with time, figures and W."""
-        rows = self._run.rows
+        rows = self._run.trial.rows
         rows.at[0] = self._run.origin + self._run.t
         rows.begin.trigger()
         return rows.line.copy()
 
     def line_of(self, t: float, y: Floats) -> Floats:
         """The line of another state of the run (2n + 1,), at a time counted as its own."""
-        rows = self._run.rows
+        rows = self._run.trial.rows
         rows.at[0], rows.scratch.arguments[1][:] = self._run.origin + t, y
         rows.scratch.trigger()
         return rows.line.copy()

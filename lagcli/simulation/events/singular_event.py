@@ -15,7 +15,8 @@ from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.stepping.found_step import FoundStep
-from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
+from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
+from lagcli.simulation.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
     # Loaded where they are used: most runs meet no singular configuration.
@@ -44,7 +45,7 @@ class SingularEvent(Event):
         from lagcli.simulation.singularity import singularity_step
 
         found = singularity_step.across(bound.numeric, bound.scratch, self._point, predicted)
-        run.count_scratch()
+        run.trial.count_scratch()
         if isinstance(found, Selection):
             run.bind(bound.enforced.keeping(found))
             run.watch = SingularityMonitor()
@@ -64,7 +65,7 @@ class SingularEvent(Event):
 
         interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
         names = [row.name for row in run.bound.enforced.system.multiplier_rows]
-        lines = InstantLines(run.rows.line.copy(), run.rows.line.copy())
+        lines = InstantLines(run.trial.rows.line.copy(), run.trial.rows.line.copy())
         incidents = (
             self._log.incident(singular_step.instant, "crossing", names[row], lines)
             for row in crossed.loss.participants
@@ -115,7 +116,7 @@ class SingularEvent(Event):
 
         run, bound = self._stepper, self._stepper.bound
         found = singularity_step.away(bound.numeric, bound.scratch, self._point, run.control.step)
-        run.count_scratch()
+        run.trial.count_scratch()
         if found is None:
             from lagcli.simulation.stepping import stop_diagnosis
 

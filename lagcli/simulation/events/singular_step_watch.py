@@ -46,7 +46,7 @@ class SingularStepWatch:
         run, step = self._run, self._step_across.step
         t = step.t + x * step.h
         interpolate_rows.put_in_singular_step(run, self._step_across, t)
-        line = run.rows.line.copy()
+        line = run.trial.rows.line.copy()
         return log.incident(t, "event", name, InstantLines(line, line))
 
     @property
@@ -64,8 +64,8 @@ class SingularStepWatch:
         one."""
         run, singular_step = self._run, self._step_across
         interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
-        run.put_end(singular_step.middle, singular_step.step.slope(self.instant))
-        return self._ended(found, singular_step.instant), run.rows.line.copy()
+        run.trial.put_end(singular_step.middle, singular_step.step.slope(self.instant))
+        return self._ended(found, singular_step.instant), run.trial.rows.line.copy()
 
     def ended_at(self, found: FoundStep, x: float) -> FoundStep | None:
         """The step ended at the fraction x; None where the state there cannot be found on the constraints."""
@@ -73,7 +73,7 @@ class SingularStepWatch:
         reached, state = step.t + x * step.h, step.state(x)
         if collocation.projected(run.bound.scratch, reached, state) is None:
             return None
-        run.project_end(reached, state)
+        run.trial.project_end(reached, state)
         return self._ended(found, reached)
 
     def _ended(self, found: FoundStep, reached: float) -> FoundStep:

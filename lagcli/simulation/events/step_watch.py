@@ -60,7 +60,7 @@ class StepWatch:
     @cached_property
     def _inside(self) -> BoundFunction:
         t, h, y, _, _, _, p = self._arguments
-        coefficients = self.run.rows.dense.results[0].T
+        coefficients = self.run.trial.rows.dense.results[0].T
         return BoundFunction(self.functions.inside, [t, h, self._state, y, coefficients, p])
 
     @cached_property
@@ -192,7 +192,7 @@ class Ahead:
 
     def __init__(self, run: Stepper, step: FoundStep, x: float) -> None:
         self._method, self._x, self.t = run.method, x, run.t + x * step.taken
-        self._begin, self._coefficients = run.bound.y.copy(), run.rows.dense.results[0].copy()
+        self._begin, self._coefficients = run.bound.y.copy(), run.trial.rows.dense.results[0].copy()
 
     @property
     def y(self) -> Floats:

@@ -46,7 +46,7 @@ class RowWriter:
     @property
     def width(self) -> int:
         """The numbers of a line."""
-        return self._stepper.rows.line.size
+        return self._stepper.trial.rows.line.size
 
     @property
     def is_done(self) -> bool:
@@ -73,7 +73,7 @@ class RowWriter:
 
     def put_begin(self) -> None:
         """Write the next row from the state where the run stands."""
-        run, rows = self._stepper, self._stepper.rows
+        run, rows = self._stepper, self._stepper.trial.rows
         rows.at[0] = run.origin + run.t
         rows.begin.trigger()
         rows.cells[0] = run.origin + run.row_time
@@ -110,7 +110,7 @@ class RowWriter:
 
         A row at an incident is that of the state after it, and is left.
         """
-        run, rows = self._stepper, self._stepper.rows
+        run, rows = self._stepper, self._stepper.trial.rows
         t, reached, taken = run.t, step.reached, step.taken
         self._begun, capacity = t, self._capacity
         before = reached
@@ -134,7 +134,7 @@ class RowWriter:
 
                 interpolate_rows.put_in_singular_step(run, step.singular_step, at)
             elif at < reached or step.barrier is not None:
-                run.make_dense()
+                run.trial.make_dense()
                 rows.x[0] = (at - t) / taken
                 rows.inside.trigger()
             else:
@@ -147,11 +147,11 @@ class RowWriter:
 
         Nearly all rows of nearly all tables are such: what they do not need is not asked for.
         """
-        run, rows, lines, time = self._stepper, self._stepper.rows, self._lines, self.grid.time
+        run, rows, lines, time = self._stepper, self._stepper.trial.rows, self._lines, self.grid.time
         t, taken, origin = run.t, step.taken, run.origin
         trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
         row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, self._capacity
-        run.make_dense()
+        run.trial.make_dense()
         while row_time < before and filled < capacity:
             at[0], x[0] = origin + row_time, (row_time - t) / taken
             trigger()
@@ -173,7 +173,7 @@ class RowWriter:
         """
         from lagcli.simulation.stepping import interpolate_rows
 
-        run, rows, enforced = self._stepper, self._stepper.rows, self._stepper.bound.enforced
+        run, rows, enforced = self._stepper, self._stepper.trial.rows, self._stepper.bound.enforced
         at, x, taken = rows.at[0], rows.x[0], step.taken
         if enforced.is_any:
             inside = enforced.plain.functions.scheme(run.method).line_inside
@@ -192,8 +192,8 @@ class RowWriter:
 
     def _put_line(self, step: FoundStep | None = None) -> None:
         """Write the line at hand as the next row, within a step or where the run stands."""
-        run, line = self._stepper, self._stepper.rows.line
-        if not math.isfinite(run.rows.cells[-1]) and (step is None or step.crossing is None):
+        run, line = self._stepper, self._stepper.trial.rows.line
+        if not math.isfinite(run.trial.rows.cells[-1]) and (step is None or step.crossing is None):
             if step is not None and run.row_time < step.reached:
                 self._limit_row(step)
             self._require_finite()
@@ -208,7 +208,7 @@ class RowWriter:
         run.row_time = self.grid.time(self.next_row)
 
     def _require_finite(self) -> None:
-        rows = self._stepper.rows
+        rows = self._stepper.trial.rows
         bad = np.flatnonzero(~np.isfinite(rows.line[:-1]))
         if bad.size:  # else the sum overflowed, and nothing else
             from lagcli.simulation.stepping import stop_diagnosis

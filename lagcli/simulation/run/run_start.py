@@ -20,7 +20,8 @@ from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.singularity.singularity_monitor import SingularityMonitor
 from lagcli.simulation.stepping import grid as grids
-from lagcli.simulation.stepping.stepper import MOST_RESIDUAL, Stepper
+from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
+from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness.time_functions import TimeFunctions
 
 Floats = npt.NDArray[np.float64]
@@ -102,8 +103,7 @@ def _begin(run: Stepper, start: RunStart) -> bool:
         run.settle()
         return False
     # It may lie off the constraints by rounding; the first row and the first step begin on them.
-    bound.project.trigger()
-    bound.y[:], bound.k[:], status, sizes = bound.project.results
+    status, sizes = bound.put_on_constraints()
     smallest_angle, least = status[1:3].tolist()
     run.count(1)
     if not np.isfinite(bound.k).all():

@@ -68,6 +68,12 @@ class BoundStep:
         found = step_tolerance.PARAMETERS.stages * step_tolerance.UNIT * roundings.results[0][1]
         return np.where(np.isfinite(found), found, 0.0)
 
+    def put_on_constraints(self) -> tuple[Floats, Floats]:
+        """Stand on the constraints near y, with the rate there; the status and the sizes of `NumericSystem.project`."""
+        self.project.trigger()
+        self.y[:], self.k[:], status, sizes = self.project.results
+        return status, sizes
+
     def projected_at(self, t: float, y: Floats) -> list[Floats]:
         """The results of `NumericSystem.project`, in memory that the next call overwrites."""
         self.scratch_t[0], self.scratch.arguments[1][:] = t, y

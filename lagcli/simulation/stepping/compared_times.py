@@ -21,10 +21,12 @@ Floats = npt.NDArray[np.float64]
 
 
 class ComparedTimes:
-    """Those of a run with the functions that it has now; times are counted from its origin."""
+    """Those of a run with the functions that it has now; times are counted from its `origin`; is_any: it has witnesses,
+    without which no step is compared."""
 
     def __init__(self, bound: BoundStep, grid: Grid, origin: float, witnesses: Witnesses) -> None:
-        self._grid, self._origin, self._witnesses = grid, origin, witnesses
+        self._grid, self.origin, self._witnesses = grid, origin, witnesses
+        self.is_any = witnesses.is_any
         self._places = _narrow_places(bound)
 
     def within(
@@ -33,7 +35,7 @@ class ComparedTimes:
         """The times within a step between two times; dense() gives its states (2n + 1,) at parts of it; is_growing: as
         `Witnesses.inside` takes it."""
         yield from self._witnesses.inside(t, reached, is_growing)
-        if self._places is None or not self._places.are_passed(self._origin + t):
+        if self._places is None or not self._places.are_passed(self.origin + t):
             return
         taken = reached - t
         for x in self._places.within(dense(), min(1.0, (self._grid.end - t) / taken)):

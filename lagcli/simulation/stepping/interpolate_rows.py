@@ -125,7 +125,7 @@ def between(lines: Floats) -> Floats:
 
 def put_in_singular_step(run: Stepper, across: SingularStep, at: float) -> None:
     """Write the line at a time within the step; close to the instant it is the limit from both sides."""
-    rows, step, tau = run.rows, across.step, at - across.instant
+    rows, step, tau = run.trial.rows, across.step, at - across.instant
     if abs(tau) > PARAMETERS.window * across.width:
         _put_scratch(run, at, step)
         return
@@ -141,7 +141,7 @@ def put_in_singular_step(run: Stepper, across: SingularStep, at: float) -> None:
 
 
 def _put_scratch(run: Stepper, at: float, step: collocation.Step) -> None:
-    rows = run.rows
+    rows = run.trial.rows
     rows.at[0] = run.origin + at
     rows.scratch.arguments[1][:] = step.state((at - step.t) / step.h)
     rows.scratch.trigger()

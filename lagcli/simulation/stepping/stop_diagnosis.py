@@ -26,6 +26,7 @@ from lagcli.simulation.run_state.run_stop import (
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity import singular_point
 from lagcli.simulation.stepping import stop_reasons
+from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
@@ -74,15 +75,14 @@ NO_BRANCH = Reason(
 class Rejection:
     """The last step that was tried, with the functions of its run.
 
-    error: its error; residual: that of the constraints at its end, as a part of its size, of which a step on them has
-    `most_residual`; here, ahead: the states at both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an
-    instant is predicted within `SOON` of the run; last: the time of the last incident, or of the start.
+    error: its error; residual: that of the constraints at its end, as a part of its size; here, ahead: the states at
+    both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is predicted within `SOON` of
+    the run; last: the time of the last incident, or of the start.
     """
 
     enforced: EnforcedInvariants
     error: float
     residual: float
-    most_residual: float
     here: initial.State
     ahead: initial.State
     rank_margin: float
@@ -120,9 +120,9 @@ class Rejection:
                 " or a function of the model has a pole",
                 NOT_FINITE,
             )
-        if not self.residual > self.most_residual:
+        if not self.residual > MOST_RESIDUAL:
             return BELOW_ROUNDING
-        if parting := singular_point.departed(self.numeric, self.ahead, self.most_residual):
+        if parting := singular_point.departed(self.numeric, self.ahead, MOST_RESIDUAL):
             rows = named(self.system, parting)
             return Reason(f"the rows {rows} contradict each other beyond: they agree up to here", NO_SOLUTION)
         return Reason("the constraints have no solution after this time", NO_SOLUTION)

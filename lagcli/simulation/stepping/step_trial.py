@@ -1,0 +1,171 @@
+"""One step from where a run stands: tried, compared with the equations, and taken again up to a time within it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.simulation.run_state.statistics import RunStatistics
+from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
+from lagcli.simulation.scheme.controller import StepController
+from lagcli.simulation.scheme.method import Method
+from lagcli.simulation.stepping.compared_times import ComparedTimes
+from lagcli.simulation.stepping.found_step import FoundStep
+from lagcli.smoothness import named_functions
+
+Floats = npt.NDArray[np.float64]
+
+# A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
+MOST_RESIDUAL = 1e-9
+# A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
+# the step proposed, for rounding may look the same.
+HIDDEN, HIDING = 100.0, 1e-3
+# A step is wrong where the dense output is off the equations by so many tolerances at a row, and counts as one of
+# this error then.
+FORGIVEN, UNSEEN = 3e3, -1.0
+
+
+class StepTrial:
+    """The step that is tried from where `bound` stands, with the functions of a run as they are now; the evaluations of
+    the right-hand side are counted in its statistics.
+
+    rows: the dense output of the step, and the lines of the table; has_dense: the dense output of the step that was
+    tried last is made.
+    """
+
+    def __init__(
+        self,
+        bound: BoundStep,
+        method: Method,
+        compared: ComparedTimes,
+        control: StepController,
+        statistics: RunStatistics,
+    ) -> None:
+        self._bound, self._method, self._compared = bound, method, compared
+        self._control, self._statistics = control, statistics
+        # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
+        # crossed in one rounding. That of a row may not: the velocity would have to jump.
+        has_time, model = bound.numeric.has_time, bound.enforced.system.model
+        self._fewest = 1 if not has_time and named_functions.only_forces_may_jump(model) else 64
+        self.rows = BoundRows(bound, method, compared.is_any)
+        self.has_dense = False
+
+    def attempt(self, reached: float, taken: float, has_stages: bool, longest: float) -> tuple[float, float]:
+        """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
+
+        has_stages: they are kept, for the dense output; longest: what no step is longer than, whatever is proposed. The
+        error is `UNSEEN` where only a witness speaks against the step.
+        """
+        bound, control = self._bound, self._control
+        bound.h[0], self.has_dense = taken, False
+        bound.look_at_rounding()
+        is_witnessed = self.rows.defect is not None
+        (bound.staged if has_stages or is_witnessed else bound.step).trigger()
+        self._statistics.evaluations += self._method.evaluations
+        scheme_error, moved, hidden, residual, _, _, everything, _ = bound.status
+        projected, error = residual <= MOST_RESIDUAL, max(scheme_error, moved)
+        if hidden < 0.0 and taken > HIDING * min(control.step, longest):
+            error = max(error, HIDDEN)
+        if error < 1.0 and projected and math.isfinite(everything):
+            if not is_witnessed:
+                return error, 0.0
+            unseen = self._unseen(reached, taken, control.grown(taken, error, math.inf) > 2 * taken)
+            return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - bound.t[0])
+        # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
+        is_known = math.isfinite(error) and error >= 1.0 and projected
+        return error, control.smaller(taken, error, is_known)
+
+    def is_too_short(self, taken: float, rejected: float) -> bool:
+        """True where the time has too few roundings in a step; rejected: the end of the one tried before it."""
+        t = self._bound.t[0]
+        return t + taken / self._fewest == t or (self._fewest == 1 and t + taken >= rejected)
+
+    def _unseen(self, reached: float, taken: float, is_growing: bool) -> float:
+        """The first time within a step at which the forces are not those it was made of; infinite where they are."""
+        t, rows, defect = self._bound.t[0], self.rows, self.rows.defect
+        assert defect is not None, "a run with witnesses compares"
+        for at in self._compared.within(t, reached, self._dense, is_growing):
+            self.make_dense()
+            rows.at[0], rows.x[0] = self._compared.origin + at, (at - t) / taken
+            defect.trigger()
+            self._statistics.evaluations += 1
+            if defect.results[0][0] > FORGIVEN:
+                return at
+        return math.inf
+
+    def _dense(self) -> Callable[[float], Floats]:
+        """The states (2n + 1,) at parts of the step."""
+        self.make_dense()
+        begin, coefficients = self._bound.y[:, None], self.rows.dense.results[0][:, :, None]
+        return lambda x: np.asarray(self._method.interpolated(begin, coefficients, np.array([x]))).ravel()
+
+    def make_dense(self) -> None:
+        """Make the dense output of the step, once."""
+        if not self.has_dense:
+            self.rows.dense.trigger()
+            self._statistics.evaluations += self._method.dense_evaluations
+            self.has_dense = True
+
+    def make_stages(self) -> None:
+        """Take the step that was tried once more, with its stages."""
+        self._bound.staged.trigger()
+        self._statistics.evaluations += self._method.evaluations
+
+    def again(self, step: FoundStep, reached: float) -> FoundStep:
+        """A step taken again, up to a time within it: nothing jumps in that before its end."""
+        taken = reached - self._bound.t[0]
+        self._bound.h[0], self.has_dense = taken, False
+        self.make_stages()
+        return step._replace(reached=reached, taken=taken, work=None, is_balanced=True, barrier=None)
+
+    def plain_end(self) -> Floats | None:
+        """The state (2n + 1,) to which the step leads without integrals; None where it is not right without them."""
+        bound, plain = self._bound, self._bound.enforced.plain
+        *arguments, _ = bound.step.arguments
+        step = BoundFunction(
+            plain.functions.scheme(self._method).step, [*arguments, plain.parameters], wanted=3
+        )
+        step.trigger()
+        self._statistics.evaluations += self._method.evaluations
+        new, _, (error, moved, _, residual, _, _, everything, _) = step.results
+        is_right = max(error, moved) < 1.0 and residual <= MOST_RESIDUAL and math.isfinite(everything)
+        return new if is_right else None
+
+    def put_end(self, y: Floats, k: Floats) -> None:
+        """Let the step end at a state with its rate, (2n + 1,) each."""
+        self._bound.new[:], self._bound.k_new[:] = y, k
+
+    def project_end(self, reached: float, y: Floats) -> Floats:
+        """Let it end at a time on the constraints, near a state (2n + 1,); the status of `NumericSystem.project`."""
+        projected, rate, status, _ = self._bound.projected_at(reached, y)
+        self.put_end(projected, rate)
+        return status
+
+    def with_work(self, step: FoundStep) -> FoundStep:
+        """A step with W integrated over it on its dense output, where the scheme's own W is not right to the tolerance
+        of the run."""
+        if not self._statistics.is_balanced:
+            return step
+        from lagcli.simulation.scheme import work_integral
+
+        bound = self._bound
+        bound.staged.trigger()
+        self.make_dense()
+        span = bound.t[0], step.taken, bound.step.arguments[4][0]
+        begin, coefficients = bound.y[:, None], self.rows.dense.results[0][:, :, None]
+        work = work_integral.within(
+            bound.scratch, span, bound.y, lambda x: self._method.interpolated(begin, coefficients, x).T
+        )
+        self.count_scratch()
+        if work is not None:
+            bound.new[-1] = work.end
+        return step._replace(work=work, is_balanced=work is not None)
+
+    def count_scratch(self) -> None:
+        """Count the evaluations that were made beside the step."""
+        self._statistics.evaluations += self._bound.scratch.used
+        self._bound.scratch.used = 0
