@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import dop853_tableau
 from lagcli.equations.system import System
 from lagcli.formulations import maggi
@@ -201,7 +202,7 @@ def _step(
     for part in (slice(0, d), slice(d, None)):
         moved = max(np.abs(values[part]).max(initial=0.0) for values in (y, new, h * rate))
         sizes[part] = np.maximum(sizes[part], moved)
-    scale = tolerance[1] + tolerance[0] * sizes + step_tolerance.TINY
+    scale = tolerance[1] + tolerance[0] * sizes + doubles.TINY
     e5 = float(np.abs((E5 @ stages) / scale).max(initial=0.0))
     e3 = float(np.abs((E3 @ stages) / scale).max(initial=0.0))
     # Hypotenuse: squares of large estimates overflow.

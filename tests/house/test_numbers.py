@@ -43,7 +43,7 @@ LOOSE = {
     "pfaffian": 49,
     "reporting": 12,
     "running": 7,
-    "simulation": 90,
+    "simulation": 84,
     "smoothness": 7,
     "start": 0,
     "statics": 4,

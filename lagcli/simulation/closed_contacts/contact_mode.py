@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows, rank
@@ -23,8 +24,6 @@ FAR, STEPS = 1e-3, 5
 CLOSED = 1e-8
 # Sets of contacts that are tried, where not all that are closed can stay so.
 MOST_TRIED = 256
-# Accelerations that differ by less than this part of them are the same.
-SAME = 1e-9
 APART = (
     "inertias that differ by so much amplify rounding: in their metric the rows of closed contacts cannot be told from"
     " dependent ones, and their pushes not from one another"
@@ -184,7 +183,7 @@ class _ModeChoice:
                 alone = contact_change.contact_forces(here, among)
             except ContactsUndecided:
                 continue
-            if alone.closed != enforced or (np.abs(alone.x - found.x) > SAME * size.max()).any():
+            if alone.closed != enforced or (np.abs(alone.x - found.x) > doubles.ZERO * size.max()).any():
                 continue
             ahead = gaps_ahead(here, found.x, enforced)
             if ahead.is_violated[list(contacts)].any():

@@ -27,9 +27,6 @@ class SeriesParameters:
 
     __slots__ = ()
 
-    alike: float = 1e-9
-    """Directions of speeds, and of gaps, that differ by this part are the same: the series goes on as it did.
-    `test_a_series_goes_on_as_it_did_where_its_directions_agree_to_nine_digits` fails at 1e-10 and 1e-8."""
     farther: float = 10.0
     """Gaps that open to so many times what is not told apart from closed are left to steps again.
     `test_a_series_that_opens_tenfold_is_left_to_steps` fails at 1 and 100."""
@@ -256,4 +253,4 @@ def _part(before: Floats, after: Floats) -> float | None:
     if size == 0.0:
         return None if after.any() else 0.0
     part = float(np.abs(after).max()) / size
-    return part if (np.abs(after - part * before) <= PARAMETERS.alike * part * size).all() else None
+    return part if (np.abs(after - part * before) <= doubles.ZERO * part * size).all() else None

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from lagcli import doubles
 from lagcli.simulation.closed_contacts.contact_instant import Flags, Floats
 from lagcli.simulation.closed_contacts.impact_series import ClosedBefore
 from lagcli.simulation.run_state import run_stop
@@ -43,7 +44,7 @@ class CrowdParameters:
 
 PARAMETERS = CrowdParameters()
 # An elastic contact has no last rebound; of others it is lost in rounding after so many times 1/(1 - e).
-LAST = -math.log(2.0**-52)
+LAST = -math.log(doubles.EPS)
 
 
 def between(restitution: float) -> int:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.contact import zero_search
 from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
@@ -22,8 +23,6 @@ from lagcli.simulation.stepping.stepper import Stepper
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-# A function jumps over zero where it is this part of its size away from it on both sides.
-JUMPED = 1e-12
 # So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
 # crosses, values tell by this part of a step farther off.
 TOUCHED, OFFSET = 4.0, 1e-5
@@ -66,9 +65,9 @@ class EventValues:
 
     def jumped(self, before: Floats, after: Floats) -> list[int]:
         """The events that jump over zero in their direction, by their values before and after (E,)."""
-        least = JUMPED * np.maximum(np.abs(before), np.abs(after))
+        least = doubles.VALUE * np.maximum(np.abs(before), np.abs(after))
         if self.known is not None:
-            least = np.maximum(least, np.maximum(JUMPED * self.known.sizes, self.known.rounding))
+            least = np.maximum(least, np.maximum(doubles.VALUE * self.known.sizes, self.known.rounding))
         ways = np.where((before < -least) & (after > least), 1, 0) - ((before > least) & (after < -least))
         wanted = [DIRECTIONS[event.direction] for event in self._events]
         return [i for i, (way, one) in enumerate(zip(ways, wanted, strict=True)) if way and one in (0, way)]

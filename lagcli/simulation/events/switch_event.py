@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping import stop_diagnosis
@@ -16,8 +17,8 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-# Positions and velocities may differ by this part of their size, and by what they change in so many times the time.
-SAME, LONGER = 1e-9, 16.0
+# Positions and velocities may differ by what they change in so many times the time, beside rounding.
+LONGER = 16.0
 
 
 class SwitchEvent(Event):
@@ -65,7 +66,7 @@ class SwitchEvent(Event):
         found = [numeric.contacts(s.t, s.q, s.v, s.p) for s in (here, beyond)]
         (g, *_), (g_beyond, *_) = sides = [[np.array(each)[closed] for each in side] for side in found]
         speed = sum(np.abs(G @ here.v + g_t.ravel()) for _, G, g_t, *_ in sides)
-        room = SAME * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beyond.t - here.t) * speed
+        room = doubles.ZERO * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beyond.t - here.t) * speed
         return not bool(((g_beyond - g).ravel() >= -room).all())
 
     def _is_pole(self, t: float, away: float, acceleration: float) -> bool:
@@ -99,6 +100,6 @@ def _is_same(
     for part, least in ((slice(0, n), 0.0), (slice(n, 2 * n), acceleration)):
         size = np.abs(y[part]).max(initial=0.0)
         rate = np.maximum(np.abs(k[part]), np.abs(k_new[part])).max(initial=least)
-        if not np.abs(new[part] - y[part]).max(initial=0.0) <= SAME * size + LONGER * dt * rate:
+        if not np.abs(new[part] - y[part]).max(initial=0.0) <= doubles.ZERO * size + LONGER * dt * rate:
             return False
     return True

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.simulation.global_error import error_estimate
 from lagcli.simulation.global_error.accuracy import Accuracy
 from lagcli.simulation.global_error.incident_sides import IncidentErrors
@@ -21,9 +22,6 @@ from lagcli.simulation.run_state.incident import Incident, Tally
 from lagcli.simulation.scheme import step_tolerance
 
 Floats = npt.NDArray[np.float64]
-
-# Times of two rows that are the same but for the rounding of a table.
-SAME_TIME = 1e-12
 
 
 class RunWithReference:
@@ -82,7 +80,9 @@ class RunWithReference:
         for again in self._ahead:
             others = again.rows
             part = rows[known : known + len(others)]
-            if len(part) < len(others) or not np.allclose(part[:, 0], others[:, 0], rtol=SAME_TIME, atol=0):
+            if len(part) < len(others) or not np.allclose(
+                part[:, 0], others[:, 0], rtol=doubles.VALUE, atol=0
+            ):
                 return None
             self._errors.sides.add(1, again.incidents)
             self._errors.take(part, others, None)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
@@ -59,7 +60,7 @@ class BoundStep:
         it counts."""
         for roundings in self._roundings:
             ends = (self._rounded(roundings, t) for t in (self.t[0], self.t[0] + self.h[0]))
-            self._blurred[:] = np.fmax(np.fmin(*ends), step_tolerance.TINY)
+            self._blurred[:] = np.fmax(np.fmin(*ends), doubles.TINY)
 
     @staticmethod
     def _rounded(roundings: BoundFunction, t: float) -> Floats:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.simulation.scheme import step_tolerance as tolerances
 from lagcli.smoothness.sized_function import SizedFunction
@@ -120,7 +121,7 @@ def ended(
     # Rows are left by a part of the velocities; where these are the rounding of forces that hold all at the origin, by
     # no more than that.
     q, v, a = (sizes[numeric.n + i] for i in range(3))
-    tiny = tolerances.TINY
+    tiny = doubles.TINY
     part = ca.if_else(q < PARAMETERS.enforced * h * h * a, v / (v + PARAMETERS.enforced * h * a + tiny), 1)
     status = ca.vertcat(part * status[0], status[1:])
     # The doubles around t may be so far apart that the state is not known better.
@@ -140,7 +141,7 @@ def _amplified(n: int, smallest_angle: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
     """The rounding of a step (2n + 1,) on rows that are nearly dependent, nothing where they are not: their
     forces are known no better, however short it is."""
     units, a = sizes[:n], sizes[n + 2]
-    delta = ca.sqrt(smallest_angle + tolerances.TINY)
+    delta = ca.sqrt(smallest_angle + doubles.TINY)
     gained = ca.if_else(delta < PARAMETERS.close, PARAMETERS.amplified / delta**3, 0.0) * h * a
     return gained * ca.vertcat(h * units, units, 0)
 
@@ -180,7 +181,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
     rounded = PARAMETERS.time_rounding * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
-        tolerance[0] * energy + rounded + tolerances.TINY
+        tolerance[0] * energy + rounded + doubles.TINY
     )
     error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
     inputs: list[Expression] = [y, new, projected, h, sizes, tolerance, noise, blur]
@@ -204,7 +205,7 @@ def scales(
     is_small, is_resting = q < PARAMETERS.enforced * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
-        is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + tolerances.TINY))), 0)
+        is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + doubles.TINY))), 0)
     )
     balanced = PARAMETERS.balanced * lasting * forced
     # What the rounding of the forces makes of a step is not known better, however small the motion is as yet.
@@ -215,7 +216,7 @@ def scales(
         units * (part * h * speed + rounding * q + lasting * balanced + h * blur),
         units * (part * speed + rounding * q / h + balanced + blur),
     )
-    return rtol * largest + atol + floors + tolerances.TINY
+    return rtol * largest + atol + floors + doubles.TINY
 
 
 def _largest(estimate: Expression, scale: Expression) -> Expression:

@@ -70,8 +70,6 @@ PARAMETERS = ToleranceParameters()
 # In a step the estimate of the error of W may be so many tolerances of a step: it is far above the error, and W swings
 # twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
 COARSE_WORK = 300.0
-# For what is divided by, so that zero over zero is zero.
-TINY = 1e-300
 # Numbers of a tolerance, those of them that are `blurred`; the unit of rounding.
 COUNT, BLURRED, UNIT = 8, slice(5, 8), 2**-53
 

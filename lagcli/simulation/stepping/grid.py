@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from lagcli import doubles
 from lagcli.frozen import frozen_value
 from lagcli.model.settings import Simulation
 from lagcli.smoothness.time_functions import TimeFunctions
 
-# A last interval shorter than this part of the step is rounding, and no interval.
-GRID_ROUNDOFF = 1e-9
 # Where t stands in a function together with coordinates, or a function of place may be narrow, nothing is known
 # beforehand, and there are as many witnesses for each row. A step over as many rows has stages no farther apart than
 # two rows are, about: without t it needs none.
@@ -39,14 +38,14 @@ class Grid:
 
     def after(self, t: float) -> int:
         """The first row that stands after t, by more than rounding."""
-        return self.first(math.nextafter(t + GRID_ROUNDOFF * self.step, math.inf))
+        return self.first(math.nextafter(t + doubles.ZERO * self.step, math.inf))
 
     def is_rounding(self, interval: float, t: float) -> bool:
         """True if an interval that ends at the time t, as the table shows it, is rounding, and no interval.
 
-        That of the time is more than `GRID_ROUNDOFF` for fine rows at a late time.
+        That of the time is more than `doubles.ZERO` of a step for fine rows at a late time.
         """
-        return interval <= max(GRID_ROUNDOFF * self.step, math.ulp(t))
+        return interval <= max(doubles.ZERO * self.step, math.ulp(t))
 
     def first(self, t: float) -> int:
         """The first row at t or after it; `count` where there is none."""
@@ -76,7 +75,7 @@ def of_run(settings: Simulation) -> Grid:
         return Grid(start, end, duration / (settings.samples - 1), settings.samples)
     step = settings.output_step
     whole = math.floor(duration / step * (1 + 1e-12))
-    divides = abs(whole * step - duration) <= GRID_ROUNDOFF * step
+    divides = abs(whole * step - duration) <= doubles.ZERO * step
     return Grid(start, end, step, whole + (1 if divides and whole else 2))
 
 
