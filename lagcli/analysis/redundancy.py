@@ -55,7 +55,7 @@ def begin(
     rows = sample_points.rows(numeric, state)
     found = rank.estimate(rows)
     if found.value == rows.count:
-        _require_far(system, rows)
+        _require_far(system, rows, range(rows.count))
         return StartSelection(numeric.selection)
     if found.value is None:
         raise _refusal(system, found)
@@ -63,8 +63,12 @@ def begin(
     from lagcli.analysis import codimension
     from lagcli.analysis.codimension import refusals
     from lagcli.linear import independent_rows
-    from lagcli.start import conflict
+    from lagcli.start import conflict, projection
 
+    if rows.rank_in_digits is not None:
+        _require_far(system, rows, independent_rows.dependence(rows, found.value).independent)
+    elif projection.needs_digits(system, numeric, state):
+        _require_far(system, rows, range(rows.count))
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)
     lower_rank = _states_of_lower_rank(numeric, found, orbits)
@@ -103,15 +107,17 @@ def require_clear(system: System, numeric: NumericSystem, state: State) -> None:
     beside = dataclasses.replace(state, q=aside)
     if sample_points.is_finite(numeric, beside) and not rank.is_near(sample_points.rows(numeric, beside)):
         return
-    _require_far(system, rows)
+    _require_far(system, rows, range(rows.count))
 
 
-def _require_far(system: System, rows: MetricRows) -> None:
-    """Raise `diagnostics.ModelError` for independent rows that doubles cannot tell from dependent ones."""
-    if not rank.is_near(rows):
+def _require_far(system: System, rows: MetricRows, among: Sequence[int]) -> None:
+    """Raise `diagnostics.ModelError` for rows `among` others that are independent, if doubles cannot tell them from
+    dependent ones."""
+    part = rows.take(list(among))
+    if not rank.is_near(part):
         return
-    least, vector = rank.nearest_dependence(rows)
-    near = rank.participants(vector)
+    least, vector = rank.nearest_dependence(part)
+    near = [among[k] for k in rank.participants(vector)]
     raise diagnostics.ModelError(
         [
             diagnostics.Diagnostic(

@@ -16,7 +16,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import rank
 from lagcli.linear import surface as road
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial, projection
@@ -122,19 +122,13 @@ def _assembled(
     there = dataclasses.replace(state, q=q)
     _, rows, b = initial.finite_rows(system, numeric, there)
     metric, full_metric = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
-    v = projection.velocity(state.v, rows.B, b, metric)
-    there = dataclasses.replace(there, v=v)
-    is_consistent = initial.residuals(system, numeric, there).consistent
-    if not (is_consistent or metric_rows.are_many(rows.count, q.size)):
-        v = projection.velocity(state.v, rows.B, b, metric, is_whole=True)
-        there = dataclasses.replace(there, v=v)
-        is_consistent = initial.residuals(system, numeric, there).consistent
+    there, is_consistent = projection.consistent(system, numeric, there, metric)
     stuck = _stuck(MetricRows(rows.B, metric), MetricRows(rows.B, full_metric))
     if stuck.any() and search.fixed.any():
         raise _nothing_left(system, np.flatnonzero(stuck).tolist())
     if not is_consistent:
         raise _no_velocity(search, there, rows, b)
-    return Assembly(there, full_metric.length(q - state.q), full_metric.length(v - state.v), state)
+    return Assembly(there, full_metric.length(q - state.q), full_metric.length(there.v - state.v), state)
 
 
 def configuration(system: System, numeric: NumericSystem, state: State) -> State:

@@ -238,9 +238,8 @@ def _parting(system: System, numeric: NumericSystem, state: State, later: State)
     b = np.array(bias).ravel()
     if not (np.isfinite(np.array(B.nonzeros(), dtype=float)).all() and np.isfinite(b).all()):
         return []
-    v = projection.velocity(state.v, B, b, search.full_metric)
-    there = dataclasses.replace(later, q=q, v=v)
-    if initial.residuals(system, numeric, there).consistent:
+    there = dataclasses.replace(later, q=q, v=state.v)
+    if projection.consistent(system, numeric, there, search.full_metric)[1]:
         return []  # what is left is rounding
     parting = least(LocalRows(B), b)
     return parting if parting and _are_dependent(numeric, state, parting) else []

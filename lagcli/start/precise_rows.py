@@ -7,6 +7,7 @@ dependent ones.
 
 from __future__ import annotations
 
+import dataclasses
 import decimal
 from collections.abc import Sequence
 from decimal import Decimal
@@ -19,8 +20,8 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
-from lagcli.linear import decompositions, independent_rows, rank, surface
-from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear import decompositions, generic_direction, independent_rows, metric_rows, rank, surface
+from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.linear.surface import InDigits, Point
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial
@@ -92,25 +93,52 @@ class PreciseRows:
                 return None
             return None if B is None else min(_rank(B), clear.size)
 
+    def solved(self) -> tuple[Sparse, Floats] | None:
+        """Rows R (r, n) and c (r,) with R v + c = 0 where all rows hold, B v + b = 0, each solved for a rate of its
+        own: what sets nearly dependent rows apart has all its digits. None where no velocity satisfies them, where
+        it would be another beside the state by the rounding of its coordinates, and where digits are not known.
+        """
+        if self._program is None:
+            return None
+        q = self._state.q
+        beside = q + doubles.EPS * initial.size(q) * generic_direction.direction(q.size, 0)
+        numbers, s = range(self._numeric.rows.size1_out(0)), self._numeric.holonomic.size1_out(0)
+        found: list[dict[int, Numbers]] = []
+        with decimal.localcontext(prec=PARAMETERS.digits):
+            for there in (self._state, dataclasses.replace(self._state, q=beside)):
+                try:
+                    rows = _solved(_RowsAtPoint(self._program, there, numbers, s).with_bias(), q.size)
+                except multiprecision.NotFinite:
+                    return None
+                if rows is None or (found and len(rows) != len(found[0])):
+                    return None
+                found.append(rows)
+        here, other = (np.array(list(rows.values()), dtype=float) for rows in found)
+        # All that holds beside the state follows from what holds there.
+        following = other[:, list(found[0])] @ here
+        if not (np.abs(other - following) <= doubles.ROOT * np.abs(here).max(initial=0.0)).all():
+            return None
+        return metric_rows.of_dense(here[:, :-1]), here[:, -1]
+
     @cached_property
-    def _symbols(self) -> tuple[ca.SX, ca.SX, list[ca.SX]]:
-        """q and B (C, n), and all inputs of the rows."""
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]:
+        """q, B (C, n) and b (C,), and all inputs of the rows."""
         t, q, v, p = inputs = [
             ca.SX.sym(name, self._numeric.rows.size1_in(i)) for i, name in enumerate("tqvp")
         ]
-        return q, self._numeric.rows(t, q, v, p)[0], inputs
+        return q, *self._numeric.rows(t, q, v, p), inputs
 
     @cached_property
     def _program(self) -> Program | None:
-        """f (s,) and all rows (C n,) written out; None where they are too large, or hold functions that are not known
-        in many digits."""
+        """f (s,), all rows (C n,) and b (C,) written out; None where they are too large, or hold functions that are
+        not known in many digits."""
         if self._numeric.rows.numel_out(0) > PARAMETERS.most:
             return None
-        _, B, (t, q, _, p) = self._symbols
-        inputs = self._symbols[2]
+        _, B, b, inputs = self._symbols
+        t, q, _, p = inputs
         f = self._numeric.holonomic(t, q, p)[0]
         found = program.written_out(
-            SizedFunction("precise", inputs, [ca.densify(ca.vertcat(f, ca.vec(B.T)))])
+            SizedFunction("precise", inputs, [ca.densify(ca.vertcat(f, ca.vec(B.T), b))])
         )
         try:
             multiprecision.require_known(found)
@@ -156,6 +184,12 @@ class _RowsAtPoint:
         """The rows at the point as it is written. Raises `multiprecision.NotFinite`."""
         return self._at(self._q)[1]
 
+    def with_bias(self) -> list[Numbers]:
+        """The rows at the point as it is written, each with its b last. Raises `multiprecision.NotFinite`."""
+        values, n = self._values(self._q), len(self._q)
+        biases = values[len(values) - (len(values) - self._s) // (n + 1) :]
+        return [[*row, b] for row, b in zip(self._at(self._q)[1], biases, strict=True)]
+
     def rows_on_surface(self, rows: MetricRows, independent: int, least: float) -> list[Numbers] | None:
         """The rows at the point, if it is one of the surface; else at the point of it next to that, if it is so near
         that the rank is the same.
@@ -186,28 +220,58 @@ class _RowsAtPoint:
 
     def _at(self, q: Numbers) -> tuple[Numbers, list[Numbers]]:
         """f of the holonomic ones, which come first, and all rows. Raises `multiprecision.NotFinite`."""
-        values = multiprecision.run(self._program, [self._t, q, self._v, self._p], multiprecision.decimal_of)
+        values = self._values(q)
         s, n = self._s, len(q)
         return [values[i] for i in self._numbers if i < s], [
             values[s + i * n : s + (i + 1) * n] for i in self._numbers
         ]
 
+    def _values(self, q: Numbers) -> Numbers:
+        inputs = [self._t, q, self._v, self._p]
+        return multiprecision.run(self._program, inputs, multiprecision.decimal_of)
+
 
 def _rank(rows: list[Numbers]) -> int:
-    """The rank of rows by elimination with the largest pivots, each row measured by its largest entry."""
-    left = [row for row in (_over(row, max(map(abs, row), default=ZERO)) for row in rows) if row]
-    rank = 0
+    """The rank of rows."""
+    return len(_eliminated(rows, len(rows[0]) if rows else 0)[0])
+
+
+def _solved(rows: list[Numbers], n: int) -> dict[int, Numbers] | None:
+    """Rows, each over n coordinates with a number more, solved for as many coordinates as can be, by the numbers of
+    these; None where a combination of the rows is a number alone."""
+    pivots, left = _eliminated(rows, n)
+    largest = max((abs(row[n]) / (max(map(abs, row[:n])) or 1) for row in rows), default=ZERO)
+    if any(abs(row[n]) > PARAMETERS.zero * largest for row in left):
+        return None
+    found: dict[int, Numbers] = {}
+    for column, pivot in reversed(pivots):
+        row = [a / pivot[column] for a in pivot]
+        for other, after in found.items():
+            row = _without(row, other, after)
+        found[column] = row
+    return found
+
+
+def _eliminated(rows: list[Numbers], n: int) -> tuple[list[tuple[int, Numbers]], list[Numbers]]:
+    """Elimination with the largest pivots among the first n entries, each row measured by the largest of them: the rows
+    with a pivot, after its column, and those of which nothing is left there."""
+    left = [_over(row, max(map(abs, row[:n]), default=ZERO) or Decimal(1)) for row in rows]
+    pivots = []
     while left:
-        pivot = max(left, key=lambda row: max(map(abs, row)))
-        column = max(range(len(pivot)), key=lambda j: abs(pivot[j]))
-        if abs(pivot[column]) <= PARAMETERS.zero:
+        k = max(range(len(left)), key=lambda k: max(map(abs, left[k][:n]), default=ZERO))
+        pivot = left[k]
+        column = max(range(n), key=lambda j: abs(pivot[j]), default=0)
+        if not n or abs(pivot[column]) <= PARAMETERS.zero:
             break
-        rank += 1
-        left.remove(pivot)
-        left = [
-            [a - row[column] / pivot[column] * b for a, b in zip(row, pivot, strict=True)] for row in left
-        ]
-    return rank
+        pivots.append((column, left.pop(k)))
+        left = [_without(row, column, pivot) for row in left]
+    return pivots, left
+
+
+def _without(row: Numbers, column: int, pivot: Numbers) -> Numbers:
+    """A row without its entry in a column, by a multiple of another row."""
+    part = row[column] / pivot[column]
+    return [a - part * b for a, b in zip(row, pivot, strict=True)] if part else row
 
 
 def following(rows: Sequence[Numbers]) -> list[int]:

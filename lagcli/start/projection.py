@@ -6,6 +6,7 @@ Near the surface the integrator's own compiled projection does this at every ste
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cached_property
 
 import numpy as np
@@ -14,12 +15,15 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.position_rows import PositionRows
+from lagcli.equations.system import System
 from lagcli.frozen import frozen
-from lagcli.linear import surface
+from lagcli.linear import metric_rows, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.linear.surface import Linearized
 from lagcli.start import initial
+from lagcli.start.initial import State
+from lagcli.start.precise_rows import PreciseRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -111,3 +115,38 @@ def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric, is_whole: bool = F
         residual = LocalRows(B).times(v) + b
         v = v + (rows.whole_correction(residual, doubles.VALUE) if is_whole else rows.correction(residual))
     return v
+
+
+def consistent(system: System, numeric: NumericSystem, state: State, metric: Metric) -> tuple[State, bool]:
+    """A state with the velocity nearest to its own that satisfies its rows, and whether one was found.
+
+    Where doubles find none, as the rows are too nearly dependent for them, it is sought in many digits: a row is a
+    line, whatever it is multiplied by, and what sets it apart from others may be far below it.
+    """
+    there, is_found = _by_doubles(system, numeric, state, metric)
+    solved = None if is_found else PreciseRows(numeric, state).solved()
+    if solved is None:
+        return there, is_found
+    by_digits = dataclasses.replace(state, v=velocity(state.v, *solved, metric, is_whole=True))
+    is_found = initial.residuals(system, numeric, by_digits).consistent
+    return (by_digits if is_found else there), is_found
+
+
+def needs_digits(system: System, numeric: NumericSystem, state: State) -> bool:
+    """True if a velocity from rest that satisfies the rows at a state is found in many digits alone."""
+    metric, rest = initial.metric_at(numeric, state), dataclasses.replace(state, v=np.zeros_like(state.v))
+    is_found = _by_doubles(system, numeric, rest, metric)[1]
+    return not is_found and consistent(system, numeric, rest, metric)[1]
+
+
+def _by_doubles(system: System, numeric: NumericSystem, state: State, metric: Metric) -> tuple[State, bool]:
+    """What `consistent` gives, by doubles: without the weakest rows, or else with them."""
+    _, rows, b = initial.finite_rows(system, numeric, state)
+    there = state
+    for is_whole in (False, True):
+        if is_whole and metric_rows.are_many(rows.count, state.q.size):
+            break
+        there = dataclasses.replace(state, v=velocity(state.v, rows.B, b, metric, is_whole))
+        if initial.residuals(system, numeric, there).consistent:
+            return there, True
+    return there, False

@@ -10,8 +10,9 @@ import pytest
 
 import lagcli
 from lagcli.api.models import cache
+from lagcli.errors import diagnostics
 from lagcli.linear import rank
-from lagcli.start import initial, precise_rows, sample_points
+from lagcli.start import assembly, initial, precise_rows, sample_points
 
 pytestmark = pytest.mark.numeric
 
@@ -101,3 +102,44 @@ def test_rows_that_follow_from_rows_before_them_are_found_in_their_order() -> No
     ]
     with decimal.localcontext(prec=60):
         assert precise_rows.following([[Decimal(a) for a in row] for row in rows]) == [1, 3, 4]
+
+
+# A velocity that only many digits tell: n2 and n3 are one line but for `rest`, far below what both are multiplied by.
+GAINED = """
+lagcli: 1
+coordinates: {{x: {{value: 1/7}}, y: {{value: 0.7}}, z: {{value: 1.3}}}}
+lagrangian: rate(x)**2/2 + rate(y)**2/2 + rate(z)**2/2
+simulation: {{assemble: true, duration: 1}}
+differential:
+  n2: "1e6*d(x) - 1e6*x*d(y) = 0"
+  n3: "{gain}*d(x) - {gain}*x*d(y) + {rest} = 0"
+"""
+WALKS = "d(z) - exp(-t)*dt"
+
+
+@pytest.mark.parametrize("gain", ["1", "1e6", "1e12", "1e13", "1e14", "1e20"])
+def test_what_rows_are_multiplied_by_changes_no_count(gain: str) -> None:
+    assert lagcli.dof(lagcli.loads(GAINED.format(gain=gain, rest=WALKS))).configuration_dof == 1
+
+
+@pytest.mark.parametrize("gain", ["1e12", "1e13", "1e14"])
+def test_the_nearest_velocity_has_all_digits_of_rows_of_large_coefficients(gain: str) -> None:
+    ready = cache.compiled(lagcli.loads(GAINED.format(gain=gain, rest=WALKS)))
+    state = assembly.assemble(ready.system, ready.numeric, initial.declared(ready.system), ()).state
+    assert state.v == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("gain", ["1e12", "1e13", "1e14"])
+@pytest.mark.parametrize("more", ["", '\n  n4: "3*d(x) - 3*x*d(y) = 0"'])
+def test_a_run_with_rows_that_doubles_do_not_tell_apart_is_refused_for_that(gain: str, more: str) -> None:
+    text = GAINED.format(gain=gain, rest=WALKS) + more.lstrip("\n")
+    with pytest.raises(diagnostics.ModelError, match="their multipliers would have no right digit"):
+        lagcli.simulate(lagcli.loads(text))
+
+
+@pytest.mark.parametrize("rest", ["dt", "(x - 1/7)*d(z) - dt", "(7*x - 1)*d(z) - dt"])
+def test_rows_that_contradict_each_other_do_so_with_large_coefficients(rest: str) -> None:
+    """A part that vanishes at the start has rounding there, which is no direction."""
+    with pytest.raises(diagnostics.ModelError) as caught:
+        lagcli.simulate(lagcli.loads(GAINED.format(gain="1e12", rest=rest)))
+    assert [one.code for one in caught.value.diagnostics] == ["contradictory-constraints"]
