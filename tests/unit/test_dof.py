@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.errors import diagnostics
 from lagcli.linear import metric_rows
 from tests.helpers import reference_models, spent
 
@@ -383,12 +384,14 @@ def test_a_form_too_large_for_exact_algebra_is_undecided_at_once(coefficient):
     assert verdicts[0].proof != "symbolic"
 
 
-def test_a_number_below_the_smallest_double_is_zero_in_exact_algebra_too():
+def test_a_number_below_the_smallest_double_is_refused_and_zero_is_none():
     text = (
-        "lagcli: 1\nparticles: {a: {mass: 1, position: [1, 0.5, 0.25]}}\n"
-        "differential: {w: d(a.z) - 1e-99999999*a.y*d(a.x)}\n"
+        "lagcli: 1\nparticles: {{a: {{mass: 1, position: [1, 0.5, 0.25]}}}}\n"
+        "differential: {{w: d(a.z) - {number}*a.y*d(a.x)}}\n"
     )
-    verdict = lagcli.check(lagcli.loads(text)).constraints[0].verdict
+    with pytest.raises(diagnostics.ModelError, match="smaller than 4\\.9e-324"):
+        lagcli.loads(text.format(number="1e-99999999"))
+    verdict = lagcli.check(lagcli.loads(text.format(number="0e-99999999"))).constraints[0].verdict
     assert (verdict.kind, verdict.integral) == ("exact", "a.z")
 
 

@@ -72,7 +72,7 @@ class SympyAlgebra(Operators[sympy.Expr]):
 
     def number(self, node: tree.Number) -> sympy.Expr:
         if float(node.text) == 0.0:
-            return ZERO  # also a number below the smallest double, which is zero everywhere else
+            return ZERO  # whatever its exponent is
         if len(node.text) > PARAMETERS.most_digits:
             raise TooLarge("a number has too many digits")
         return sympy.Rational(node.text)
