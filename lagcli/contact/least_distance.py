@@ -135,14 +135,20 @@ def proposals(columns: Floats, target: Floats) -> Iterator[Floats]:
     yield np.where(found.active_mask == 0, found.x, 0.0)
 
 
-def residual(columns: Floats, target: Floats) -> Floats | None:
-    """target - columns w (m,) for the best w >= 0, proved by its conditions; None where no proposal meets them."""
+def weights(columns: Floats, target: Floats) -> Floats | None:
+    """Weights w (k,) >= 0 of the least |target - columns w|, columns (m, k), proved by its conditions; None where no
+    proposal meets them."""
     size = float(np.linalg.norm(target))
-    for weights in proposals(columns, target):
-        left = target - columns @ weights
-        gradient = columns.T @ left
+    for proposed in proposals(columns, target):
+        gradient = columns.T @ (target - columns @ proposed)
         if (gradient <= doubles.ZERO * size).all() and abs(
-            float(weights @ gradient)
+            float(proposed @ gradient)
         ) <= doubles.ZERO * size * size:
-            return np.asarray(left)
+            return proposed
     return None
+
+
+def residual(columns: Floats, target: Floats) -> Floats | None:
+    """target - columns w (m,) for these weights."""
+    least = weights(columns, target)
+    return None if least is None else np.asarray(target - columns @ least)

@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.linear import decompositions, rank
-from lagcli.statics import flat_directions, precise_zeros, refine
+from lagcli.statics import flat_directions, precise_zeros, refine, shared_multipliers
 from lagcli.statics.flat_directions import FlatVerdict
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.shared_multipliers import SharedMultipliers
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -87,7 +88,6 @@ def classify(
     """
     values = problem.at(problem.t, point.q, point.lam)
     B, G = decompositions.unit(values.B), decompositions.unit(values.G[list(point.closed)])
-    push, is_carrying = _pushes(problem, point, scales)
     equalities, rows = rank.space(B, is_whole=False), rank.space(np.vstack([B, G]), is_whole=False)
     freedom = problem.n - equalities.low
     is_unique = None if rows.value is None else rows.value == len(rows.left)
@@ -97,20 +97,28 @@ def classify(
     if freedom == 0:
         return dataclasses.replace(plain, kind="isolated", index=0, is_regular=True), point
     along = np.zeros((problem.n, 0)) if along is None else along
-    Z = rank.null_basis(np.vstack([B, G[is_carrying], along.T]))
+    shared = shared_multipliers.of_one_sign(problem, point, scales)
+    held, walls = shared.point, (shared.pushes, shared.pulls)
+    values, carry = problem.at(problem.t, held.q, held.lam), carrying(problem, held, scales)
+    Z = rank.null_basis(np.vstack([B, decompositions.unit(values.G[list(carry)]), along.T]))
+    if (decided := _of_many_multipliers(problem, shared, scales, Z)) is not None:
+        is_alone = decided[0] == "isolated" and not along.size
+        return dataclasses.replace(plain, kind=decided[0], index=decided[1], is_regular=is_alone), point
     H, units = _scaled(-Z.T @ values.K @ Z)
     largest = float(np.abs(H).max(initial=0.0))
     if np.abs(H - H.T).max(initial=0.0) > PARAMETERS.asymmetric * largest:
         return plain, point
     curvatures, axes = np.linalg.eigh((H + H.T) / 2)
-    idle = [k for k in refine.touching(problem, point, scales) if k not in carrying(problem, point, scales)]
+    idle = [k for k in refine.touching(problem, point, scales) if k not in carry]
+    if shared.are_many:
+        idle = shared_multipliers.in_the_way(values.G, idle, Z)
     ways = Z @ (axes / units[:, None])
     ways /= np.linalg.norm(ways, axis=0)
     slopes = np.abs(np.einsum("ij,ik,kj->j", ways, values.K, ways))
     floor = scales.force / scales.length
     is_doubtful = np.abs(curvatures) <= PARAMETERS.doubtful * largest
     is_doubtful |= slopes <= max(PARAMETERS.doubtful * float(np.abs(values.K).max()), PARAMETERS.soft * floor)
-    bare = dataclasses.replace(point, closed=carrying(problem, point, scales))
+    bare = dataclasses.replace(held, closed=carry)
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
     signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > doubles.ZERO * floor)
     doubtful, sure = (ways[:, is_doubtful], along), curvatures[~is_doubtful]
@@ -123,7 +131,6 @@ def classify(
     up, down = verdict.up, verdict.down
     if exact is None:
         up, down = int((sure > 0).sum()) + up, int((sure < 0).sum()) + down
-    walls = bool((push[is_carrying] > 0).any()), bool((push[is_carrying] < 0).any())
     weak = decompositions.unit(values.G[idle]) @ Z / units
     if len(idle) < 2 or not np.isfinite(weak).all():  # one may be left along a direction or against it
         is_strict = verdict.is_strict or not verdict.flat
@@ -132,7 +139,23 @@ def classify(
     else:
         kind, index = _kind_on_cone((H + H.T) / 2, weak, (up, down), walls)
     found = dataclasses.replace(plain, kind=kind, index=index, is_regular=not (verdict.flat or along.size))
-    return found, dataclasses.replace(verdict.point, closed=point.closed)
+    lam = point.lam if shared.are_many else verdict.point.lam
+    return found, dataclasses.replace(verdict.point, closed=point.closed, lam=lam)
+
+
+def _of_many_multipliers(
+    problem: StaticProblem, shared: SharedMultipliers, scales: Scales, Z: Floats
+) -> tuple[Kind, int] | None:
+    """The kind and the index along directions Z (n, d) where one choice of multipliers does not give them."""
+    if not shared.are_told:
+        return "degenerate", 0
+    if not Z.shape[1] and not (shared.pushes or shared.pulls):
+        return "isolated", 0
+    signs = shared_multipliers.curvature_signs(problem, shared, scales, Z, PARAMETERS.most_weak)
+    if signs is None:
+        return None
+    rises, falls, is_strict, index = signs
+    return _kind(rises, falls, is_strict, shared.pushes, shared.pulls), index
 
 
 def _of_digits(
@@ -197,18 +220,8 @@ def _kind_on_cone(
 
 def carrying(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
     """The closed contacts that carry a force, by their numbers."""
-    _, are_carrying = _pushes(problem, point, scales)
-    return tuple(k for k, carries in zip(point.closed, are_carrying, strict=True) if carries)
-
-
-def _pushes(
-    problem: StaticProblem, point: EquilibriumPoint, scales: Scales
-) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """The forces of the closed contacts, and which of them are more than rounding."""
-    F = problem.at(problem.t, point.q, point.lam).F
-    push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
-    limit = doubles.ZERO * max(scales.force, float(np.abs(F).max(initial=0.0)))
-    return push, np.abs(push) > limit
+    signs = shared_multipliers.signs(problem, point, scales)
+    return tuple(k for k, sign in zip(point.closed, signs.tolist(), strict=True) if sign)
 
 
 def _kind(rises: bool, falls: bool, is_strict: bool, pushes: bool, pulls: bool) -> Kind:
