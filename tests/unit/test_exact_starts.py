@@ -100,6 +100,24 @@ def test_a_hidden_condition_is_demanded_where_another_row_keeps_to_a_place(gain:
     assert any("hidden condition y**2 - y - z = 0" in note for note in found.notes)
 
 
+@pytest.mark.parametrize(("condition", "v"), [("u - 2*v", "0.25"), ("u/(u + 2) - v", "0.2")])
+@pytest.mark.parametrize(("x", "y"), [("0", "0"), ("0", "0.5"), ("0.3", "0")])
+def test_a_hidden_condition_is_demanded_where_algebra_divides_by_one_thing_after_another(
+    condition: str, v: str, x: str, y: str
+) -> None:
+    """n1 and n2 turn x and y about the origin: algebra divides by x, and by y where x vanishes."""
+    turn = "(d(z) + d(y)/1000)"
+    rows = [
+        f"d(x) - y*{turn}",
+        f"d(y) + x*{turn} + (x**2 + 1)*(d(x) - y*{turn})",
+        f"d(w) + 2*(d(y) + x*{turn})",
+        f"d(w) + ({condition})*dt",
+    ]
+    found = counted({"x": x, "y": y, "z": "0.3", "w": "0.1", "u": "0.5", "v": v}, rows)
+    assert found.configuration_dof == 6 - 4
+    assert any("hidden condition" in note for note in found.notes)
+
+
 @pytest.mark.parametrize(
     ("y", "is_beside"), [("1 + 1e-12", True), ("1 + 1e-30", True), ("1", False), ("1.01", False)]
 )

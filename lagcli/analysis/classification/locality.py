@@ -12,7 +12,7 @@ import dataclasses
 import decimal
 import functools
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from lagcli.analysis.classification import exact_start
 from lagcli.analysis.classification.case import Case, CoupledGroup
@@ -103,21 +103,24 @@ class Locality:
     def _is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
         """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
         where something that algebra divided by vanishes, and of those that do not, or it is these that vanish there."""
-        own = self._own_factors(flagged.flag.divisors)
-        if own is None:
-            return False
-        demanded = [self.own_factor(one.factors) for one in flagged.flag.conditions]
-        for some in itertools.chain.from_iterable(
-            itertools.combinations(own, k) for k in range(1, len(own) + 1)
-        ):
-            if special_points.distinct(some, demanded) == list(some):
-                continue
-            there = self._flagged(block, some)
-            if there is None or there.flag.conditions != flagged.flag.conditions:
+        conditions = [one.factors for one in flagged.flag.conditions]
+        demanded = [self.own_factor(factors) for factors in conditions]
+        places: dict[frozenset[Expression], joint.Flagged] = {frozenset(): flagged}
+        ahead: list[tuple[Expression, ...]] = [()]
+        for place in ahead:  # it grows: on a place algebra may divide by more
+            found = places.get(frozenset(place)) or self._flagged(block, place)
+            own = None if found is None else self._own_factors(found.flag.divisors)
+            if found is None or own is None or len(place) > len(block.variables):
                 return False
-            others = self._own_factors(there.flag.divisors)
-            if others is None or not set(own).issuperset(others):
+            if [one.factors for one in found.flag.conditions] != conditions:
                 return False
+            places[frozenset(place)] = found
+            more = [tuple(special_points.distinct(place, some)) for some in _choices(own)]
+            ahead += [
+                there
+                for there in more
+                if frozenset(there) not in places and special_points.distinct(there, demanded) != list(there)
+            ]
         return True
 
     def settled(self, block: PfaffianBlock, flagged: joint.Flagged) -> Settled | None:
@@ -359,6 +362,12 @@ class Locality:
             )
         except time_limit.NO_ANSWER:
             return ()
+
+
+def _choices(several: Sequence[Expression]) -> Iterator[tuple[Expression, ...]]:
+    """One of some expressions or more of them, in all ways."""
+    counts = range(1, len(several) + 1)
+    return itertools.chain.from_iterable(itertools.combinations(several, k) for k in counts)
 
 
 def _surface_rank(found: joint.Flagged) -> int:
