@@ -34,9 +34,9 @@ ZERO = math.sqrt(VALUE * ROOT)
 that were written with ten digits are met so. `test_the_gram_matrix_tells_rows_that_are_clearly_independent` fails at
 1e-11 and 1e-7."""
 
-TINY = sys.float_info.min / EPS
-"""The smallest number of which a rounding has all digits, too, 1e-292: it is added to what is divided by, and what is
-less has lost its digits."""
+TINY = 1e-300
+"""Added to what is divided by, so that zero over zero is zero: it changes no square of a number down to 1e-142.
+`test_the_multiplier_carries_the_factor` of `tests/physics/test_row_factors.py` fails at 1e-290."""
 
 WHOLE = 2**53
 """Whole numbers up to this are exact."""

@@ -422,12 +422,13 @@ def _nearest_zero(
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
     zero = precise_zeros.nearest(equations, x)
-    if zero is None:
+    if zero is None and precise_zeros.is_known(equations, x):
         # Where the balance is rounding, and many digits lead nowhere, multipliers grow without bound.
-        is_none = precise_zeros.is_known(equations, x) and (
-            is_rounding or precise_zeros.is_away(equations, x)
-        )
-        return (None if is_none else found), False
+        zero = None if is_rounding else precise_zeros.led_to(equations, x)
+        if zero is None:
+            return None, False
+    if zero is None or zero is x:
+        return found, False
     if equations(zero) is None:
         return None, True  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
     again = refine.settled(equations, newton.NewtonEnd(zero, 0.0, 0.0))

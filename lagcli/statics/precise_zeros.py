@@ -8,6 +8,7 @@ written.
 from __future__ import annotations
 
 import decimal
+import math
 from decimal import Decimal
 
 import numpy as np
@@ -138,14 +139,18 @@ def value(problem: StaticProblem, q: Floats) -> float:
             return np.nan
 
 
-def is_away(equations: RestEquations, x: Floats) -> bool:
-    """True if Newton's first step from x in many digits leaves its neighbourhood: beside terms of 1e14 doubles see no
-    force, and no zero is near."""
+def led_to(equations: RestEquations, x: Floats) -> Floats | None:
+    """x (k,), or where Newton's first step from there in many digits leaves its neighbourhood the zero that the steps
+    lead to, however far; None where they lead to none: beside terms of 1e14, and along a direction that is hardly held,
+    doubles see no force where no zero is near."""
     with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
         length = equations.scales.length
-        at = _AtPoint(equations.problem, equations.precise_program, x, length, PARAMETERS.arrived)
+        at = _AtPoint(equations.problem, equations.precise_program, x, length, _rounding(), math.inf)
         begun = at(at.begun)
-        return begun is not None and begun.distance > flat_directions.PARAMETERS.near
+        if begun is None or begun.distance <= flat_directions.PARAMETERS.near:
+            return x
+        end = surface.approach(at, at.begun)
+        return np.array([float(value) for value in end.x]) if end is not None and end.is_met else None
 
 
 def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
@@ -185,17 +190,23 @@ class _AtPoint:
     the context; None where there are none, and far from x."""
 
     def __init__(
-        self, problem: StaticProblem, program: Program, x: Floats, length: float, arrived: Decimal
+        self,
+        problem: StaticProblem,
+        program: Program,
+        x: Floats,
+        length: float,
+        arrived: Decimal,
+        far: float = PARAMETERS.far,
     ) -> None:
         self._program, self._n = program, problem.n
         self._numbers = [number(value) for value in (problem.t, *problem.p.tolist())]
-        self._length, self._arrived = Decimal(length), arrived
+        self._length, self._arrived, self._most = Decimal(length), arrived, Decimal(far) * Decimal(length)
         self._count = program.results // (x.size + 1)
         self.begun = np.array([multiprecision.decimal_of(value) for value in x.tolist()])
 
     def __call__(self, x: Point) -> _InDigits | None:
         way = max(map(abs, x[: self._n] - self.begun[: self._n]))
-        if way > Decimal(PARAMETERS.far) * self._length:
+        if way > self._most:
             return None  # along a tail steps go on for ever
         try:
             values = multiprecision.run(self._program, [list(x), self._numbers], number)
