@@ -274,12 +274,34 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     if not beside.size or np.abs(beside[1]).max() > PARAMETERS.continuous * np.abs(beside[0]).max():
         return None
     slopes = beside[0] / h
+    if not is_surface:
+        slopes = np.append(slopes, _slopes_along(problem, on_kink, q, Z, np.sqrt(h * search.scales.length)))
     floor = doubles.ROOT * max(float(np.abs(slopes).max()), search.scales.force)
     if (slopes > floor).all() and along in ("isolated", "minimum"):
         return "minimum"
     if (slopes < -floor).all() and along in ("isolated", "maximum"):
         return "maximum"
     return None
+
+
+def _slopes_along(
+    problem: StaticProblem, on_kink: StaticProblem, q: Floats, Z: Floats, distance: float
+) -> Floats:
+    """Slopes of a function, over a distance, along the directions of a space (n, d) in which arguments of kinks stay
+    zero although their gradients vanish, as the square of a distance does where both ends move: those that are drawn
+    hardly meet them."""
+    rows = len(problem.laws.c.nz)
+
+    def gradients(at: Floats) -> Floats:
+        return on_kink.at(on_kink.t, at, on_kink.nothing).dc[rows:] @ Z
+
+    ends = [(gradients(q + distance * way) - gradients(q - distance * way)).ravel() for way in Z.T]
+    changing = np.vstack([gradients(q), np.array(ends).T])
+    size = float(np.abs(changing).max(initial=0.0))
+    staying = rank.null_basis(changing / size) if size > 0 else np.eye(Z.shape[1])
+    ways = (Z @ staying).T
+    beside = [problem.value(q + sign * distance * way) for way in ways for sign in (1.0, -1.0)]
+    return (np.array(beside) - problem.value(q)) / distance
 
 
 def _widest(changes: Callable[[Floats], Floats], Z: Floats) -> Floats:

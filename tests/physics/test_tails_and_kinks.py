@@ -325,3 +325,24 @@ def test_a_pole_of_a_distance_is_no_maximum_at_a_kink():
     found = stationary("x: {value: 0.3}, y: {value: 0.2}", "1/sqrt((x - 1/3)**2 + y**2) + x**2", starts=0)
     assert not any("maximum" in note for note in found.notes)
     assert any("grows without bound" in note for note in found.notes)
+
+
+def test_a_kink_along_which_the_function_still_changes_is_no_extreme() -> None:
+    """Where two ends of a spring meet its length has a kink, and the height of a bob still changes."""
+    text = (
+        HEAD
+        + """
+particles:
+  cart: {mass: 2, position: [0, 0, 0]}
+  bob: {mass: 0.5, position: [0, 0, -0.8]}
+  block: {mass: 1, position: [1.5, 0, 0]}
+forces:
+  weight: {to: bob, force: [0, 0, -9.81*m]}
+  spring: {potential: "40*(distance(cart, block) - 1.5)**2/2"}
+holonomic:
+  {a: cart.y = 0, b: cart.z = 0, c: block.y = 0, d: block.z = 0, e: bob.y = 0, rod: "distance(cart, bob) = 0.8"}
+inequality: {wall: block.x <= 1.8}
+"""
+    )
+    notes = " ".join(lagcli.equilibrium(lagcli.loads(text), starts=4).notes)
+    assert "kink" not in notes
