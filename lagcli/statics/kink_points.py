@@ -251,17 +251,18 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     normals = values.dc[rows:] @ Z
     sizes, least = np.linalg.norm(normals, axis=1), PARAMETERS.isolated
     is_surface = bool((sizes > least * np.maximum(1.0, np.linalg.norm(values.dc[rows:], axis=1))).all())
-    along = "isolated"
-    bounds = decompositions.unit(np.vstack([normals, values.G[near] @ Z]))
+    along, steepest = "isolated", np.linalg.norm(values.G[near], axis=1)[:, None]
+    walls = values.G[near] @ Z
+    bounds = decompositions.unit(np.vstack([normals, walls]))
     if is_surface and rank.null_basis(bounds).size:
         along = str(_along(on_kink, q, tuple(np.flatnonzero(near).tolist())))
 
-    def changes(ways: Floats) -> Floats:
+    def changes(ways: Floats, distance: float = h) -> Floats:
         """f - f(q) at a distance along directions (m, n) and at a thousandth of it, (2, m); nan beyond a contact and
         beyond the domain of a root."""
         found = np.full((2, len(ways)), np.nan)
-        for k in np.flatnonzero((values.G[near] @ ways.T >= 0.0).all(axis=0)):
-            both = [problem.value(q + part * h * ways[k]) - here for part in (1.0, 1e-3)]
+        for k in np.flatnonzero((values.G[near] @ ways.T >= -doubles.VALUE * steepest).all(axis=0)):
+            both = [problem.value(q + part * distance * ways[k]) - here for part in (1.0, 1e-3)]
             found[:, k] = both if np.isfinite(both).all() else np.nan
         return found
 
@@ -275,7 +276,13 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
         return None
     slopes = beside[0] / h
     if not is_surface:
-        slopes = np.append(slopes, _slopes_along(problem, on_kink, q, Z, np.sqrt(h * search.scales.length)))
+        farther = float(np.sqrt(h * search.scales.length))
+        staying = _staying(on_kink, q, rows, Z, farther)
+        # Along contacts, too: of others one side alone is allowed.
+        level = rank.null_basis(decompositions.unit(walls @ staying))
+        staying = (Z @ np.hstack([staying, staying @ level])).T
+        along_kinks = changes(np.vstack([staying, -staying]), farther)[0] / farther
+        slopes = np.append(slopes, along_kinks[np.isfinite(along_kinks)])
     floor = doubles.ROOT * max(float(np.abs(slopes).max()), search.scales.force)
     if (slopes > floor).all() and along in ("isolated", "minimum"):
         return "minimum"
@@ -284,13 +291,12 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     return None
 
 
-def _slopes_along(
-    problem: StaticProblem, on_kink: StaticProblem, q: Floats, Z: Floats, distance: float
-) -> Floats:
-    """Slopes of a function, over a distance, along the directions of a space (n, d) in which arguments of kinks stay
-    zero although their gradients vanish, as the square of a distance does where both ends move: those that are drawn
-    hardly meet them."""
-    rows = len(problem.laws.c.nz)
+def _staying(on_kink: StaticProblem, q: Floats, rows: int, Z: Floats, distance: float) -> Floats:
+    """Directions (d, k) of a space Z (n, d) in which arguments of kinks, after the first rows, stay zero although their
+    gradients vanish, as the square of a distance does where both ends move: those that are drawn hardly meet them.
+
+    distance: over which gradients are compared.
+    """
 
     def gradients(at: Floats) -> Floats:
         return on_kink.at(on_kink.t, at, on_kink.nothing).dc[rows:] @ Z
@@ -298,10 +304,7 @@ def _slopes_along(
     ends = [(gradients(q + distance * way) - gradients(q - distance * way)).ravel() for way in Z.T]
     changing = np.vstack([gradients(q), np.array(ends).T])
     size = float(np.abs(changing).max(initial=0.0))
-    staying = rank.null_basis(changing / size) if size > 0 else np.eye(Z.shape[1])
-    ways = (Z @ staying).T
-    beside = [problem.value(q + sign * distance * way) for way in ways for sign in (1.0, -1.0)]
-    return (np.array(beside) - problem.value(q)) / distance
+    return rank.null_basis(changing / size) if size > 0 else np.eye(Z.shape[1])
 
 
 def _widest(changes: Callable[[Floats], Floats], Z: Floats) -> Floats:

@@ -346,3 +346,12 @@ inequality: {wall: block.x <= 1.8}
     )
     notes = " ".join(lagcli.equilibrium(lagcli.loads(text), starts=4).notes)
     assert "kink" not in notes
+
+
+@pytest.mark.parametrize(
+    ("of", "is_named"), [("sqrt((x - y)**2) + y", True), ("sqrt((x - y)**2) - y", False)]
+)
+def test_a_wall_holds_what_changes_along_a_kink(of, is_named):
+    text = HEAD + "coordinates: {x: {value: 0.3}, y: {value: 0.2}}\ninequality: {wall: y >= 0}\n"
+    notes = " ".join(lagcli.stationary(lagcli.loads(text), of=of, starts=4).notes)
+    assert ("minimum" in notes) is is_named
