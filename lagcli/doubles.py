@@ -38,6 +38,10 @@ TINY = 1e-300
 """Added to what is divided by, so that zero over zero is zero: it changes no square of a number down to 1e-142.
 `test_the_multiplier_carries_the_factor` of `tests/physics/test_row_factors.py` fails at 1e-290."""
 
+LOST = sys.float_info.min / EPS
+"""What is less, 1e-292, has lost its digits, or a rounding of it has. `test_a_result_below_the_doubles_is_lost` of
+`tests/unit/test_numbers_of_statics.py` fails at 1e-293 and 1e-291."""
+
 WHOLE = 2**53
 """Whole numbers up to this are exact."""
 

@@ -93,7 +93,7 @@ def _is_lost(op: int, parts: list[PowerSeries], made: PowerSeries) -> bool:
     if op == ca.OP_TANH:
         return bool(1.0 - abs(made.c[0]) <= doubles.VALUE)
     of_none = op != ca.OP_EXP and any(part.c[0] == 0.0 for part in parts)
-    return not of_none and bool(abs(made.c[0]) < doubles.TINY)
+    return not of_none and bool(abs(made.c[0]) < doubles.LOST)
 
 
 class _Rules:
