@@ -15,14 +15,12 @@ import sympy
 
 from lagcli import doubles
 from lagcli.linear import decompositions
+from lagcli.pfaffian import derived_flag as flags
+from lagcli.pfaffian import elimination, first_integrals, frobenius
 from lagcli.pfaffian.exact import enclosure, guarded, time_limit
-from lagcli.pfaffian.flag import derived_flag as flags
-from lagcli.pfaffian.flag import elimination
-from lagcli.pfaffian.flag.function_field import NotDecidedError, Values
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms.form import PfaffianBlock
-from lagcli.pfaffian.integrals import first_integrals
-from lagcli.pfaffian.single_form import frobenius
+from lagcli.pfaffian.function_field import NotDecidedError, Values
 
 Floats = npt.NDArray[np.float64]
 

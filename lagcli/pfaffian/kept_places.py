@@ -14,9 +14,9 @@ import sympy
 
 from lagcli.pfaffian import special_points
 from lagcli.pfaffian.exact import guarded, normal_form
-from lagcli.pfaffian.flag.function_field import FunctionField, NotDecidedError
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.function_field import FunctionField, NotDecidedError
 
 # Derivatives of derivatives: a place of more generations is left open.
 GENERATIONS = 8

@@ -20,9 +20,9 @@ from math import gcd, lcm
 import sympy
 
 from lagcli.model import invariant
+from lagcli.pfaffian import tidy_integral
 from lagcli.pfaffian.exact import guarded, time_limit
 from lagcli.pfaffian.forms import notation
-from lagcli.pfaffian.single_form import tidy_integral
 
 Variables = tuple[sympy.Symbol, ...]
 Quotient = tuple[sympy.Expr, sympy.Expr]

@@ -12,12 +12,11 @@ from collections.abc import Iterable, Sequence
 import sympy
 
 from lagcli.memory import Memory
-from lagcli.pfaffian import joint
-from lagcli.pfaffian.flag.function_field import Values
+from lagcli.pfaffian import frobenius, joint
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
+from lagcli.pfaffian.frobenius import FormVerdict
+from lagcli.pfaffian.function_field import Values
 from lagcli.pfaffian.joint import Flagged, JointIntegral, Solution
-from lagcli.pfaffian.single_form import frobenius
-from lagcli.pfaffian.single_form.frobenius import FormVerdict
 
 # The coefficients and parameters of a form whose coordinates are numbered.
 _FormPattern = tuple[tuple[sympy.Expr, ...], tuple[sympy.Symbol, ...]]

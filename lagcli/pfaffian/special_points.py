@@ -20,8 +20,8 @@ import sympy
 
 from lagcli import doubles
 from lagcli.expression import term_sizes
+from lagcli.pfaffian import elimination
 from lagcli.pfaffian.exact import enclosure, normal_form, operations
-from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock

@@ -20,8 +20,8 @@ METHODS = {
     "lagcli.expression.hints": "hints for arguments that are wrong",
     "lagcli.expression.integers": "whole numbers between bounds that are formulas",
     "lagcli.pfaffian.exact.normal_form": "the generators of an algebra",
-    "lagcli.pfaffian.single_form.potential": "antiderivatives",
-    "lagcli.pfaffian.single_form.tidy_integral": "exponentials written as hyperbolic functions",
+    "lagcli.pfaffian.potential": "antiderivatives",
+    "lagcli.pfaffian.tidy_integral": "exponentials written as hyperbolic functions",
     "lagcli.statics.polynomial_equations": "sine and cosine as two unknowns",
     "lagcli.statics.static_problem": "periodic operations",
 }

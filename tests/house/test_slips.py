@@ -15,8 +15,8 @@ import sympy
 import lagcli
 from lagcli import progress
 from lagcli.derivation.symbolic import tidy
+from lagcli.pfaffian import kernel_frame, matrix_flow
 from lagcli.pfaffian.exact import guarded, sampling, time_limit
-from lagcli.pfaffian.integrals import kernel_frame, matrix_flow
 
 HEAD = """\
 lagcli: 1
@@ -37,12 +37,12 @@ SAMPLE = (
     "derivation.writing.render_latex",
     "pfaffian.exact.normal_form",
     "pfaffian.exact.zero_test",
-    "pfaffian.flag.derived_flag",
-    "pfaffian.integrals.combinations",
-    "pfaffian.integrals.kernel_frame",
-    "pfaffian.single_form.integrating_factors",
-    "pfaffian.single_form.potential",
-    "pfaffian.single_form.tidy_integral",
+    "pfaffian.derived_flag",
+    "pfaffian.combinations",
+    "pfaffian.kernel_frame",
+    "pfaffian.integrating_factors",
+    "pfaffian.potential",
+    "pfaffian.tidy_integral",
 )
 
 x, y = sympy.symbols("x y", real=True)

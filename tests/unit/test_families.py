@@ -22,7 +22,7 @@ from lagcli import memory
 from lagcli.equations import family_rows, system
 from lagcli.errors import diagnostics
 from lagcli.input import overrides
-from lagcli.pfaffian.single_form import frobenius
+from lagcli.pfaffian import frobenius
 from tests.helpers import systems, written_out
 from tests.helpers.spent import at_most_calls
 

@@ -8,12 +8,9 @@ from hypothesis import strategies as st
 from sympy import Abs, Matrix, atan2, cos, exp, log, sin, sqrt
 
 from lagcli import progress
-from lagcli.pfaffian import joint
+from lagcli.pfaffian import elimination, first_integrals, frobenius, joint, potential
 from lagcli.pfaffian.exact import enclosure, time_limit
-from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form
-from lagcli.pfaffian.integrals import first_integrals
-from lagcli.pfaffian.single_form import frobenius, potential
 from tests.helpers import spent
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli import progress
-from lagcli.pfaffian.flag import derived_flag, function_field
+from lagcli.pfaffian import derived_flag, function_field
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from tests.helpers import spent
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli import progress
-from lagcli.pfaffian import memo
+from lagcli.pfaffian import frobenius, memo, potential
 from lagcli.pfaffian.exact import (
     constant_combinations,
     enclosure,
@@ -21,7 +21,6 @@ from lagcli.pfaffian.exact import (
     zero_test,
 )
 from lagcli.pfaffian.forms import form
-from lagcli.pfaffian.single_form import frobenius, potential
 from tests.helpers import spent
 
 # An interrupt of late work may land in a callback of the garbage collector set by hypothesis; it is repeated.

@@ -10,10 +10,9 @@ from lagcli.analysis.classification import locality
 from lagcli.analysis.classification.locality import Locality
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
-from lagcli.pfaffian import special_points
+from lagcli.pfaffian import frobenius, special_points
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.forms.form import PfaffianBlock
-from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
 
 

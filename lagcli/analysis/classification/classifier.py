@@ -21,12 +21,10 @@ from lagcli.analysis.classification.verdict import (
 )
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import joint, memo, translate
+from lagcli.pfaffian import frobenius, function_field, joint, memo, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
-from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
-from lagcli.pfaffian.single_form import frobenius
 from lagcli.start import initial
 
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.

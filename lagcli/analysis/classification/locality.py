@@ -19,13 +19,11 @@ from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import joint, kept_places, special_points, translate
+from lagcli.pfaffian import frobenius, function_field, joint, kept_places, special_points, translate
 from lagcli.pfaffian.exact import enclosure, time_limit
-from lagcli.pfaffian.flag import function_field
 from lagcli.pfaffian.forms import form, notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
-from lagcli.pfaffian.single_form import frobenius
 from lagcli.pfaffian.special_points import Expression
 from lagcli.start import precise_rows
 

@@ -18,9 +18,9 @@ import sympy
 
 from lagcli import doubles
 from lagcli.linear import decompositions
+from lagcli.pfaffian import kernel_frame as frames
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.integrals import kernel_frame as frames
 
 Floats = npt.NDArray[np.float64]
 

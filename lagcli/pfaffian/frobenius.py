@@ -20,10 +20,10 @@ import sympy
 from sympy.polys.rings import PolyElement
 
 from lagcli import progress
+from lagcli.pfaffian import integrating_factors, potential, tidy_integral
 from lagcli.pfaffian.exact import enclosure, normal_form, time_limit, zero_test
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
-from lagcli.pfaffian.single_form import integrating_factors, potential, tidy_integral
 
 Kind = Literal["exact", "integrable", "nonholonomic", "undecided"]
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import sympy
 
+from lagcli.pfaffian import elimination, guesses, integral_search
 from lagcli.pfaffian.exact import guarded, time_limit
-from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.integrals import guesses, integral_search
 
 Found = integral_search.SearchResult
 

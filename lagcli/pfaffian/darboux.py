@@ -13,10 +13,10 @@ from functools import reduce
 import numpy as np
 import sympy
 
+from lagcli.pfaffian import combinations
+from lagcli.pfaffian import kernel_frame as frames
 from lagcli.pfaffian.exact import guarded, normal_form
 from lagcli.pfaffian.exact.guarded import SympyFailure
-from lagcli.pfaffian.integrals import combinations
-from lagcli.pfaffian.integrals import kernel_frame as frames
 
 # Candidates taken, in the order of their letters: each is a column of a linear system.
 MAX_FACTORS = 24

@@ -6,14 +6,21 @@ from collections.abc import Sequence
 
 import sympy
 
+from lagcli.pfaffian import (
+    combinations,
+    darboux,
+    elimination,
+    frobenius,
+    integrating_factors,
+    matrix_flow,
+    potential,
+    tidy_integral,
+)
+from lagcli.pfaffian import kernel_frame as frames
 from lagcli.pfaffian.exact import guarded, zero_test
 from lagcli.pfaffian.exact.guarded import SympyFailure
-from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.integrals import combinations, darboux, matrix_flow
-from lagcli.pfaffian.integrals import kernel_frame as frames
-from lagcli.pfaffian.integrals.integral_search import IntegralSearch, Proposals, SearchResult
-from lagcli.pfaffian.single_form import frobenius, integrating_factors, potential, tidy_integral
+from lagcli.pfaffian.integral_search import IntegralSearch, Proposals, SearchResult
 
 # Reciprocals among the letters; more letters leave lower degrees alone (`MAX_MONOMIALS`).
 MAX_RECIPROCALS = 8

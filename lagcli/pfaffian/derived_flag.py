@@ -26,7 +26,8 @@ from sympy.polys.rings import PolyElement
 
 from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
 from lagcli.pfaffian.exact.guarded import NoAnswerError
-from lagcli.pfaffian.flag.function_field import (
+from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.function_field import (
     FunctionField,
     NotDecidedError,
     Row,
@@ -34,7 +35,6 @@ from lagcli.pfaffian.flag.function_field import (
     Values,
     may_vanish,
 )
-from lagcli.pfaffian.forms.form import PfaffianBlock
 
 
 @dataclass(frozen=True, slots=True)

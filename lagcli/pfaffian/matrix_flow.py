@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sympy
 
+from lagcli.pfaffian import kernel_frame as frames
+from lagcli.pfaffian import potential
 from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.exact.guarded import SympyFailure
-from lagcli.pfaffian.integrals import kernel_frame as frames
-from lagcli.pfaffian.single_form import potential
 
 
 def linear(frame: frames.KernelFrame, column: int) -> tuple[sympy.Expr, ...] | None:

@@ -14,10 +14,10 @@ from typing import TypeVar
 
 import sympy
 
+from lagcli.pfaffian import ansatz, potential, tidy_integral
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.single_form import ansatz, potential, tidy_integral
 
 Value = TypeVar("Value")
 

@@ -9,13 +9,11 @@ from functools import partial
 
 import sympy
 
+from lagcli.pfaffian import combinations, elimination, potential, tidy_integral
+from lagcli.pfaffian import kernel_frame as frames
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.exact.guarded import NoAnswerError
-from lagcli.pfaffian.flag import elimination
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.integrals import combinations
-from lagcli.pfaffian.integrals import kernel_frame as frames
-from lagcli.pfaffian.single_form import potential, tidy_integral
 
 # Each |u| doubles the cases that are proved.
 MAX_KINKS = 3

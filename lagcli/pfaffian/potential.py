@@ -6,11 +6,11 @@ from math import lcm
 
 import sympy
 
+from lagcli.pfaffian import rational
 from lagcli.pfaffian.exact import guarded
 from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
-from lagcli.pfaffian.single_form import rational
 
 WRITABLE = tuple(kind for kind, row in notation.ROWS.items() if row.is_elementary)
 """The functions an integral may hold: those of the model format."""

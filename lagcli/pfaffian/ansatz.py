@@ -12,9 +12,9 @@ from itertools import combinations_with_replacement
 
 import sympy
 
+from lagcli.pfaffian import potential
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.single_form import potential
 
 # Columns of the linear systems: eight letters and their products of two; factors; monomials of an inverse factor.
 MAX_SUMMANDS = 44

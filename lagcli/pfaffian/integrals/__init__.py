@@ -1,1 +1,0 @@
-"""First integrals of completely integrable systems: guesses and reductions, each verified."""

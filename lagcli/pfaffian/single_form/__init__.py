@@ -1,1 +1,0 @@
-"""One form by itself: Frobenius's test, and its integral by hook and crook."""
