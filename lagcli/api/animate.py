@@ -13,9 +13,8 @@ from lagcli.api import simulate
 from lagcli.api.models.load import Path, as_model
 from lagcli.api.runs import run_settings
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, links, page, point_tracks
-from lagcli.output.animation.builder import Motion
-from lagcli.output.animation.point_tracks import PointTracks
+from lagcli.output.animation import builder, links, page
+from lagcli.output.animation.builder import Motion, PointTracks
 from lagcli.output.animation.scene import Scene, TimeCurve
 from lagcli.output.figures import labels
 from lagcli.running.trajectory import SimulationStopped
@@ -34,7 +33,7 @@ ROUND_TRIPS = 6  # until a scene is small enough
 def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
     """The scene of a run of a model; settings: keywords of `simulate`.
 
-    Raises what `simulate` raises, and `point_tracks.NothingToShow`.
+    Raises what `simulate` raises, and `builder.NothingToShow`.
     """
     model = as_model(model)
     require_few(model)
@@ -56,10 +55,10 @@ def as_far(model: Model, settings: Mapping[str, object], row: str | None) -> tup
 
 
 def require_few(model: Model) -> None:
-    """Raise `point_tracks.NothingToShow` for more particles than a page shows."""
+    """Raise `builder.NothingToShow` for more particles than a page shows."""
     count = len(model.particle_names)
     if count > MOST_PARTICLES:
-        raise point_tracks.NothingToShow(
+        raise builder.NothingToShow(
             f"the model has {count} particles; an animation shows up to {MOST_PARTICLES}"
         )
 
@@ -74,19 +73,19 @@ def of_run(model: Model, table: Table) -> Scene:
 def of_file(path: Path, model: Model | None) -> Scene:
     """The scene of a table in a file; the model, if it is given, tells masses, forces, rods and surfaces.
 
-    Raises `formats.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `point_tracks.NothingToShow`, OSError.
+    Raises `formats.UnknownFormat`, `MissingExtra`, `UnreadableTable`, `builder.NothingToShow`, OSError.
     """
     # Other runs read no tables.
-    from lagcli.output.tables import read_table
+    from lagcli.output.tables import table_format
 
-    opened = read_table.opened(path)
+    opened = table_format.opened(path)
     if "t" not in opened.columns:
-        raise point_tracks.NothingToShow(f"{path} has no column `t`")
-    names = model.particle_names if model is not None else point_tracks.particles_in(opened.columns)
-    if model is not None and (lacking := point_tracks.missing(names, opened.columns)):
-        raise point_tracks.NothingToShow(f"{path}: {lacking}")
+        raise builder.NothingToShow(f"{path} has no column `t`")
+    names = model.particle_names if model is not None else builder.particles_in(opened.columns)
+    if model is not None and (lacking := builder.missing(names, opened.columns)):
+        raise builder.NothingToShow(f"{path}: {lacking}")
     if model is None and not names:
-        raise point_tracks.NothingToShow(
+        raise builder.NothingToShow(
             f"{path} has no columns NAME.x, NAME.y, NAME.z, NAME.vx of particles; give its model with --model"
         )
     # The columns of a table that are shown: a table may have others of any number
@@ -113,7 +112,7 @@ def _require_own(path: str, model: Model, table: Table) -> None:
     known = {f"lambda.{row}" for row in (*laws.rows, *laws.contacts)}
     other = next((name for name in table if name.startswith("lambda.") and name not in known), None)
     if other is not None:
-        raise point_tracks.NothingToShow(
+        raise builder.NothingToShow(
             f"{path} has the column `{other}`, and {model.path} no such row: it is of another model"
         )
 
@@ -121,7 +120,7 @@ def _require_own(path: str, model: Model, table: Table) -> None:
 def _require_rows(path: str, table: Table) -> None:
     t = table["t"]
     if not len(t):
-        raise point_tracks.NothingToShow(f"{path} has no rows")
+        raise builder.NothingToShow(f"{path} has no rows")
     bad = next(
         (
             name
@@ -131,9 +130,9 @@ def _require_rows(path: str, table: Table) -> None:
         None,
     )
     if bad is not None:
-        raise point_tracks.NothingToShow(f"{path}: the column `{bad}` holds what is no finite number")
+        raise builder.NothingToShow(f"{path}: the column `{bad}` holds what is no finite number")
     if np.any(np.diff(t) < 0):
-        raise point_tracks.NothingToShow(f"{path}: its times do not increase")
+        raise builder.NothingToShow(f"{path}: its times do not increase")
 
 
 def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, str]) -> Scene:
@@ -151,7 +150,7 @@ def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, st
         if frames < FEWEST_FRAMES and (parts["F"] or parts["R"]):
             parts["F" if parts["F"] else "R"] = False
             frames = min(plenty, MOST_FRAMES)
-    raise point_tracks.NothingToShow(
+    raise builder.NothingToShow(
         f"{scene.count} particles need more than the {page.MOST_BYTES} bytes that a page has: show a part of them"
     )
 
@@ -199,10 +198,10 @@ def _scene(
 
 
 def _tracks(table: Table, model: Model | None) -> PointTracks:
-    names = model.particle_names if model is not None else point_tracks.particles_in(tuple(table))
+    names = model.particle_names if model is not None else builder.particles_in(tuple(table))
     if model is None or names:
-        return point_tracks.of_particles(names, table)
-    return point_tracks.of_coordinates(model.generalized_names, table)
+        return builder.of_particles(names, table)
+    return builder.of_coordinates(model.generalized_names, table)
 
 
 def _state(model: Model, table: Table) -> tuple[Floats, Floats, Floats] | None:

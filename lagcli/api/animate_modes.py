@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lagcli.api import animate
 from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, point_tracks, scene
+from lagcli.output.animation import builder, scene
 from lagcli.output.animation.builder import Motion
 from lagcli.output.animation.scene import Mode, Scene
 
@@ -27,10 +27,10 @@ MOST_MODES = 60  # as many as `modes` prints
 
 
 def of_modes(model: Model, found: Modes) -> Scene:
-    """The scene of the modes of a model. Raises `point_tracks.NothingToShow` where there are no shapes."""
+    """The scene of the modes of a model. Raises `builder.NothingToShow` where there are no shapes."""
     animate.require_few(model)
     if not len(found.shapes):
-        raise point_tracks.NothingToShow(
+        raise builder.NothingToShow(
             "the motion comes back to itself, and its multipliers have no shapes to show"
             if found.multipliers is not None
             else "nothing can swing: the rows leave the model no freedom to move"
@@ -50,7 +50,7 @@ def of_modes(model: Model, found: Modes) -> Scene:
     return dataclasses.replace(rest, view=seen, modes=tuple(modes))
 
 
-def _scene(model: Model, t: Floats, found: point_tracks.PointTracks, notes: tuple[str, ...]) -> Scene:
+def _scene(model: Model, t: Floats, found: builder.PointTracks, notes: tuple[str, ...]) -> Scene:
     drawn = model if model.particle_names else None
     notes = (*notes, found.note) if found.note and found.note not in notes else notes
     motion = Motion(t, found.names, found.track, guide_lines=found.guide_lines, notes=notes, is_run=False)
@@ -59,13 +59,13 @@ def _scene(model: Model, t: Floats, found: point_tracks.PointTracks, notes: tupl
     return builder.scene_of(motion, drawn, model.title or pathlib.Path(model.path).stem, ("", ""))
 
 
-def _track(model: Model, t: Floats, q: Floats) -> point_tracks.PointTracks:
+def _track(model: Model, t: Floats, q: Floats) -> builder.PointTracks:
     if model.particle_names:
         names = model.particle_names
-        return point_tracks.PointTracks(names, animate.positions(model, t, q), (("", "", ""),) * len(names))
+        return builder.PointTracks(names, animate.positions(model, t, q), (("", "", ""),) * len(names))
     table = dict(zip(model.coordinate_names, q.T, strict=True))
     limits = {name: (values[0] - LARGEST, values[0] + LARGEST) for name, values in table.items()}
-    return point_tracks.of_coordinates(model.generalized_names, table, limits)
+    return builder.of_coordinates(model.generalized_names, table, limits)
 
 
 def _amplitude(model: Model, q: Floats, shape: Complex, size: float) -> float:

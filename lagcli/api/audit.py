@@ -20,9 +20,9 @@ from lagcli.auditing.evidence.table_input import EventTable
 from lagcli.equations import system
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
-from lagcli.output.tables import incident_table, read_table
+from lagcli.output.tables import incident_table, table_format
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.tables.read_table import ReadTable
+from lagcli.output.tables.table_format import ReadTable
 from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation.global_error import error_estimate
@@ -62,7 +62,7 @@ def audit(
     if isinstance(run, Trajectory):
         columns, rows = run.columns, run.rows
     elif run is not None:
-        table_file = read_table.opened(run)
+        table_file = table_format.opened(run)
         if rest_audit.is_table(table_file.columns):
             picked = _picked(table_file, rest_audit.wanted(model, table_file.columns))
             return rest_audit.audit(model, *picked)
@@ -89,7 +89,7 @@ def _picked(
 ) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
     """The columns of a file that are audited, their rows, and the columns that are not read.
 
-    Raises `OSError`, `read_table.UnreadableTable`.
+    Raises `OSError`, `table_format.UnreadableTable`.
     """
     known = set(columns)
     unread = tuple(name for name in table_file.columns if name not in known)

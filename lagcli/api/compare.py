@@ -21,7 +21,7 @@ from lagcli.formulations.comparison import Comparison, Formulation, RunEvent
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
 from lagcli.output.files import write_guard
-from lagcli.output.tables import column_choice, provenance
+from lagcli.output.tables import provenance, table_format
 from lagcli.running import safe_table, table_columns
 from lagcli.running.safe_table import TablePlan
 from lagcli.running.simulation_run import SimulationRun
@@ -68,7 +68,7 @@ def compare(
     second = None if other is None else as_model(other)
     run = prepare_run.start(model, _settings(model, second, settings))
     first = _table(formulation_plan.declared(model, len(run.built.rows.rows)), run)
-    kinds = comparison.kinds(model, [first.columns[i] for i in column_choice.select(first.columns, columns)])
+    kinds = comparison.kinds(model, [first.columns[i] for i in table_format.select(first.columns, columns)])
     left_out: list[str] = []
     moved = [f"{model.path}, {line}" for line in assemble_start.of_run(run)]
     if second is None:

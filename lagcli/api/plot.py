@@ -19,7 +19,7 @@ from lagcli.output.charts.compose import ChartChoice
 from lagcli.output.figures.chart import ChartData
 from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.tables import incident_table, read_table
+from lagcli.output.tables import incident_table, table_format
 from lagcli.running.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def steps(
                     tables.append(stack.enter_context(chart_table.of_stream(source, "<stdin>")))
             with _reading():
                 drawn = chart(marked(tables, events), choice)
-        except (*read_table.UNREADABLE, compose.UndrawableColumns) as error:
+        except (*table_format.UNREADABLE, compose.UndrawableColumns) as error:
             raise BadRequest(str(error)) from None
     yield DrawnRuns(drawn, stopped, bool(stopped) and all(table.length == 0 for table in tables))
 

@@ -16,12 +16,12 @@ from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.output.animation import point_tracks, still
+from lagcli.output.animation import builder, page
 from lagcli.output.animation.scene import Scene
 from lagcli.output.charts import chart_figure
 from lagcli.output.figures import audit_figure, panels
-from lagcli.reporting import report_contents, report_page, report_sections
-from lagcli.reporting.report_contents import PageEquations, PageFigure
+from lagcli.reporting import model_on_page, report_page, report_sections
+from lagcli.reporting.model_on_page import PageEquations, PageFigure
 from lagcli.reporting.report_page import ReportPage
 from lagcli.running import table_columns
 from lagcli.running.trajectory import Trajectory
@@ -97,10 +97,10 @@ def _still(model: Model, run: Trajectory) -> PageFigure | None:
     try:
         animate.require_few(model)
         scene = animate.of_run(model, run)
-    except point_tracks.NothingToShow:
+    except builder.NothingToShow:
         return None
     words = "The configuration at the start."
-    return report_contents.drawing("start", still.svg(scene), words, lambda: _first_picture(scene))
+    return model_on_page.drawing("start", page.svg(scene), words, lambda: _first_picture(scene))
 
 
 def _first_picture(scene: Scene) -> bytes:
@@ -121,7 +121,7 @@ def _curves(model: Model, run: Trajectory) -> PageFigure | None:
         run.stats.indeterminate, _zeros(model, run), dimension_facts.of(model), False, marks
     )
     drawn = chart_figure.compose_run(run.columns, run.rows, title="", units=model.units, facts=facts)
-    return report_contents.picture("forces", drawn, "Multipliers and constraint forces over time.")
+    return model_on_page.picture("forces", drawn, "Multipliers and constraint forces over time.")
 
 
 def _zeros(model: Model, run: Trajectory) -> list[str]:
@@ -137,4 +137,4 @@ def _checks(found: Audit, time: str) -> PageFigure:
     """The figure of the audit."""
 
     words = "The checks of the audit over time, each as a part of its limit."
-    return report_contents.picture("audit", audit_figure.compose(found, time), words)
+    return model_on_page.picture("audit", audit_figure.compose(found, time), words)

@@ -17,9 +17,9 @@ from lagcli.api.sweeps.point_sources import SweepPoints
 from lagcli.api.sweeps.sweep_plan import SweepPlan
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.output.sweeps import sweep_account
+from lagcli.output.sweeps import sweep_table
 from lagcli.output.sweeps.sweep_table import PointRow
-from lagcli.output.tables import read_table
+from lagcli.output.tables import table_format
 
 if TYPE_CHECKING:
     import pandas
@@ -93,7 +93,7 @@ def _points(
     """The sources of the points. Raises `ValueError` for what is none."""
 
     if isinstance(points, (str, os.PathLike)):
-        columns, rows = read_table.read(points)
+        columns, rows = table_format.read(points)
         return [point_sources.TableOfPoints(columns, rows, os.fspath(points))]
     if isinstance(points, Mapping):
         return [_axis(model, name, values) for name, values in points.items()]
@@ -119,7 +119,7 @@ def _axis(model: Model, name: str, values: Values) -> SweepPoints:
 def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool, lost: int) -> pandas.DataFrame:
     import pandas
 
-    account = sweep_account.SweepAccount(plan.rows.results, spreads)
+    account = sweep_table.SweepAccount(plan.rows.results, spreads)
     account.take(rows)
     account.lost = lost
     numbers = np.array([(*row.point, *row.results) for row in rows])

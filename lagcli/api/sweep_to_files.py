@@ -24,11 +24,9 @@ from lagcli.api.sweeps.point_sources import SweepPoints
 from lagcli.model.model import Model
 from lagcli.output.files import formats, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
-from lagcli.output.sweeps.sweep_request import SweepRequest
-from lagcli.output.sweeps.sweep_table import STOPPED
-from lagcli.output.sweeps.written_sweep import SweepStep, WrittenSweep
-from lagcli.output.tables import read_table
+from lagcli.output.sweeps.sweep_table import STOPPED, SweepAccount, SweepEnding
+from lagcli.output.sweeps.written_sweep import SweepRequest, SweepStep, WrittenSweep
+from lagcli.output.tables import table_format
 
 # Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
 MOST_POINTS = 10_000_000
@@ -144,12 +142,12 @@ def _table(points: str) -> point_sources.TableOfPoints:
             path = os.path.join(folder, "points.csv")
             pathlib.Path(path).write_bytes(sys.stdin.buffer.read())
         try:
-            names, rows = read_table.read(path)
+            names, rows = table_format.read(path)
         except FileNotFoundError:
             raise BadRequest(f"--points: there is no file {points}") from None
         except OSError as error:
             raise BadRequest(f"--points: cannot read {points}: {error.strerror}") from None
-        except read_table.UNREADABLE as error:
+        except table_format.UNREADABLE as error:
             raise BadRequest(f"--points {str(error).replace(path, _shown(points))}") from None
     return point_sources.TableOfPoints(names, rows, label)
 

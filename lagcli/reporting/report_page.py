@@ -1,16 +1,55 @@
-"""The page of `lagcli.report`, and its files."""
+"""The page of a model in files: HTML, Markdown, and PDF, which a browser prints or LaTeX makes."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lagcli.output.files import atomic_file, formats
-from lagcli.reporting import pdf_programs, report_writer
-from lagcli.reporting.report_contents import ReportContents
+from lagcli.reporting import report_writer
+from lagcli.reporting.model_on_page import ReportContents
 
 FORMATS = ("html", "md", "pdf")
+MAKERS = ("browser", "latex")
+_LACKING = {
+    "browser": "Chromium, Google Chrome or Microsoft Edge prints it, and none is installed",
+    "latex": "pdflatex makes it, which is not installed",
+    None: (
+        "a PDF is printed by Chromium, Google Chrome or Microsoft Edge, or made by pdflatex, and none is installed;"
+        " install one, or write report.html and print it from any browser"
+    ),
+}
+# Chromium and its relatives print without a window by the same options; Firefox and Safari have none for it.
+BROWSERS = (
+    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge",
+    "microsoft-edge", "microsoft-edge-stable", "brave-browser",
+)  # fmt: skip
+# Browsers that stand in no folder of the path.
+LOCATIONS = (
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Chromium.app/Contents/MacOS/Chromium",
+    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
+    "%ProgramFiles%\\Google\\Chrome\\Application\\chrome.exe",
+    "%ProgramFiles(x86)%\\Google\\Chrome\\Application\\chrome.exe",
+    "%ProgramFiles(x86)%\\Microsoft\\Edge\\Application\\msedge.exe",
+)
+LATEX = "pdflatex"
+SECONDS = 120  # for one page: a browser that waits for a display or a question waits for ever
+# No program is started by a document, and no file is read or written outside of its folder; the same document gives the
+# same bytes at any time.
+SAFE = {
+    "openin_any": "p",
+    "openout_any": "p",
+    "shell_escape": "f",
+    "SOURCE_DATE_EPOCH": "0",
+    "FORCE_SOURCE_DATE": "1",
+}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -41,14 +80,14 @@ class ReportPage:
         """Write the page as .html, .md with its figures in a folder beside it, or .pdf; return the files.
 
         pdf: "browser" or "latex", which makes the PDF; by default a browser, or else LaTeX. Each is written aside and
-        moved into place. Raises `formats.UnknownFormat`, `pdf_programs.NoPdf`, OSError.
+        moved into place. Raises `formats.UnknownFormat`, `report_page.NoPdf`, OSError.
         """
         target = Path(path)
         match formats.of(target, FORMATS):
             case "html":
                 return (_written(target, self.html().encode()),)
             case "pdf":
-                return (_written(target, pdf_programs.made(self.contents, pdf)),)
+                return (_written(target, made(self.contents, pdf)),)
         folder = figure_folder(target)
         folder.mkdir(exist_ok=True)
         files = [_written(folder / name, content) for name, content in self.figures().items()]
@@ -63,3 +102,105 @@ def figure_folder(target: Path) -> Path:
 def _written(target: Path, content: bytes) -> Path:
     atomic_file.write(target, content)
     return target
+
+
+class NoPdf(Exception):
+    """There is no program that makes a PDF, or it has made none."""
+
+
+def require(maker: str | None = None) -> str:
+    """The one of `MAKERS` that makes the PDF: the wanted one, or a browser, or else LaTeX. Raises `NoPdf` where it is
+    not installed, and ValueError for another word."""
+    if maker not in (*MAKERS, None):
+        raise ValueError(f"a PDF is made by {' or '.join(MAKERS)}, and not by `{maker}`")
+    for name in MAKERS if maker is None else (maker,):
+        if (browser() if name == "browser" else latex()) is not None:
+            return name
+    raise NoPdf(_LACKING[maker])
+
+
+def made(contents: ReportContents, maker: str | None = None) -> bytes:
+    """The PDF. Raises as `require`, and `NoPdf` where the program fails."""
+    if require(maker) == "browser":
+        return printed_by_browser(report_writer.html_page(contents))
+    figures = {f"{figure.name}.pdf": figure.pdf() for figure in contents.figures}
+    return made_by_latex(report_writer.latex_page(contents), figures)
+
+
+def browser() -> str | None:
+    """The browser that prints, if one is installed."""
+    on_path = (shutil.which(name) for name in BROWSERS)
+    elsewhere = (path for path in map(os.path.expandvars, LOCATIONS) if os.path.isfile(path))
+    return next(filter(None, on_path), None) or next(elsewhere, None)
+
+
+def latex() -> str | None:
+    """The program of LaTeX, if it is installed."""
+    return shutil.which(LATEX)
+
+
+def printed_by_browser(page: str) -> bytes:
+    """The PDF of an HTML page. Raises `NoPdf`."""
+    program = browser()
+    assert program is not None
+    with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
+        folder = pathlib.Path(name)
+        source = folder / "report.html"
+        source.write_text(page, encoding="utf-8")
+        options = [
+            "--headless",
+            "--disable-gpu",
+            "--no-first-run",
+            "--no-pdf-header-footer",
+            f"--user-data-dir={folder / 'profile'}",
+            f"--print-to-pdf={folder / 'report.pdf'}",
+            source.as_uri(),
+        ]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            # Chromium refuses to start its sandbox for root. The page holds no script, and its policy forbids any.
+            options.insert(0, "--no-sandbox")
+        done = _run([program, *options], folder, "printed")
+        content = _content(folder)
+        if not content.startswith(b"%PDF"):
+            raise NoPdf(f"{program} has printed nothing (exit code {done.returncode})")
+        return content
+
+
+def made_by_latex(document: str, figures: Mapping[str, bytes]) -> bytes:
+    """The PDF of a document with figures by the names of their files. Raises `NoPdf`."""
+    program = latex()
+    assert program is not None
+    with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
+        folder = pathlib.Path(name)
+        (folder / "report.tex").write_text(document, encoding="utf-8")
+        for file, content in figures.items():
+            (folder / file).write_bytes(content)
+        options = ["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "report.tex"]
+        done = _run([program, *options], folder, "made", SAFE)
+        content = _content(folder)
+        if done.returncode or not content.startswith(b"%PDF"):
+            lines = done.stdout.decode(errors="replace").splitlines()
+            first = next((line for line in lines if line.startswith("!")), f"exit code {done.returncode}")
+            raise NoPdf(f"{program} has made no PDF: {first.lstrip('! ')}")
+        return content
+
+
+def _run(
+    command: Sequence[str], folder: pathlib.Path, verb: str, environment: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """The end of a program that works in a folder. Raises `NoPdf` where it does not start or end."""
+    program = command[0]
+    try:
+        return subprocess.run(
+            command, capture_output=True, timeout=SECONDS, check=False, stdin=subprocess.DEVNULL, cwd=folder,
+            env={**os.environ, **(environment or {})},
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise NoPdf(f"{program} has not {verb} the page within {SECONDS} s") from None
+    except OSError as error:
+        raise NoPdf(f"{program} cannot be started: {error.strerror}") from None
+
+
+def _content(folder: pathlib.Path) -> bytes:
+    target = folder / "report.pdf"
+    return target.read_bytes() if target.is_file() else b""

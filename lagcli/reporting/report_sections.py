@@ -16,7 +16,7 @@ from lagcli.model.model import Model
 from lagcli.output.figures import labels
 from lagcli.output.tables.incident_table import IMPULSE
 from lagcli.reporting import model_on_page
-from lagcli.reporting.report_contents import (
+from lagcli.reporting.model_on_page import (
     Block,
     PageEquations,
     PageFigure,

@@ -19,7 +19,7 @@ import markupsafe
 from lagcli.errors import diagnostics
 from lagcli.output import latex_text
 from lagcli.output.figures import labels
-from lagcli.reporting.report_contents import PageFigure, PageListing, ReportContents
+from lagcli.reporting.model_on_page import PageFigure, PageListing, ReportContents
 
 MEDIA = {"svg": "image/svg+xml", "png": "image/png"}
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.tables import read_table, row_file
+from lagcli.output.tables import row_file, table_format
 from lagcli.running import checkpoint_file
 from lagcli.running.run_request import RunRequest
 from lagcli.running.safe_table import RowsBefore, TablePlan
@@ -138,7 +138,7 @@ def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> 
     if (record.step, record.has_event_rows) != (plan.step, plan.has_event_rows):
         return "the run before wrote other rows into it"
     try:
-        found = read_table.opened(table)
+        found = table_format.opened(table)
         if found.columns != plan.names:
             return "it has other columns"
         # All else that rows depend on is in the checkpoint, with which the run agrees.
@@ -146,7 +146,7 @@ def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> 
             return "its provenance is that of a different model file"
         texts = [found.words(name) for name in plan.texts]
         rows = found.take([name for name in plan.names if name not in plan.words])
-    except (*read_table.UNREADABLE, OSError) as error:
+    except (*table_format.UNREADABLE, OSError) as error:
         return str(error)
     is_known = all(set(cells) <= set(words) for cells, words in zip(texts, plan.words.values(), strict=True))
     if is_known and row_file.of_rows(plan.names, plan.numbers(rows, texts)) == _safe(record):

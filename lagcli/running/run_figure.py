@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli.model import dimension_facts
 from lagcli.output.figures import panels
-from lagcli.output.figures.decimate import DecimatedRows
+from lagcli.output.figures.chart import DecimatedRows
 from lagcli.output.files import write_guard
 from lagcli.running.simulation_run import SimulationRun
 

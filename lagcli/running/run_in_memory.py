@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from lagcli.output.figures.decimate import DecimatedRows
+from lagcli.output.figures.chart import DecimatedRows
 from lagcli.output.files import file_lock
 from lagcli.output.tables import incident_table
 from lagcli.running.checkpoint_file import CheckpointWriter
@@ -26,14 +26,14 @@ def in_memory(
     """The table of a run, made since the time `began` of `time.perf_counter`.
 
     columns: patterns; checkpoint: a file to keep the state of the run in. Raises `SimulationStopped` with the table so
-    far where the integration cannot go on, `column_choice.UnknownColumn`, OSError, where another run keeps its state in
+    far where the integration cannot go on, `table_format.UnknownColumn`, OSError, where another run keeps its state in
     that file too.
     """
     # The command chooses its columns by itself.
-    from lagcli.output.tables import column_choice
+    from lagcli.output.tables import table_format
 
     everything = (*run.columns, *run.by_name)
-    picked = column_choice.select(run.columns, columns, run.by_name)
+    picked = table_format.select(run.columns, columns, run.by_name)
     # What is zero to rounding is known from all columns.
     has_all_columns = picked[: len(run.columns)] == list(range(len(run.columns)))
     blocks, looked_at = [np.zeros((0, len(picked)))], DecimatedRows()

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from lagcli.frozen import frozen
 from lagcli.model import settings
-from lagcli.output.files import atomic_file, file_lock, file_requests, formats, write_guard
+from lagcli.output.files import atomic_file, file_lock, formats, write_guard
 from lagcli.output.files.write_guard import BadRequest
 
 
@@ -66,7 +66,7 @@ class RunRequest:
             from lagcli.simulation.global_error import error_estimate
 
             raise BadRequest(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
-        file_requests.require_endings(
+        write_guard.require_endings(
             (self.file, formats.TABLES), (self.events_file, formats.TABLES), (self.plot, formats.FIGURES)
         )
         for option, name, instead in (
@@ -76,8 +76,8 @@ class RunRequest:
         ):
             if name == "-":
                 raise BadRequest(f"{option}: a file name is needed{instead}")
-        file_requests.require_writable(
-            file_requests.model_file(model), self._files(), frozenset(("--checkpoint", "--resume"))
+        write_guard.require_writable(
+            write_guard.model_file(model), self._files(), frozenset(("--checkpoint", "--resume"))
         )
 
     def locked(self) -> contextlib.ExitStack:
@@ -99,14 +99,14 @@ class RunRequest:
         """The numbers of the columns to write. Raises `BadRequest`."""
         if self.columns is None:
             return list(range(len(names)))
-        from lagcli.output.tables import column_choice
+        from lagcli.output.tables import table_format
 
         try:
-            return column_choice.select(names, self.columns, by_name)
-        except column_choice.UnknownColumn as error:
+            return table_format.select(names, self.columns, by_name)
+        except table_format.UnknownColumn as error:
             raise BadRequest(f"--columns: {error}") from None
 
-    def _files(self) -> Iterator[file_requests.File]:
+    def _files(self) -> Iterator[write_guard.File]:
         """All files of the request, those that belong to others after them."""
         for option, name in (
             ("--output", self.file),
@@ -117,7 +117,7 @@ class RunRequest:
             ("--resume", self.resume),
         ):
             if name is not None:
-                yield file_requests.File(option, name, is_written=option != "--resume")
+                yield write_guard.File(option, name, is_written=option != "--resume")
         for option, name in (("--output", self.file), ("--events", self.events_file)):
             if name is None or not atomic_file.is_replaced(pathlib.Path(name)):
                 continue
@@ -129,4 +129,4 @@ class RunRequest:
 
                 derived.append(row_file.path_of(table))
             for path in derived:
-                yield file_requests.File(option, os.fspath(path), is_written=True, is_derived=True)
+                yield write_guard.File(option, os.fspath(path), is_written=True, is_derived=True)

@@ -22,7 +22,7 @@ from lagcli.simulation.run_state.incident import KINDS, Incident
 
 if TYPE_CHECKING:
     # Most runs keep no checkpoints and are not drawn.
-    from lagcli.output.figures.decimate import DecimatedRows
+    from lagcli.output.figures.chart import DecimatedRows
     from lagcli.running.checkpoint_file import CheckpointWriter
 
 Floats = npt.NDArray[np.float64]

@@ -104,9 +104,9 @@ class Trajectory(dict[str, Floats]):
     def units(self) -> dict[str, str]:
         """The labels of the units of all columns, empty where they are not known."""
         # What is only computed with needs no words.
-        from lagcli.output.charts import chart_texts
+        from lagcli.output.figures import labels
 
-        words = chart_texts.ColumnTexts(self.columns, self.facts)
+        words = labels.ColumnTexts(self.columns, self.facts)
         return {name: words.unit(name) for name in self.columns}
 
     def _repr_html_(self) -> str:

@@ -9,7 +9,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from lagcli.output.files import atomic_file, interrupts, json_text, write_guard
+from lagcli.output.files import atomic_file, formats, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest, WriteError
 from lagcli.output.tables import incident_table
 from lagcli.running import run_tables
@@ -23,7 +23,7 @@ from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:
     # Most runs are not drawn.
-    from lagcli.output.figures.decimate import DecimatedRows
+    from lagcli.output.figures.chart import DecimatedRows
 
 
 class WrittenRunParameters:
@@ -174,7 +174,7 @@ class WrittenRun:
             return
         decimated: DecimatedRows | None = None
         if request.plot is not None:
-            from lagcli.output.figures.decimate import DecimatedRows
+            from lagcli.output.figures.chart import DecimatedRows
 
             decimated = DecimatedRows()
         interrupts.leave()
@@ -303,7 +303,7 @@ class WrittenRun:
                 with write_guard.writing(request.stats):
                     _write_json(request.stats, stats.as_json())
             if request.as_json and not request.is_stdout_taken:
-                print(json_text.text(stats.as_json()), flush=True)
+                print(formats.json_line(stats.as_json()), flush=True)
 
 
 def _write_json(path: str, value: dict[str, object]) -> None:

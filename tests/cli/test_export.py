@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 
-from lagcli.output.figures import decimate
+from lagcli.output.figures import chart
 from lagcli.output.files import formats
-from lagcli.output.tables import blocks, cell_text, column_choice, sinks
+from lagcli.output.tables import blocks, cell_text, sinks, table_format
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
@@ -437,7 +437,7 @@ TABLE = (
 
 
 def chosen(patterns: str) -> list[str]:
-    return [TABLE[index] for index in column_choice.select(TABLE, patterns)]
+    return [TABLE[index] for index in table_format.select(TABLE, patterns)]
 
 
 def test_columns_come_in_the_order_of_the_patterns_then_of_the_table() -> None:
@@ -451,16 +451,16 @@ def test_square_brackets_in_a_pattern_stand_for_themselves() -> None:
     assert chosen("p[1]*") == ["p[1][2].x", "p[1][2].y"]
     assert chosen("p[?][?].x") == ["p[1][2].x", "p[2][1].x"]
     assert chosen("lambda.link[*]") == ["lambda.link[3]"]
-    with pytest.raises(column_choice.UnknownColumn):
+    with pytest.raises(table_format.UnknownColumn):
         chosen("p[12][2].x")
-    with pytest.raises(column_choice.UnknownColumn):
+    with pytest.raises(table_format.UnknownColumn):
         chosen("[a-z]")
 
 
 def test_a_pattern_covers_the_whole_name_and_its_case() -> None:
-    with pytest.raises(column_choice.UnknownColumn):
+    with pytest.raises(table_format.UnknownColumn):
         chosen("lambda")
-    with pytest.raises(column_choice.UnknownColumn):
+    with pytest.raises(table_format.UnknownColumn):
         chosen("r.a.*")
 
 
@@ -469,7 +469,7 @@ def test_a_pattern_covers_the_whole_name_and_its_case() -> None:
     [("lamda.rod", "lambda.rod"), ("lambda.rot*", "lambda.rod"), ("r.A.x", "R.a.x"), ("enery", "energy")],
 )
 def test_an_unknown_column_names_the_pattern_and_the_nearest_name(pattern: str, nearest: str) -> None:
-    with pytest.raises(column_choice.UnknownColumn) as caught:
+    with pytest.raises(table_format.UnknownColumn) as caught:
         chosen(f"t,{pattern}")
     assert caught.value.pattern == pattern
     assert caught.value.nearest[0] == nearest
@@ -479,20 +479,20 @@ def test_an_unknown_column_names_the_pattern_and_the_nearest_name(pattern: str, 
 
 @pytest.mark.parametrize("name", ["a.ax", "p[3].az"])
 def test_a_column_of_accelerations_is_an_output(name: str) -> None:
-    with pytest.raises(column_choice.UnknownColumn) as caught:
-        column_choice.select(["t", "a.x", "p[3].x", "a.vx"], name)
+    with pytest.raises(table_format.UnknownColumn) as caught:
+        table_format.select(["t", "a.x", "p[3].x", "a.vx"], name)
     assert f"`outputs: {{acc: {name}}}`" in str(caught.value)
 
 
 def test_an_empty_pattern_is_refused() -> None:
     for patterns in ("", "t,,energy", "t,"):
-        with pytest.raises(column_choice.UnknownColumn):
+        with pytest.raises(table_format.UnknownColumn):
             chosen(patterns)
 
 
 def test_a_pattern_of_many_stars_is_answered_at_once() -> None:
-    with pytest.raises(column_choice.UnknownColumn):
-        column_choice.select(["a" * 200], "*a" * 40 + "b")
+    with pytest.raises(table_format.UnknownColumn):
+        table_format.select(["a" * 200], "*a" * 40 + "b")
 
 
 # Rows for a figure
@@ -502,14 +502,14 @@ def test_a_pattern_of_many_stars_is_answered_at_once() -> None:
     ("count", "block"), [(1, 1), (4096, 4096), (4097, 100), (100_000, 777), (65_537, 65_537)]
 )
 def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
-    monkeypatch.setattr(decimate, "NUMBERS", 1)
+    monkeypatch.setattr(chart, "NUMBERS", 1)
     table = np.column_stack([np.arange(count, dtype=float), np.arange(count) % 7.0])
-    kept = decimate.DecimatedRows()
+    kept = chart.DecimatedRows()
     for start in range(0, count, block):
         kept.add(table[start : start + block])
     rows = kept.rows()
-    assert len(rows) <= decimate.FEWEST_ROWS + 1
-    assert len(rows) >= min(count, decimate.FEWEST_ROWS // 2)
+    assert len(rows) <= chart.FEWEST_ROWS + 1
+    assert len(rows) >= min(count, chart.FEWEST_ROWS // 2)
     assert np.array_equal(rows, table[rows[:, 0].astype(int)])
     steps = np.diff(rows[:, 0])
     assert rows[0, 0] == 0
@@ -518,4 +518,4 @@ def test_rows_for_a_figure_are_bounded_and_even(count, block, monkeypatch):
 
 
 def test_no_rows_make_no_figure():
-    assert len(decimate.DecimatedRows().rows()) == 0
+    assert len(chart.DecimatedRows().rows()) == 0

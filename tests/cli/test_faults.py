@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 import lagcli
 from lagcli.api.runs import prepare_run, run_settings
-from lagcli.output.tables import column_choice, sinks
+from lagcli.output.tables import sinks, table_format
 from tests.helpers.pendulum import PENDULUM
 
 if os.name != "posix":
@@ -84,7 +84,7 @@ class Expected:
         model = lagcli.loads(PENDULUM)
         changes = {"duration": duration, "samples": samples}
         running = prepare_run.start(model, run_settings.chosen(model, changes))
-        self._picked = column_choice.select(running.columns, COLUMNS)
+        self._picked = table_format.select(running.columns, COLUMNS)
         self.names = [running.columns[index] for index in self._picked]
         self._blocks = running.blocks()
         self._text = io.BytesIO()

@@ -18,7 +18,7 @@ from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
 from lagcli.output.charts import chart_figure
-from lagcli.output.figures import decimate, figure_page, labels, panels
+from lagcli.output.figures import chart, figure_page, labels, panels
 from lagcli.output.files import formats
 
 
@@ -233,12 +233,12 @@ def test_thinning_keeps_ends_and_extrema() -> None:
     values = rng.standard_normal(100_003)
     values[77_777] = 50.0
     values[12_345] = -50.0
-    kept = decimate.extrema(values, 2000)
+    kept = chart.extrema(values, 2000)
     assert len(kept) <= 2002
     assert {0, 12_345, 77_777, 100_002} <= set(kept.tolist())
     assert (np.diff(kept) > 0).all()
-    assert decimate.extrema(values[:5], 2000).tolist() == [0, 1, 2, 3, 4]
-    assert decimate.extrema(values[:0], 2000).tolist() == []
+    assert chart.extrema(values[:5], 2000).tolist() == [0, 1, 2, 3, 4]
+    assert chart.extrema(values[:0], 2000).tolist() == []
 
 
 def test_round_off_about_a_constant_is_not_blown_up() -> None:
@@ -303,7 +303,7 @@ def test_an_unknown_ending_and_a_table_without_time_are_refused(tmp_path: Path) 
 def test_only_the_figure_needs_matplotlib() -> None:
     script = (
         "import sys\nfrom lagcli.output.files import formats\n"
-        "from lagcli.output.figures import panels\nfrom lagcli.output.tables import column_choice, sinks\n"
+        "from lagcli.output.figures import panels\nfrom lagcli.output.tables import sinks\n"
         "assert 'matplotlib' not in sys.modules and 'pyarrow' not in sys.modules\n"
         "from lagcli.output.charts import chart_figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
     )

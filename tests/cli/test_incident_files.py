@@ -9,7 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.output.files import atomic_file
-from lagcli.output.tables import incident_table, read_table, sinks
+from lagcli.output.tables import incident_table, sinks, table_format
 from lagcli.running import checkpoint_file, run_tables
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.incident import Incident
@@ -160,7 +160,7 @@ def test_two_rows_stand_at_each_instant_in_the_order_of_time(command, here, made
     np.testing.assert_array_equal(run.rows[~np.isin(run.t, instants)], plain.rows)
     assert run.stats.rows == len(run.t)
     assert command("simulate", "m.yaml", "-q", "-o", "run.npz", "--event-rows")[2] == 0
-    assert read_table.read("run.npz")[1].tobytes() == run.rows.tobytes()
+    assert table_format.read("run.npz")[1].tobytes() == run.rows.tobytes()
 
 
 def test_a_row_of_the_grid_at_that_very_instant_comes_after_the_two() -> None:
@@ -281,7 +281,7 @@ def test_a_killed_run_is_resumed_into_one_table_of_events(command, here, made_up
     found = incident_table.read("e.parquet")
     assert found.kinds == whole.events.kinds
     assert found.numbers.tobytes() == whole.events.numbers.tobytes()
-    assert read_table.read("run.csv")[1].tobytes() == whole.rows.tobytes()
+    assert table_format.read("run.csv")[1].tobytes() == whole.rows.tobytes()
     assert not {"e.parquet.rows", "run.csv.rows"} & set(names(here))
     _, err, code = command("simulate", "m.yaml", "--resume", "ck", "--duration", "3", "--events", "e.parquet")
     assert code == 2

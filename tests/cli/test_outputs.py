@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli.output.files import atomic_file, file_requests, write_guard
+from lagcli.output.files import atomic_file, write_guard
 from lagcli.output.tables import csv_format, sinks
 from lagcli.running import checkpoint_file, written_run
 from tests.helpers import in_process, pendulum
@@ -119,9 +119,9 @@ def test_a_model_on_standard_input_is_a_file_too(here, option, monkeypatch, comm
 def test_standard_output_is_a_file_too(here, monkeypatch):
     with open("all.json", "w") as out:
         monkeypatch.setattr(sys, "stdout", out)
-        told = [file_requests.File("--stats", "all.json", is_written=True), *file_requests.stdout()]
+        told = [write_guard.File("--stats", "all.json", is_written=True), *write_guard.stdout()]
         with pytest.raises(write_guard.BadRequest, match="that is the file of --stats"):
-            file_requests.require_separate(told)
+            write_guard.require_separate(told)
 
 
 @pytest.mark.parametrize(("platform", "refused"), [("linux", False), ("darwin", True), ("win32", True)])
@@ -130,14 +130,14 @@ def test_names_that_differ_in_case_are_one_file_where_the_system_takes_them_so(
 ):
     monkeypatch.setattr(sys, "platform", platform)
     pair = [
-        file_requests.File("--stats", "new.json", True),
-        file_requests.File("--checkpoint", "NEW.json", True),
+        write_guard.File("--stats", "new.json", True),
+        write_guard.File("--checkpoint", "NEW.json", True),
     ]
     if refused:
         with pytest.raises(write_guard.BadRequest):
-            file_requests.require_separate(pair)
+            write_guard.require_separate(pair)
     else:
-        file_requests.require_separate(pair)
+        write_guard.require_separate(pair)
 
 
 def test_two_models_may_be_one_file(command, here):

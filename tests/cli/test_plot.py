@@ -18,17 +18,12 @@ import lagcli
 from lagcli.api import plot
 from lagcli.cli.terminal import exits, watching
 from lagcli.errors import diagnostics
-from lagcli.output.charts import (
-    chart_figure,
-    chart_table,
-    chart_terminal,
-    chart_texts,
-    compose,
-)
+from lagcli.output.charts import chart_figure, chart_table, chart_terminal, compose
 from lagcli.output.charts.chart_table import ChartTable
 from lagcli.output.charts.compose import UndrawableColumns
-from lagcli.output.figures import decimate, figure_page
+from lagcli.output.figures import figure_page, labels
 from lagcli.output.figures.chart import ChartData
+from lagcli.output.figures.chart import path as path_drawn
 from lagcli.output.tables import provenance
 from tests.cli.test_figure import AWKWARD, texts
 from tests.helpers import in_process
@@ -339,7 +334,7 @@ def test_thinning_keeps_extrema_of_columns_read_in_blocks(monkeypatch: pytest.Mo
 
 def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
     t = np.linspace(0, 2000 * np.pi, 400_000)
-    x, y = decimate.path(np.cos(t), np.sin(t), most=5000)
+    x, y = path_drawn(np.cos(t), np.sin(t), most=5000)
     assert len(x) < 12_000
     known = np.isfinite(x)
     assert np.allclose(np.hypot(x, y)[known], 1)
@@ -347,10 +342,10 @@ def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
     assert np.diff(angles).max() < 0.02
     rng = np.random.default_rng(2)
     noise = rng.standard_normal((2, 100_000))
-    x, _ = decimate.path(*noise, most=5000)
+    x, _ = path_drawn(*noise, most=5000)
     assert 4000 < len(x) < 20_000
     broken = np.where(np.arange(400_000) == 200_000, np.nan, np.cos(t))
-    assert np.isnan(decimate.path(broken, t)[0]).any()
+    assert np.isnan(path_drawn(broken, t)[0]).any()
 
 
 # Several runs.
@@ -359,20 +354,20 @@ def test_an_orbit_that_repeats_is_drawn_once_and_noise_is_bounded() -> None:
 def test_runs_are_named_by_the_parameters_that_differ() -> None:
     paths = ["a/run.npz", "b/run.npz"]
     told = [{"parameters": {"L": size, "m": 1.0}, "rtol": 1e-9} for size in (0.5, 2.0)]
-    assert chart_texts.distinguishing(paths, told) == ["L = 0.5", "L = 2"]
-    assert chart_texts.distinguishing(paths, [told[0], told[0]]) == ["a", "b"]
-    assert chart_texts.distinguishing(paths, [told[0], told[0] | {"rtol": 1e-6}]) == [
+    assert labels.distinguishing(paths, told) == ["L = 0.5", "L = 2"]
+    assert labels.distinguishing(paths, [told[0], told[0]]) == ["a", "b"]
+    assert labels.distinguishing(paths, [told[0], told[0] | {"rtol": 1e-6}]) == [
         "rtol = 1e-09",
         "rtol = 1e-06",
     ]
-    assert chart_texts.distinguishing(paths, [told[0], None]) == ["a", "b"]
+    assert labels.distinguishing(paths, [told[0], None]) == ["a", "b"]
     # Of one model, parameters that follow from those that were set are not told.
     follows = [{"sha256": "1", "parameters": {"L": x, "M": 2 * x}, "set": {"L": str(x)}} for x in (1.0, 3.0)]
-    assert chart_texts.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    assert labels.distinguishing(paths, follows) == ["L = 1", "L = 3"]
     follows[0] |= {"set": {}}
-    assert chart_texts.distinguishing(paths, follows) == ["L = 1", "L = 3"]
+    assert labels.distinguishing(paths, follows) == ["L = 1", "L = 3"]
     follows[1] |= {"sha256": "2"}
-    assert chart_texts.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
+    assert labels.distinguishing(paths, follows) == ["L = 1, M = 2", "L = 3, M = 6"]
 
 
 @pytest.mark.parametrize(
@@ -389,7 +384,7 @@ def test_runs_are_named_by_the_parameters_that_differ() -> None:
     ],
 )
 def test_names_of_files_are_shortened_to_what_differs(paths: list[str], names: list[str]) -> None:
-    assert chart_texts.distinguishing(paths, [None] * len(paths)) == names
+    assert labels.distinguishing(paths, [None] * len(paths)) == names
 
 
 def test_overlays_tell_columns_by_colour_and_runs_by_dashes() -> None:
@@ -567,7 +562,7 @@ def test_a_strangers_provenance_tells_what_it_can(origin: dict[str, object]) -> 
     facts = provenance.facts_from(origin)
     assert facts.units is None
     assert facts.dimensions.lengths in ({}, {"c": 1.0})
-    chart_texts.distinguishing(["a", "b"], [origin, origin])
+    labels.distinguishing(["a", "b"], [origin, origin])
 
 
 def test_standard_input_is_a_table(here: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,8 +13,8 @@ import lagcli
 from lagcli.api import simulate
 from lagcli.output import latex_text
 from lagcli.output.figures import labels
-from lagcli.reporting import model_on_page, pdf_programs, report_writer
-from lagcli.reporting.report_contents import ReportContents
+from lagcli.reporting import model_on_page, report_page, report_writer
+from lagcli.reporting.model_on_page import ReportContents
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -260,7 +260,7 @@ def test_what_cannot_be_written_is_refused_before_any_work(tmp_path):
 
 def test_without_a_browser_a_pdf_is_refused_with_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(pdf_programs, "LOCATIONS", ())
+    monkeypatch.setattr(report_page, "LOCATIONS", ())
     _, err, code = in_process.run("report", str(MODELS / "pendulum.yaml"), "-o", str(tmp_path / "report.pdf"))
     assert code == 2
     assert "install one" in err
@@ -310,7 +310,7 @@ def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
     )
     stand_in(bin_, made if works else 'echo "! Undefined control sequence."; exit 1')
     monkeypatch.setenv("PATH", str(bin_))
-    monkeypatch.setattr(pdf_programs, "LOCATIONS", ())
+    monkeypatch.setattr(report_page, "LOCATIONS", ())
     arguments = (
         "report",
         str(MODELS / "pendulum.yaml"),
@@ -342,16 +342,16 @@ def test_without_a_browser_latex_makes_the_pdf(tmp_path, monkeypatch, works):
     ],
 )
 def test_what_makes_a_pdf_is_chosen(monkeypatch, maker, found, expected):
-    monkeypatch.setattr(pdf_programs, "browser", lambda: "chromium" if "browser" in found else None)
-    monkeypatch.setattr(pdf_programs, "printed_by_browser", lambda _: b"browser")
-    monkeypatch.setattr(pdf_programs, "latex", lambda: "pdflatex" if "latex" in found else None)
-    monkeypatch.setattr(pdf_programs, "made_by_latex", lambda *_: b"latex")
+    monkeypatch.setattr(report_page, "browser", lambda: "chromium" if "browser" in found else None)
+    monkeypatch.setattr(report_page, "printed_by_browser", lambda _: b"browser")
+    monkeypatch.setattr(report_page, "latex", lambda: "pdflatex" if "latex" in found else None)
+    monkeypatch.setattr(report_page, "made_by_latex", lambda *_: b"latex")
     contents = ReportContents("title", (), (), (), (), ())
-    if expected in pdf_programs.MAKERS:
-        assert pdf_programs.made(contents, maker) == expected.encode()
+    if expected in report_page.MAKERS:
+        assert report_page.made(contents, maker) == expected.encode()
     else:
-        with pytest.raises(pdf_programs.NoPdf, match=expected):
-            pdf_programs.made(contents, maker)
+        with pytest.raises(report_page.NoPdf, match=expected):
+            report_page.made(contents, maker)
 
 
 @pytest.mark.parametrize(
@@ -365,7 +365,7 @@ def test_a_maker_that_is_none_or_not_needed_is_refused(tmp_path, name, maker, wo
     assert not file.exists()
 
 
-@pytest.mark.skipif(pdf_programs.latex() is None, reason="there is no LaTeX")
+@pytest.mark.skipif(report_page.latex() is None, reason="there is no LaTeX")
 def test_latex_takes_every_text():
     model = lagcli.loads(
         written(
@@ -378,7 +378,7 @@ def test_latex_takes_every_text():
     page = page_of(model)
     document = report_writer.latex_page(page.contents)
     figures = {f"{figure.name}.pdf": figure.pdf() for figure in page.contents.figures}
-    assert pdf_programs.made_by_latex(document, figures).startswith(b"%PDF")
+    assert report_page.made_by_latex(document, figures).startswith(b"%PDF")
 
 
 @pytest.mark.filterwarnings("error:Glyph .* missing")

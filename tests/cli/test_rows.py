@@ -17,7 +17,7 @@ import pytest
 import lagcli
 from lagcli.api.runs import prepare_run
 from lagcli.output.files import atomic_file, interrupts
-from lagcli.output.tables import parquet_format, read_table, row_file, sinks
+from lagcli.output.tables import parquet_format, row_file, sinks, table_format
 from lagcli.running import checkpoint_file, run_tables, simulation_run
 from lagcli.simulation.run import loop
 from lagcli.simulation.run_state import checkpoint
@@ -58,7 +58,7 @@ def read(path, ending=""):
     """A table, whatever its name ends with."""
     copy = Path(f"copy.{ending or Path(path).suffix[1:]}")
     shutil.copy(path, copy)
-    found = read_table.read(copy)
+    found = table_format.read(copy)
     copy.unlink()
     return found
 
@@ -490,7 +490,7 @@ def test_tables_say_where_they_come_from(command, here, ending):
     assert found["atol"] is None  # it follows the sizes of the motion
     assert command(*line, f"again.{ending}")[2] == 0
     assert Path(f"again.{ending}").read_bytes() == file.read_bytes()
-    columns, rows = read_table.read(file)
+    columns, rows = table_format.read(file)
     assert columns == lagcli.simulate(lagcli.load("m.yaml"), duration=0).columns
     assert rows.shape == (201, len(columns))
     if ending == "npz":
@@ -514,7 +514,7 @@ def test_more_parameters_than_an_archive_has_room_for_are_left_out(tmp_path):
     with sinks.open_sink(tmp_path / "run.npz", ("t",), provenance=whence):
         pass
     assert provenance(tmp_path / "run.npz") == {"version": "1", "parameters": None}
-    assert read_table.read(tmp_path / "run.npz")[0] == ("t",)
+    assert table_format.read(tmp_path / "run.npz")[0] == ("t",)
 
 
 # Signals.

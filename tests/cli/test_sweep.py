@@ -23,7 +23,7 @@ from lagcli.analysis.numeric_flag import undecided
 from lagcli.api.sweeps import drawn_points, reductions
 from lagcli.output.sweeps import shard_merge, sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_table import PointRow
-from lagcli.output.tables import read_table
+from lagcli.output.tables import table_format
 from lagcli.pfaffian.exact import time_limit
 from lagcli.start import projection
 from tests.helpers import in_process
@@ -523,7 +523,7 @@ def test_a_changed_digit_of_a_shard_is_refused(tmp_path: pathlib.Path) -> None:
         parts[0].write_text(text[:i] + str((int(text[i]) + 1) % 10) + text[i + 1 :])
         try:
             merged.append(repr(shard_merge.merged(names)) == repr(expected))
-        except (shard_merge.BadShards, *read_table.UNREADABLE):
+        except (shard_merge.BadShards, *table_format.UNREADABLE):
             continue
     assert len(digits) > 100
     assert all(merged)
@@ -548,7 +548,7 @@ def test_a_row_that_was_changed_is_named_in_any_format(ending: str, tmp_path: pa
             table = sweep_table.SweepTable(path, planned.columns, None, planned.shard_of)
             table.write(shown)
             table.commit(len(shown))
-        return sweep_table.rows(path, read_table.opened(path), 1)
+        return sweep_table.rows(path, table_format.opened(path), 1)
 
     sums = {row.number: sweep_table.checksum(planned.shard_of, row) for row in rows}
     assert repr(written(rows)).replace("(-0.0,)", "(0.0,)") == repr(rows).replace("(-0.0,)", "(0.0,)")
@@ -559,7 +559,7 @@ def test_a_row_that_was_changed_is_named_in_any_format(ending: str, tmp_path: pa
         dataclasses.replace(rows[0], status=1),
         dataclasses.replace(rows[0], message="x"),
     ):
-        with pytest.raises(read_table.UnreadableTable, match="the row of the point 1 was changed after"):
+        with pytest.raises(table_format.UnreadableTable, match="the row of the point 1 was changed after"):
             written([changed, rows[1]])
 
 
@@ -609,7 +609,7 @@ def test_every_format_holds_the_same_numbers(tmp_path: pathlib.Path) -> None:
     for ending in ("csv", "tsv", "json", "npz", "parquet"):
         path = tmp_path / f"rows.{ending}"
         assert run(*common, "-o", str(path)).returncode == 0
-        read = read_table.opened(path)
+        read = table_format.opened(path)
         names = ("point", "L", "peak", "end", "status", "t_end")
         found.append(read.take(names).tobytes())
         assert read.words("message") == ["", "", ""]
@@ -650,7 +650,7 @@ def test_draws_are_those_of_the_seed_and_their_quantiles_are_reported(tmp_path: 
     first = run(*common, str(one))
     assert first.returncode == 0
     laws = [drawn_points.read(lagcli.load(PENDULUM), text) for text in (common[3], common[5])]
-    assert read_table.opened(one).take(("m", "g")).tolist() == [
+    assert table_format.opened(one).take(("m", "g")).tolist() == [
         list(drawn_points.draw(laws, 128, 0).point(i)) for i in range(128)
     ]
     account = json.loads(first.stdout)

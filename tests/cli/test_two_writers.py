@@ -21,7 +21,7 @@ import pytest
 import lagcli
 from lagcli.output.files import atomic_file, file_lock
 from lagcli.output.sweeps import sweep_journal
-from lagcli.output.tables import read_table, sinks
+from lagcli.output.tables import sinks, table_format
 from tests.helpers import in_process
 from tests.helpers.pendulum import PENDULUM
 
@@ -166,7 +166,7 @@ def test_twins_of_one_shard_and_shards_side_by_side(folder: pathlib.Path) -> Non
     assert [code for code, _ in both(one, two, 0.0)] == [0, 0]
     assert names(folder) == [f"part-0000{i}-of-00002.parquet" for i in (1, 2)]
     for i in (1, 2):
-        read = read_table.opened(folder / "rows" / f"part-0000{i}-of-00002.parquet")
+        read = table_format.opened(folder / "rows" / f"part-0000{i}-of-00002.parquet")
         assert read.take(["point"])[:, 0].tolist() == list(range(i - 1, POINTS, 2))
 
 

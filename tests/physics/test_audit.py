@@ -20,7 +20,7 @@ from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.auditing.evidence.tolerances import Evidence, Tolerance
 from lagcli.output.figures import audit_figure
-from lagcli.output.tables import read_table, sinks
+from lagcli.output.tables import sinks, table_format
 from lagcli.running.trajectory import Trajectory
 from tests.helpers.in_process import Command, command
 from tests.helpers.spent import at_most_calls
@@ -262,7 +262,7 @@ def test_tables_are_read_as_they_are_written(
     rows[3, run.columns.index("lambda.upper")] = np.nan
     with sinks.open_sink(path, run.columns) as sink:
         sink.write(rows)
-    columns, back = read_table.read(path)
+    columns, back = table_format.read(path)
     assert columns == run.columns
     np.testing.assert_array_equal(back, rows)
     assert failing(lagcli.audit(model, path)) == {"multipliers": ["upper"]}
@@ -282,8 +282,8 @@ def test_tables_are_read_as_they_are_written(
 def test_what_is_no_table_is_refused(tmp_path: Path, name: str, text: str) -> None:
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(read_table.UnreadableTable):
-        read_table.read(path)
+    with pytest.raises(table_format.UnreadableTable):
+        table_format.read(path)
 
 
 def test_missing_columns_are_named(double: tuple[lagcli.Model, Trajectory]) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import lagcli
 from lagcli.api import animate
-from lagcli.output.animation import page, still
+from lagcli.output.animation import page
 from lagcli.output.animation.scene import Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -203,7 +203,7 @@ def test_a_thousand_particles_leave_forces_out_and_say_so() -> None:
 
 def test_the_still_is_a_drawing_with_all_parts() -> None:
     scene = animate.of_model(MODELS / "double-pendulum.yaml", {"samples": 5})
-    drawn = still.svg(scene)
+    drawn = page.svg(scene)
     found = Tags(drawn)
     names = [tag for tag, _ in found.tags]
     assert names.count("circle") == 2

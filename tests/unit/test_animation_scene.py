@@ -13,7 +13,7 @@ import pytest
 import lagcli
 from lagcli.api import animate, animate_modes
 from lagcli.model.model import Model
-from lagcli.output.animation import links, nets, page, point_tracks, quadratic_algebra, quadratic_form
+from lagcli.output.animation import builder, links, nets, page, quadratic_algebra, quadratic_form
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -559,7 +559,7 @@ def test_coordinates_without_particles_are_positions_or_beads() -> None:
 
 def test_a_model_of_too_many_particles_is_refused() -> None:
     text = "lagcli: 1\nparticles:\n  p[i]: {for: 'i = 1..5001', mass: 1, position: '[i, 0, 0]'}"
-    with pytest.raises(point_tracks.NothingToShow, match="5001 particles"):
+    with pytest.raises(builder.NothingToShow, match="5001 particles"):
         animate.of_model(lagcli.loads(text), {})
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.api.models import cache
-from lagcli.output.animation import curve_pictures, links, nets, quadratic_form, rounds, row_pictures, scene
+from lagcli.output.animation import links, nets, quadratic_form, rounds, row_pictures, scene
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
@@ -113,9 +113,7 @@ def test_a_plane_that_is_the_picture_draws_no_line(slope: float, lines: int) -> 
         return SingleParticleRow("row", False, True, False, lambda places: np.asarray(places @ normal))
 
     found = RowPictures(single={0: [lone(np.array([0, slope, 1.0])), lone(np.array([0, 1.0, 0]))]})
-    pictures = curve_pictures.CurvePictures(
-        lagcli.loads(MODEL), np.zeros(1), np.zeros((1, 1, 3)), FACE, found
-    )
+    pictures = row_pictures.CurvePictures(lagcli.loads(MODEL), np.zeros(1), np.zeros((1, 1, 3)), FACE, found)
     assert len(pictures.all()) == lines
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lagcli.output.tables import plain_csv, read_table
+from lagcli.output.tables import csv_format, table_format
 from lagcli.output.tables.table_format import UnreadableTable
 
 CELLS = (
@@ -26,13 +26,13 @@ PLACES = (
 
 def cell_by_cell(path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
     with monkeypatch.context() as patch:
-        patch.setattr(plain_csv, "rows", lambda *_: None)
+        patch.setattr(csv_format, "plain_count", lambda *_: None)
         return taken(path)
 
 
 def taken(path: Path) -> object:
     try:
-        return str(read_table.opened(path).take(["a", "b"]).tolist())
+        return str(table_format.opened(path).take(["a", "b"]).tolist())
     except UnreadableTable as error:
         return str(error)
 
@@ -58,10 +58,10 @@ def test_random_numbers_come_back_to_the_bit(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     text = "".join(",".join(map(repr, row)) + "\n" for row in values.tolist())
     path.write_text("a,größe,c\n" + text, encoding="utf-8-sig")
-    count = plain_csv.rows(path, ",", 3)
+    count = csv_format.plain_count(path, ",", 3)
     assert count == 2000
     for places in ([2, 0], [2, 0, 1], [1]):
-        found = plain_csv.numbers(path, ",", 3, places, count)
+        found = csv_format.plain_numbers(path, ",", 3, places, count)
         assert found is not None
         assert np.array_equal(found, values[:, places])
 
@@ -70,5 +70,5 @@ def test_random_numbers_come_back_to_the_bit(tmp_path: Path) -> None:
 def test_files_that_are_not_plain_are_left(text: str, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8")
-    count = plain_csv.rows(path, ",", 2)
-    assert not count or plain_csv.numbers(path, ",", 2, [0], count) is None
+    count = csv_format.plain_count(path, ",", 2)
+    assert not count or csv_format.plain_numbers(path, ",", 2, [0], count) is None

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import lagcli
-from lagcli.output.tables import csv_format, json_format, read_table, sinks
+from lagcli.output.tables import csv_format, json_format, sinks, table_format
 from tests.helpers.in_process import run
 
 Floats = npt.NDArray[np.float64]
@@ -65,7 +65,7 @@ def test_marks_line_ends_and_blank_last_lines_are_read(
 ) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes((mark + text_of(rows, end) + after).encode())
-    columns, back = read_table.read(path)
+    columns, back = table_format.read(path)
     assert columns == COLUMNS
     np.testing.assert_array_equal(back, rows)
 
@@ -83,7 +83,7 @@ def test_quotes_and_a_missing_last_line_end_are_read(tmp_path: Path, rows: Float
 def test_arrays_of_plain_numbers_are_read(tmp_path: Path, kind: str, method: int) -> None:
     values = np.arange(5).astype(kind)
     arrays(tmp_path / "run.npz", {"t": values, "note": np.array("by hand"), "grid": np.zeros((2, 2))}, method)
-    table = read_table.opened(tmp_path / "run.npz")
+    table = table_format.opened(tmp_path / "run.npz")
     assert table.columns == ("t", "note", "grid")
     np.testing.assert_array_equal(table.take(["t"])[:, 0], np.arange(5.0))
 
@@ -95,7 +95,7 @@ def test_columns_that_are_not_asked_for_may_hold_anything(tmp_path: Path, rows: 
     code, out, err = audited(tmp_path, "run.parquet")
     assert (code, err) == (0, "")
     assert "Columns that no check looks at: date, note." in out
-    assert read_table.opened(tmp_path / "run.parquet").columns == (*COLUMNS, "date", "note")
+    assert table_format.opened(tmp_path / "run.parquet").columns == (*COLUMNS, "date", "note")
 
 
 # Damaged tables: exit 2, a line that says why, and nothing of Python or of a library but its reason.
@@ -234,10 +234,10 @@ def test_damaged_archives(tmp_path: Path, rows: Floats) -> None:
     for data in damaged:
         (tmp_path / "run.npz").write_bytes(data)
         try:
-            table = read_table.opened(tmp_path / "run.npz")
+            table = table_format.opened(tmp_path / "run.npz")
             if set(COLUMNS) <= set(table.columns):
                 table.take(COLUMNS)
-        except read_table.UnreadableTable as error:
+        except table_format.UnreadableTable as error:
             reasons.append(str(error))
     assert len(reasons) > 60
     assert not any("None" in reason for reason in reasons)
@@ -285,8 +285,8 @@ def test_damaged_parquet(tmp_path: Path, rows: Floats) -> None:
         data[-int(random.integers(1, 2500))] ^= int(random.integers(1, 256))
         (tmp_path / "run.parquet").write_bytes(data)
         try:
-            read_table.read(tmp_path / "run.parquet")
-        except read_table.UnreadableTable as error:
+            table_format.read(tmp_path / "run.parquet")
+        except table_format.UnreadableTable as error:
             reasons.append(str(error))
     assert reasons
     assert not any("None" in reason for reason in reasons)
@@ -294,7 +294,9 @@ def test_damaged_parquet(tmp_path: Path, rows: Floats) -> None:
 
 def test_values_that_are_missing_are_no_numbers(tmp_path: Path) -> None:
     pq.write_table(pa.table({"t": pa.array([None, 1.5]), "n": pa.array([3, None])}), tmp_path / "run.parquet")
-    np.testing.assert_array_equal(read_table.read(tmp_path / "run.parquet")[1], [[np.nan, 3], [1.5, np.nan]])
+    np.testing.assert_array_equal(
+        table_format.read(tmp_path / "run.parquet")[1], [[np.nan, 3], [1.5, np.nan]]
+    )
 
 
 # Sizes are looked at first.
@@ -334,7 +336,7 @@ def test_sizes_are_looked_at_before_anything_is_loaded(
 def test_rows_of_text_are_counted_while_they_are_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(read_table, "MOST_NUMBERS", 110)
+    monkeypatch.setattr(table_format, "MOST_NUMBERS", 110)
     text = ",".join(COLUMNS) + "\n" + ("0," * 10 + "0\n") * 11
     assert "too large: 11 rows or more of 11 columns" in refused(tmp_path, "run.csv", text.encode())
     assert "too large" in refused(tmp_path, "run.json", of_rows(*[[0] * 11] * 11).encode())
@@ -346,7 +348,7 @@ def test_rows_of_text_are_counted_while_they_are_read(
 
 def test_limits() -> None:
     """What an audit of the largest table holds, and what a line and a JSON file may cost: see their comments."""
-    assert read_table.MOST_NUMBERS * 400 == 2e9
+    assert table_format.MOST_NUMBERS * 400 == 2e9
     assert csv_format.MOST_LINE == 4 << 20
     assert json_format.MOST_JSON == 64 << 20
 

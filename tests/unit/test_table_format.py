@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lagcli.output.files import formats
-from lagcli.output.tables import read_table, sinks, table_format
+from lagcli.output.tables import sinks, table_format
 
 
 class _Lines:
@@ -52,12 +52,12 @@ def test_a_further_format_is_written_and_read(tmp_path: Path, monkeypatch: pytes
     with sinks.open_sink(path, ["t", "x"]) as sink:
         sink.write(rows)
     assert path.read_text(encoding="utf-8") == '["t", "x"]\n[0.0, 1.5]\n[0.1, -2.0]\n'
-    columns, read = read_table.read(path)
+    columns, read = table_format.read(path)
     assert columns == ("t", "x")
     np.testing.assert_array_equal(read, rows)
-    monkeypatch.setattr(read_table, "MOST_NUMBERS", 3)
-    with pytest.raises(read_table.UnreadableTable, match="too large"):
-        read_table.opened(path)
+    monkeypatch.setattr(table_format, "MOST_NUMBERS", 3)
+    with pytest.raises(table_format.UnreadableTable, match="too large"):
+        table_format.opened(path)
 
 
 @pytest.mark.parametrize("ending", formats.TABLES)

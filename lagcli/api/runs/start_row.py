@@ -12,7 +12,7 @@ from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.tables import read_table
+from lagcli.output.tables import table_format
 
 LAST = -1  # of the rows of a table
 _COLUMNS = {
@@ -40,10 +40,10 @@ def at(model: Model, text: str) -> Model:
     """The model with the positions of a row, `FILE` or `FILE:ROW`, and its velocities, zero where there are none.
 
     Initial values that were set by name are put on top of the row: a push to a point of rest.
-    Raises `NoSuchRow`, and what `read_table.opened` raises; the messages name the file.
+    Raises `NoSuchRow`, and what `table_format.opened` raises; the messages name the file.
     """
     path, row = split(text)
-    table = read_table.opened(path)
+    table = table_format.opened(path)
     names = model.coordinate_names
     generalized = set(model.generalized_names)
     rates = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
@@ -86,5 +86,5 @@ def of_option(model: Model, text: str) -> Model:
         raise BadRequest(f"--from: there is no file {error.filename}") from None
     except OSError as error:
         raise BadRequest(f"--from: cannot read {text}: {error.strerror}") from None
-    except (NoSuchRow, *read_table.UNREADABLE) as error:
+    except (NoSuchRow, *table_format.UNREADABLE) as error:
         raise BadRequest(f"--from {error}") from None

@@ -22,7 +22,7 @@ from lagcli.cli.commands.options import (
 )
 from lagcli.cli.terminal import exits
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import atomic_file, file_requests, formats, write_guard
+from lagcli.output.files import atomic_file, formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.output.animation.scene import Scene
@@ -103,7 +103,7 @@ def _require(
         raise exits.UsageError("a page is not for a terminal: give -o FILE.html, or send it on")
     if file is not None:
         read = [("MODEL", source), ("MODEL", model or None)]
-        file_requests.require(read, ("--output", file, formats.ANIMATIONS))
+        write_guard.require(read, ("--output", file, formats.ANIMATIONS))
 
 
 def _writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
@@ -141,7 +141,7 @@ def _write_page(path: pathlib.Path | None, scene: Scene) -> None:
 @contextlib.contextmanager
 def _showing() -> Iterator[None]:
     """Around what makes a scene: where there is nothing to show that is refused."""
-    from lagcli.output.animation.point_tracks import NothingToShow
+    from lagcli.output.animation.builder import NothingToShow
 
     try:
         yield

@@ -12,7 +12,7 @@ from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import file_requests, formats, json_text, write_guard
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit, Check
@@ -76,7 +76,7 @@ def audit(
 
             figure_page.write(plot, audit_figure.compose(found, read.units.time))
     if as_json:
-        print(json_text.text(found.as_json()))
+        print(formats.json_line(found.as_json()))
     else:
         _print_report(found, verbose)
     exits.print_notes(found.notes, quiet)
@@ -88,18 +88,18 @@ def audit(
 
 def _require(model: str, run: str | None, events: str | None, plot: str | None, given: RunSettings) -> None:
     """Refuse what cannot be done with this MODEL. Raises `exits.UsageError`, `write_guard.WriteError`."""
-    file_requests.require_endings((plot, formats.FIGURES), (run, formats.TABLES))
+    write_guard.require_endings((plot, formats.FIGURES), (run, formats.TABLES))
     if run is not None and not os.path.exists(run):
         raise exits.UsageError(f"--run: there is no file {run}")
     if events is not None:
-        file_requests.require_endings((events, formats.TABLES))
+        write_guard.require_endings((events, formats.TABLES))
         if run is None:
             raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
         if not os.path.exists(events):
             raise exits.UsageError(f"--events: there is no file {events}")
     if plot is not None:
         read = [("MODEL", model), ("--run", run), ("--events", events)]
-        file_requests.require(read, ("--plot", plot, formats.FIGURES))
+        write_guard.require(read, ("--plot", plot, formats.FIGURES))
     has_rows = any(given.get(name) is not None for name in ("duration", "samples", "output_step"))
     if run is not None and has_rows:
         raise exits.UsageError(

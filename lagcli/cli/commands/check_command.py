@@ -13,7 +13,7 @@ from lagcli.cli.commands import completing, model_reading, options, witness_text
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.model import settings
-from lagcli.output.files import file_requests, json_text
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.analysis.check_report import ConstraintReport, Report
@@ -91,7 +91,7 @@ class CheckOptions:
             return
         if len(models) > 1:
             raise exits.UsageError("--witness takes one MODEL")
-        file_requests.require_outputs(models[0], None, self.plot, as_json=False)
+        write_guard.require_outputs(models[0], None, self.plot, as_json=False)
 
 
 def carry_out(models: list[str], changes: list[str] | None, options: CheckOptions) -> None:
@@ -137,7 +137,7 @@ def carry_out(models: list[str], changes: list[str] | None, options: CheckOption
         if options.verbose:
             exits.print_err(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
     if options.as_json:
-        print(json_text.text(answers[0] if len(answers) == 1 else answers))
+        print(formats.json_line(answers[0] if len(answers) == 1 else answers))
     raise exits.Exit(max(codes))
 
 

@@ -10,7 +10,7 @@ import typer
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import file_requests, json_text
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.formulations.comparison import Comparison
@@ -85,7 +85,7 @@ def compare(
     if vakonomic:
         if other is not None:
             raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
-        file_requests.require_outputs(model, output, plot, as_json)
+        write_guard.require_outputs(model, output, plot, as_json)
     for option, value in (("--mu", mu), ("--output", output), ("--plot", plot)):
         if value and not vakonomic:
             raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
@@ -124,7 +124,7 @@ def _print_report(found: Comparison, is_stdout_taken: bool, as_json: bool, quiet
 
     lines = comparison_lines.of(found)
     if as_json:
-        print(json_text.text(found.as_json()))
+        print(formats.json_line(found.as_json()))
     elif is_stdout_taken:
         exits.print_err_all([lines.principles] if lines.principles else [])
     else:

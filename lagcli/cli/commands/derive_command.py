@@ -12,7 +12,7 @@ import typer
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 # Text is at least and at most so wide on a terminal, and WIDTH where there is none.
 NARROW, WIDE, WIDTH = 60, 140, 100
@@ -77,7 +77,7 @@ def derive(
         case "html":
             print(page.html())
         case "json":
-            print(json_text.text(page.as_json()))
+            print(formats.json_line(page.as_json()))
         case _:
             print(page.text(_width()))
     if verbose:

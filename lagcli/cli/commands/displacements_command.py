@@ -10,7 +10,7 @@ import typer
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 if TYPE_CHECKING:
     from lagcli.analysis.contact_directions import ContactCondition
@@ -54,7 +54,7 @@ def displacements(
     ):
         found = find_displacements.displacements(read, at, **run_settings)
     if as_json:
-        print(json_text.text(found.as_json()))
+        print(formats.json_line(found.as_json()))
     else:
         _print_report(found)
     if not quiet:

@@ -9,7 +9,7 @@ import typer
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 if TYPE_CHECKING:
     from lagcli.analysis.dof import DofCount
@@ -36,7 +36,7 @@ def dof(
     with model_reading.json_errors(as_json):
         counted = count_dof.dof(read, limit=limit)
     if as_json:
-        print(json_text.text(counted.as_json()))
+        print(formats.json_line(counted.as_json()))
     elif explain:
         print("\n".join(_lines(counted)))
     elif counted.configuration_dof is not None:

@@ -9,7 +9,7 @@ import typer
 from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import file_requests, json_text
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.formulations.stiff_ladder import StiffLimit
@@ -59,7 +59,7 @@ def limit(
     stops before its end.
     """
     model_reading.require_models([model])
-    file_requests.require_outputs(model, output, plot, as_json)
+    write_guard.require_outputs(model, output, plot, as_json)
     read = model_reading.read(model, changes, as_json, verbose)
     given: options.Keywords = {"constraint": constraint, "unprestressed": unprestressed, "ramp": ramp}
     given |= run_settings
@@ -73,7 +73,7 @@ def limit(
         found, lines = limiting.limit_to_files(read, given, output, plot)
     exits.print_err_all(lines)
     if as_json:
-        print(json_text.text(found.as_json()))
+        print(formats.json_line(found.as_json()))
     elif output != "-":
         _print_report(found)
     ended = (f"the ladder ends there: {found.ended}",) if found.ended else ()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -73,7 +73,7 @@ def json_errors(as_json: bool) -> Iterator[None]:
         yield
     except diagnostics.ModelError as error:
         if as_json:
-            print(json_text.text(errors(error)))
+            print(formats.json_line(errors(error)))
             raise exits.Exit(exits.of(error)) from None
         raise
 
@@ -107,14 +107,14 @@ def stops(rows_are_for: str = "") -> Iterator[None]:
 @contextlib.contextmanager
 def reading(name: str, option: str = "") -> Iterator[None]:
     """Around what reads the table `name`: one that cannot be read, or is none, is refused; option: what named it."""
-    from lagcli.output.tables import read_table
+    from lagcli.output.tables import table_format
 
     label = f"{option}: " if option else ""
     try:
         yield
     except OSError as error:
         raise exits.UsageError(f"{label}cannot read {name}: {error.strerror or error}") from None
-    except read_table.UNREADABLE as error:
+    except table_format.UNREADABLE as error:
         raise exits.UsageError(f"{label}{error}") from None
 
 

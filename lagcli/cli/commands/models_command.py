@@ -13,7 +13,7 @@ from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.input.starting import gallery_models
 from lagcli.input.starting.gallery_models import GalleryModel
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 INDENT = 2  # spaces
 
@@ -53,7 +53,7 @@ def listed(as_json: bool, quiet: bool) -> None:
     """Print all models by subject. Raises `exits.UsageError` where there is no gallery."""
     models = _models()
     if as_json:
-        print(json_text.text({"models": [_described(model) for model in models]}))
+        print(formats.json_line({"models": [_described(model) for model in models]}))
         return
     width = max(len(model.name) for model in models) + 2 * INDENT
     subject = ""
@@ -80,7 +80,7 @@ def found(name: str) -> GalleryModel:
 def printed(model: GalleryModel, as_json: bool) -> None:
     """Print the text of a model."""
     if as_json:
-        print(json_text.text({**_described(model), "text": model.text()}))
+        print(formats.json_line({**_described(model), "text": model.text()}))
     else:
         print(model.text(), end="")
 

@@ -12,7 +12,7 @@ from lagcli import doubles
 from lagcli.cli.commands import model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
-from lagcli.output.files import file_requests, formats, json_text, write_guard
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.linearization.linear_modes import Modes
@@ -55,7 +55,7 @@ def modes(
     """
     model_reading.require_models([model])
     page, figure = ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)
-    file_requests.require([("MODEL", model)], page, figure)
+    write_guard.require([("MODEL", model)], page, figure)
     read = model_reading.read(model, changes, as_json, verbose)
     from lagcli.api import find_modes
 
@@ -77,7 +77,7 @@ def modes(
     if animate is not None:
         _animate(found, read, animate)
     if as_json:
-        print(json_text.text(found.as_json()))
+        print(formats.json_line(found.as_json()))
     elif plot is None and animate is None:
         _print_report(found)
     exits.print_notes(found.notes, quiet)
@@ -87,7 +87,7 @@ def _animate(found: Modes, model: Model, path: str) -> None:
     # Other answers draw no scene.
     from lagcli.api import animate_modes
     from lagcli.output.animation import page
-    from lagcli.output.animation.point_tracks import NothingToShow
+    from lagcli.output.animation.builder import NothingToShow
 
     try:
         scene = animate_modes.of_modes(model, found)

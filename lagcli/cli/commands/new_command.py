@@ -13,7 +13,7 @@ from lagcli.cli.commands import completing, new_files, options
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
 from lagcli.input.starting import model_templates
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 FIRST = next(iter(model_templates.TEMPLATES))
 ENDINGS = (".yaml", ".yml")
@@ -78,7 +78,7 @@ def _write(name: str, template: str, with_schema: bool, force: bool, as_json: bo
     is_new = new_files.write(path, text, force=force)
     schema_message = new_files.schema_beside(path) if with_schema else ""
     if as_json:
-        print(json_text.text({"path": path, "template": template, "written": is_new}))
+        print(formats.json_line({"path": path, "template": template, "written": is_new}))
     if quiet:
         return
     exits.print_err(

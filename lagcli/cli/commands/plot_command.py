@@ -20,7 +20,7 @@ from lagcli.cli.commands.options import (
 )
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import file_requests, formats, write_guard
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.api.plot import DrawnRuns
@@ -138,11 +138,11 @@ class PlotOptions:
         """Refuse what cannot be done for these files."""
         model_reading.require_models(list(self.files))
         if self.output is not None:
-            file_requests.require_endings((self.output, formats.FIGURES))
+            write_guard.require_endings((self.output, formats.FIGURES))
         elif not self.show and not sys.stdout.isatty():
             raise exits.UsageError("nothing to draw on: give -o FILE.png (svg, pdf), or --show for text")
         if self.events is not None:
-            file_requests.require_endings((self.events, formats.TABLES))
+            write_guard.require_endings((self.events, formats.TABLES))
             if not os.path.exists(self.events):
                 raise exits.UsageError(f"--events: there is no file {self.events}")
         given = {**self.run, "from": self.begin, "set": self.changes or None}
@@ -153,7 +153,7 @@ class PlotOptions:
             )
         if self.output is not None:
             read = [*(("MODEL", name) for name in self.files), ("--events", self.events)]
-            file_requests.require(read, ("--output", self.output, formats.FIGURES))
+            write_guard.require(read, ("--output", self.output, formats.FIGURES))
 
 
 def _is_model(name: str) -> bool:

@@ -21,7 +21,7 @@ from lagcli.cli.commands.options import (
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import file_requests, write_guard
+from lagcli.output.files import write_guard
 
 
 @exits.command
@@ -59,7 +59,7 @@ def report(
 
     The page is written where the run stops (exit 3) and where the audit fails (exit 1) too, and says so at its top.
     """
-    from lagcli.reporting import pdf_programs
+    from lagcli.reporting import report_page
 
     model_reading.require_models([model])
     _require(model, output, pdf)
@@ -74,7 +74,7 @@ def report(
         try:
             with write_guard.drawing(output):
                 files = page.save(output, pdf)
-        except pdf_programs.NoPdf as error:
+        except report_page.NoPdf as error:
             raise write_guard.WriteError(f"cannot write {output}: {error}") from None
         if not quiet:
             exits.print_err(f"written: {', '.join(map(os.fspath, files))}")
@@ -89,14 +89,14 @@ def report(
 
 def _require(model: str, output: str, pdf: str | None) -> None:
     """Refuse what cannot be done with this MODEL, before any work."""
-    from lagcli.reporting import pdf_programs, report_page
+    from lagcli.reporting import report_page
 
     is_pdf = pathlib.Path(output).suffix.lower() == ".pdf"
     if pdf is not None and not is_pdf:
         raise exits.UsageError(f"--pdf {pdf}: the page is no PDF; write -o report.pdf")
     if output == "-":
         return
-    file_requests.require([("MODEL", model)], ("--output", output, report_page.FORMATS))
+    write_guard.require([("MODEL", model)], ("--output", output, report_page.FORMATS))
     target = pathlib.Path(output)
     if target.suffix.lower() == ".md":
         folder = report_page.figure_folder(target)
@@ -104,8 +104,8 @@ def _require(model: str, output: str, pdf: str | None) -> None:
             raise exits.UsageError(f"--output {output}: {folder} is needed for figures, and is no folder")
     if is_pdf:
         try:
-            pdf_programs.require(pdf)
-        except pdf_programs.NoPdf as error:
+            report_page.require(pdf)
+        except report_page.NoPdf as error:
             raise exits.UsageError(f"--output {output}: {error}") from None
         except ValueError as error:
             raise exits.UsageError(f"--pdf: {error}") from None

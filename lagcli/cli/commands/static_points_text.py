@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from lagcli.cli.terminal import console, exits
-from lagcli.output.files import json_text, write_guard
+from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -30,7 +30,7 @@ def print_report(model: Model, found: StaticReport, output: str | None, as_json:
         ):
             sink.write(numbers, [types])
     if as_json:
-        print(json_text.text(found.as_json()))
+        print(formats.json_line(found.as_json()))
     elif output != "-":
         _print_report(found)
     exits.print_notes(found.notes, quiet)

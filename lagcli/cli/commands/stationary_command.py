@@ -9,7 +9,7 @@ import typer
 from lagcli.cli.commands import model_reading, options, static_points_text
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
-from lagcli.output.files import file_requests
+from lagcli.output.files import write_guard
 
 
 @exits.command
@@ -32,7 +32,7 @@ def stationary(
     """
     from lagcli.api import static_points
 
-    file_requests.require_outputs(model, output, None, as_json)
+    write_guard.require_outputs(model, output, None, as_json)
     read = model_reading.read(model, changes, as_json, verbose)
     with model_reading.refusals(as_json, "--{}".format):
         found = static_points.stationary(read, of, starts=starts, seed=seed, limit=limit)

@@ -11,10 +11,10 @@ from lagcli.cli.commands import completing, model_reading, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
 from lagcli.model.settings import RunSettings
-from lagcli.output.files import json_text
+from lagcli.output.files import formats
 
 if TYPE_CHECKING:
-    from lagcli.output.sweeps.sweep_account import SweepEnding
+    from lagcli.output.sweeps.sweep_table import SweepEnding
     from lagcli.output.sweeps.written_sweep import SweepStep
 
 
@@ -112,9 +112,9 @@ def sweep(
     else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
     """
     from lagcli.api import sweep_to_files
-    from lagcli.output.sweeps import shard_merge, sweep_request
+    from lagcli.output.sweeps import shard_merge, written_sweep
 
-    request = sweep_request.SweepRequest(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
+    request = written_sweep.SweepRequest(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
     if merge:
         asked = (over, points, uncertain, reduce, tables, shard, scheduler, changes)
         if any(asked) or resume:
@@ -154,6 +154,6 @@ def _followed(steps: Iterator[SweepStep], quiet: bool) -> SweepEnding:
 def _end(ending: SweepEnding, quiet: bool) -> NoReturn:
     """Tell the ending. Raises `exits.Exit` with 1 or 3 where a point is not done."""
     if ending.account is not None:
-        print(json_text.text(ending.account))
+        print(formats.json_line(ending.account))
     exits.print_err_all(() if quiet else ending.messages)
     raise exits.Exit(ending.code)

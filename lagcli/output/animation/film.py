@@ -14,7 +14,7 @@ from matplotlib import animation, axes, collections, colors, figure, lines, quiv
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
-from lagcli.output.animation import nets, still
+from lagcli.output.animation import nets, page
 from lagcli.output.animation.scene import Scene
 from lagcli.output.figures import figure_page, labels
 from lagcli.output.files import atomic_file
@@ -122,13 +122,13 @@ class _Drawing:
         self._plot.set_axis_off()
         self._plot.set_xlim(0, width)
         self._plot.set_ylim(height, 0)
-        self._to = still.Projection(scene, width, height)
+        self._to = page.Projection(scene, width, height)
         widths = [0.3 if one.kind == "net" else 0.8 for one in scene.surfaces]
         self._rims = [self._plot.plot([], [], color=GREY, linewidth=width)[0] for width in widths]
         self._trails = self._trailed()
         self._links = collections.LineCollection([], colors=GREY, linewidths=1.6)
         self._plot.add_collection(self._links)
-        colours = [still.colour(k, scene.count) for k in range(scene.count)]
+        colours = [page.colour(k, scene.count) for k in range(scene.count)]
         sizes = (2 * np.maximum(2.0, scene.radii * self._to.scale) * 72 / DPI) ** 2
         self._balls = self._plot.scatter(
             np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=colours, zorder=3
@@ -158,7 +158,7 @@ class _Drawing:
         found = []
         for k in moving:
             fading = np.linspace(0.05, 0.7, FADES)
-            colours = [(*colors.to_rgb(still.colour(k, scene.count)), alpha) for alpha in fading]
+            colours = [(*colors.to_rgb(page.colour(k, scene.count)), alpha) for alpha in fading]
             drawn = collections.LineCollection([], colors=colours, linewidths=1.4)
             self._plot.add_collection(drawn)
             found.append((self._to(scene.points[k]), drawn))
@@ -168,7 +168,7 @@ class _Drawing:
         """Move everything to an instant."""
         scene = self._scene
         for rim, one in zip(self._rims, scene.surfaces, strict=True):
-            corners = nets.strings(one.corners_at(frame)) if one.kind == "net" else still.outline(one, frame)
+            corners = nets.strings(one.corners_at(frame)) if one.kind == "net" else page.outline(one, frame)
             rim.set_data(*self._to(corners).T)
         first = int(np.searchsorted(scene.t, scene.t[frame] - LENGTH * (scene.t[-1] - scene.t[0])))
         cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)
@@ -198,7 +198,7 @@ def _curves(plot: axes.Axes, scene: Scene) -> lines.Line2D:
     )
     for k, curve in enumerate(largest[:MOST_CURVES]):
         name = labels.shortened(curve.name, 24)
-        plot.plot(scene.t, curve.values, linewidth=1.0, color=still.PALETTE[k], label=name)
+        plot.plot(scene.t, curve.values, linewidth=1.0, color=page.PALETTE[k], label=name)
     plot.set_title("λ over t", fontsize=8, loc="left")
     plot.legend(fontsize=6, frameon=False, loc="best")
     plot.spines[["top", "right"]].set_visible(False)

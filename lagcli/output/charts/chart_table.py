@@ -17,8 +17,8 @@ from typing import BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.figures import decimate
-from lagcli.output.tables import provenance, read_table
+from lagcli.output.figures import chart
+from lagcli.output.tables import provenance, table_format
 from lagcli.output.tables.provenance import TableFacts
 from lagcli.output.tables.table_format import UnreadableTable
 
@@ -101,8 +101,8 @@ def of_run(run: RunTable, name: str = "") -> ChartTable:
 
 
 def of_file(path: str | os.PathLike[str]) -> ChartTable:
-    """A table in a file. Raises what `read_table.opened` raises; take raises `UnreadableTable` and OSError."""
-    found = read_table.opened(path, MOST_NUMBERS)
+    """A table in a file. Raises what `table_format.opened` raises; take raises `UnreadableTable` and OSError."""
+    found = table_format.opened(path, MOST_NUMBERS)
     facts = provenance.facts_from(found.provenance)
     return ChartTable(
         os.fspath(path), found.columns, found.take, found.length, facts, origin=found.provenance
@@ -210,9 +210,9 @@ def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series
     zeros = len(values) - int(np.count_nonzero(values))
     y = np.where(values != 0, np.abs(values), np.nan) if is_log else values
     if most is None:
-        x, y = decimate.path(x, y)
+        x, y = chart.path(x, y)
     else:
-        chosen = decimate.extrema(y, most)
+        chosen = chart.extrema(y, most)
         x, y = x[chosen], y[chosen]
     return Series(x.copy(), y.copy(), max(-low, high, 0.0), bool((values < 0).any()), zeros, len(values))
 
@@ -220,4 +220,4 @@ def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series
 def path(table: ChartTable, pair: tuple[str, str]) -> tuple[Floats, Floats]:
     """The curve of a column against another, decimated."""
     rows = table.take(list(dict.fromkeys(pair)))
-    return decimate.path(rows[:, 0], rows[:, -1])
+    return chart.path(rows[:, 0], rows[:, -1])

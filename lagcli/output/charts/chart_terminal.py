@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
-from lagcli.output.figures import decimate
+from lagcli.output.figures import chart
 from lagcli.output.figures.chart import (
     ChartCurve,
     ChartData,
@@ -195,10 +195,10 @@ class _Area:
     def _decimated(self, curve: ChartCurve) -> tuple[Floats, Floats]:
         y = np.log10(curve.y) if self._panel.is_log else curve.y
         if self._panel.shape == "time":
-            chosen = decimate.extrema(y, 4 * self.width)
+            chosen = chart.extrema(y, 4 * self.width)
             x, y = curve.x[chosen], y[chosen]
         else:
-            x, y = decimate.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
+            x, y = chart.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
         return _part(x, self.x), _part(y, self._y)
 
     def _mark(self, canvas: _Canvas, t: float) -> None:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.errors import diagnostics
-from lagcli.output.charts import chart_table, chart_texts
+from lagcli.output.charts import chart_table
 from lagcli.output.charts.chart_table import ChartTable, Series
-from lagcli.output.charts.chart_texts import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.figures import labels, panels
 from lagcli.output.figures.chart import (
     MOST_KEYS,
@@ -25,7 +24,8 @@ from lagcli.output.figures.chart import (
     LegendKey,
     incident_marks,
 )
-from lagcli.output.tables import column_choice
+from lagcli.output.figures.labels import COMPARABLE, OPEN, ColumnTexts
+from lagcli.output.tables import table_format
 
 Floats = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ class _Plan:
         self._tables, self._choice = tables, choice
         self._columns = list(dict.fromkeys(name for table in tables for name in table.columns))
         self._words = [ColumnTexts(table.columns, table.facts) for table in tables]
-        self._names = chart_texts.distinguishing(
+        self._names = labels.distinguishing(
             [table.name for table in tables], [table.origin for table in tables]
         )
         self.x = self._axis()
@@ -119,8 +119,8 @@ class _Plan:
 
     def _selected(self, patterns: str) -> list[str]:
         try:
-            indices = column_choice.select(self._columns, patterns)
-        except column_choice.UnknownColumn as error:
+            indices = table_format.select(self._columns, patterns)
+        except table_format.UnknownColumn as error:
             raise UndrawableColumns(f"--y: {error}") from None
         return [self._columns[index] for index in indices]
 

@@ -1,20 +1,59 @@
-"""Texts in a figure: those of strangers without control characters and cut where they are very long; labels of units.
+"""The words of figures and charts: labels of units, what a column is, and names that tell several tables apart.
 
-A figure of a label of thousands of letters would take minutes to be measured, or leave its axes no room.
+A column is told by its name and what is known of its table; tables differ in a parameter, or in the part of a path that
+is no other's.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 from typing import Protocol
 
 from lagcli.errors import diagnostics
+from lagcli.model import dimension_facts
 from lagcli.model.dimension_facts import DimensionFacts
+from lagcli.output.tables.provenance import TableFacts
 
 # Letters; the tests draw longer ones. A title of so many fills about three lines, a name about one, and a unit leaves
 # the axis it labels its room.
 TITLE, NAME, UNIT = 300, 100, 40
 _RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+# Kinds in which what is 1e-12 of the largest column is rounding: they have one unit and come from the same sums.
+COMPARABLE = ("position", "velocity", "multiplier", "constraint force")
+PLURALS = {
+    "time": "t",
+    "position": "positions",
+    "velocity": "velocities",
+    "coordinate": "coordinates",
+    "rate": "rates",
+    "multiplier": "multipliers λ",
+    "constraint force": "constraint forces R",
+    "constraint force of a coordinate": "constraint forces R of coordinates",
+    "generalized force": "generalized forces Q",
+    "energy": "energy",
+    "error": "errors",
+    "other": "",
+}
+# Units of these are not the same for all columns of the kind.
+OPEN = ("coordinate", "rate", "other", "constraint force of a coordinate", "generalized force", "error")
+MOST_NAMED = 3  # parameters in one name of a table
+SETTINGS = ("method", "rtol", "atol", "version")
+_PREFIXES = tuple(
+    (re.compile(pattern, re.DOTALL), kind)
+    for pattern, kind in (
+        (r"t", "time"),
+        (r"energy", "energy"),
+        (r"err\..+", "error"),
+        (r"(lambda|mu)\..+", "multiplier"),
+        (r"R\..+\.[xyz]", "constraint force"),
+        (r"R\..+", "constraint force of a coordinate"),
+        (r"Q\..+", "generalized force"),
+        (r"rate\(.+\)", "rate"),
+    )
+)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -80,3 +119,146 @@ def multiplier_unit(column: str, units: UnitLabels, known: DimensionFacts) -> st
     if power is not None and power == int(power):
         return force_unit(units, length_power=2 - int(power))
     return f"{force_unit(units, length_power=2) or '1'} / unit of fᵢ"
+
+
+class ColumnTexts:
+    """The words for the columns of one table."""
+
+    def __init__(self, columns: Sequence[str], facts: TableFacts) -> None:
+        self._columns, self._facts = frozenset(columns), facts
+        units = facts.units
+        short = [shortened(u, UNIT) for u in (units.length, units.mass, units.time)] if units else []
+        self._units = ShortUnits(*short) if short else None
+
+    def kind(self, column: str) -> str:
+        """The kind of a column, a key of PLURALS."""
+        for pattern, kind in _PREFIXES:
+            if pattern.fullmatch(column):
+                return kind
+        stem, _, member = column.rpartition(".")
+        if stem and member in ("x", "y", "z") and self._is_particle(stem):
+            return "position"
+        if stem and member in ("vx", "vy", "vz") and self._is_particle(stem):
+            return "velocity"
+        return "coordinate" if f"rate({column})" in self._columns else "other"
+
+    def _is_particle(self, stem: str) -> bool:
+        """True for a particle: a vector among the outputs has no velocity."""
+        return dimension_facts.base(stem) in self._facts.dimensions.positions or f"{stem}.vx" in self._columns
+
+    def unit(self, column: str) -> str:
+        """The label of its unit; empty where it is not known."""
+        units = self._units
+        if units is None:
+            return ""
+        kind, known = self.kind(column), self._facts.dimensions
+        length, time = units.length.strip(), units.time.strip()
+        per_time = f"{length or '1'}/{time}" if time not in ("", "1") else length
+        torque = force_unit(units, 2)
+        of_angle = dimension_facts.base(re.sub(r"^(R\.|Q\.|rate\()|\)$", "", column)) in known.angles
+        found = {
+            "time": time,
+            "position": length,
+            "velocity": per_time,
+            "coordinate": "rad" if of_angle else "",
+            "rate": f"rad/{time}" if of_angle and time not in ("", "1") else "",
+            "constraint force": force_unit(units),
+            "constraint force of a coordinate": torque if of_angle else "",
+            "generalized force": torque if of_angle else "",
+            "energy": "J" if torque == "N·m" else torque,
+        }
+        if kind == "multiplier":
+            return multiplier_unit(column, units, known)
+        return found.get(kind, "")
+
+    def axis(self, columns: Sequence[str]) -> str:
+        """The name of an axis of some columns of one kind and unit."""
+        kind, (first, *others) = self.kind(columns[0]), columns
+        if not others:
+            named = (
+                f"{kind} {first}"
+                if kind in ("multiplier", "position", "velocity", "constraint force")
+                else first
+            )
+            return with_unit(shortened(named, TITLE), self.unit(first))
+        return with_unit(PLURALS[kind], self.unit(first))
+
+
+def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] | None]) -> list[str]:
+    """A name for each table, from the provenance where all have one and it tells them apart, else from the paths."""
+    if len(paths) == 1:
+        return [""]
+    known = [origin for origin in origins if origin is not None]
+    if len(known) == len(paths):
+        by_values = _by_values(_values(known))
+        if by_values is not None:
+            return by_values
+    names = _by_paths(paths)
+    numbered = [f"{name} ({number})" if name else f"run {number}" for number, name in enumerate(names, 1)]
+    return [
+        name if name and names.count(name) == 1 else other
+        for name, other in zip(names, numbered, strict=True)
+    ]
+
+
+def _values(origins: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
+    """The parameters and settings of each table; of one model those parameters alone that were set: others follow."""
+    found = [_mapping(origin.get("parameters")) for origin in origins]
+    models = {_text(origin.get("sha256")) for origin in origins}
+    if len(models) == 1 and models != {"none"}:
+        was_set = {name for origin in origins for name in _mapping(origin.get("set"))}
+        found = [{name: value for name, value in one.items() if name in was_set} for one in found]
+    return [
+        parameters
+        | {f" {name}": origin.get(name) for name in SETTINGS}  # a space: no parameter has such a name
+        for parameters, origin in zip(found, origins, strict=True)
+    ]
+
+
+def _mapping(value: object) -> dict[str, object]:
+    return {str(name): one for name, one in value.items()} if isinstance(value, Mapping) else {}
+
+
+def _by_values(tables: Sequence[Mapping[str, object]]) -> list[str] | None:
+    """`L = 1.5, m = 2` of the values that differ, if they are few and tell all tables apart."""
+    names = dict.fromkeys(name for table in tables for name in table)
+    differing = [name for name in names if len({_text(table.get(name)) for table in tables}) > 1]
+    if not 1 <= len(differing) <= MOST_NAMED:
+        return None
+    texts = [
+        ", ".join(f"{name.strip()} = {_text(table.get(name))}" for name in differing) for table in tables
+    ]
+    return texts if len(set(texts)) == len(texts) else None
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_text, value))}]"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
+def _by_paths(paths: Sequence[str]) -> list[str]:
+    """The parts of paths that differ: folders first, then words of the names."""
+    parts = [PurePath(path).parts for path in paths]
+    cut = _without_common([list(each) for each in parts])
+    if {len(each) for each in cut} != {1}:
+        return ["/".join(each) or "/".join(whole) for each, whole in zip(cut, parts, strict=True)]
+    names = [PurePath(each[0]) for each in cut]
+    # A dot may be that of a number, and a hyphen its sign, or stand between a quantity and its value.
+    is_alike = len({name.suffix for name in names}) == 1
+    plain = [name.stem if is_alike else name.name for name in names]
+    words = [re.findall(r"[^_ ]+|[_ ]", name) for name in plain]
+    short = ["".join(each).strip("_ ") for each in _without_common(words)]
+    return short if all(short) else plain
+
+
+def _without_common(lists: list[list[str]]) -> list[list[str]]:
+    """The lists without what all begin with and all end with."""
+    fewest = min(map(len, lists))
+    head = next((i for i in range(fewest) if len({each[i] for each in lists}) > 1), fewest)
+    tails = [each[head:] for each in lists]
+    fewest = min(map(len, tails))
+    tail = next((i for i in range(fewest) if len({each[-1 - i] for each in tails}) > 1), fewest)
+    return [each[: len(each) - tail] for each in tails]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.model import dimension_facts
-from lagcli.output.figures import chart, decimate
+from lagcli.output.figures import chart
 from lagcli.output.figures.chart import LARGEST, ChartCurve, ChartPanel, LegendKey
 from lagcli.output.figures.labels import UnitLabels, force_unit, multiplier_unit, with_unit
 
@@ -74,7 +74,7 @@ class _Table:
 
     def curve(self, label: str, values: NDArray[np.float64], of: int, look: int = 0) -> ChartCurve:
         """The curve, decimated for a figure that shows ``of`` of them."""
-        chosen = decimate.extrema(values, min(4000, max(200, _NUMBERS // of)))
+        chosen = chart.extrema(values, min(4000, max(200, _NUMBERS // of)))
         return ChartCurve(label, self.column("t")[chosen], values[chosen], look, look)
 
     def panel(

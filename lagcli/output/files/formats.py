@@ -1,4 +1,4 @@
-"""The file endings that are written, so that a wrong one is refused before a long run and not after it."""
+"""The file endings that are written, so that a wrong one is refused before a long run; JSON for standard output."""
 
 from __future__ import annotations
 
@@ -59,3 +59,13 @@ def of(path: Path, known: tuple[str, ...]) -> str:
     if ending not in known:
         raise UnknownFormat(path.name, known)
     return ending
+
+
+def json_line(value: object) -> str:
+    """One line of JSON. Letters stay as they are; what a terminal would act on is escaped."""
+    # Most commands print none.
+    import json
+
+    line = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    # Characters that are not printable stand inside of strings only, where an escape means the same.
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)

@@ -11,10 +11,9 @@ from pathlib import Path
 from lagcli.output.files import file_lock, write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.sweeps import sweep_table
-from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
-from lagcli.output.sweeps.sweep_request import SweepRequest
-from lagcli.output.sweeps.sweep_table import PointRow, SweepTable
-from lagcli.output.tables import read_table
+from lagcli.output.sweeps.sweep_table import PointRow, SweepAccount, SweepEnding, SweepTable
+from lagcli.output.sweeps.written_sweep import SweepRequest
+from lagcli.output.tables import table_format
 
 MOST_LISTED = 5  # points that are named one by one
 UNSEEN = "note: these tables have no column `checksum`: a digit that was changed in them is not seen"
@@ -55,7 +54,7 @@ def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
             raise BadRequest(f"--merge: there is no file {error.filename}") from None
         except OSError as error:
             raise BadRequest(f"--merge: cannot read {error.filename}: {error.strerror}") from None
-        except (*read_table.UNREADABLE, BadShards) as error:
+        except (*table_format.UNREADABLE, BadShards) as error:
             raise BadRequest(f"--merge: {error}") from None
         with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
             target = request.target
@@ -78,7 +77,7 @@ def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
 def merged(paths: Sequence[str]) -> MergedRows:
     """The rows of all shards, whatever their order and their formats.
 
-    Raises `BadShards`, `read_table.UnreadableTable`, `formats.UnknownFormat`, `MissingExtra`, OSError.
+    Raises `BadShards`, `table_format.UnreadableTable`, `formats.UnknownFormat`, `MissingExtra`, OSError.
     """
     columns: tuple[str, ...] = ()
     sweep, whence, is_checked = "", "", False
@@ -113,7 +112,7 @@ def merged(paths: Sequence[str]) -> MergedRows:
 def _read(path: str) -> tuple[tuple[str, ...], str, bool, list[PointRow]]:
     """The columns of the whole sweep, the cell that tells it, whether its rows have checksums, and the rows of a
     shard."""
-    table = read_table.opened(path)
+    table = table_format.opened(path)
     for name in (
         sweep_table.NUMBER,
         sweep_table.STATUS,

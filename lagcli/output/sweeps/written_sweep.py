@@ -1,24 +1,25 @@
-"""A sweep on its way into a file: its rows as they come into a journal, and from there into the table."""
+"""A sweep on its way into a file, as it was asked for: its rows as they come into a journal, and from there into the
+table."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
+import pathlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeAlias
 
 from lagcli.output.files import atomic_file, file_lock, formats, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.sweeps import sweep_journal, sweep_table
-from lagcli.output.sweeps.sweep_account import SweepAccount, SweepEnding
 from lagcli.output.sweeps.sweep_journal import SweepJournal
-from lagcli.output.sweeps.sweep_request import SweepRequest
-from lagcli.output.sweeps.sweep_table import PlannedRows, PointRow, SweepTable
-from lagcli.output.tables import read_table, table_format
-from lagcli.output.tables.read_table import ReadTable
+from lagcli.output.sweeps.sweep_table import PlannedRows, PointRow, SweepAccount, SweepEnding, SweepTable
+from lagcli.output.tables import table_format
+from lagcli.output.tables.table_format import ReadTable
 
 SYNC = 1.0  # seconds between times that rows are put on the disk for power cuts
 
@@ -194,13 +195,13 @@ def _finished_rows(path: Path, planned: PlannedRows, digest: str) -> list[PointR
     if not path.is_file():
         return None
     try:
-        table = read_table.opened(path)
+        table = table_format.opened(path)
         if tuple(table.columns) != planned.columns:
             return None
         if not _is_silent(path, planned) and not _is_same(table, planned):
             return None
         finished = sweep_table.rows(path, table, len(planned.names))
-    except read_table.UNREADABLE:
+    except table_format.UNREADABLE:
         return None  # whatever it is, it is replaced as any file is
     if [row.number for row in finished] != list(planned.numbers):
         return None
@@ -218,3 +219,81 @@ def _is_same(table: ReadTable, planned: PlannedRows) -> bool:
     whence = table.provenance or {}
     wanted = json.loads(json.dumps(planned.identity))  # as it reads back from a file
     return all(whence.get(key) == value for key, value in wanted.items())
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class SweepRequest:
+    """Options of `sweep` besides what is computed: files, and who computes."""
+
+    output: str | None
+    tables: str | None
+    shard: str | None
+    scheduler: str | None
+    jobs: int
+    resume: bool
+    as_json: bool
+    quiet: bool
+
+    @property
+    def target(self) -> str | None:
+        """The file or, with a stroke at its end, the folder of a dataset; None for standard output."""
+        return None if self.output in (None, "-") else self.output
+
+    @property
+    def is_dataset(self) -> bool:
+        """True if the rows are one part of a folder."""
+        name = self.target or ""
+        return name.endswith(("/", os.sep)) or os.path.isdir(name)
+
+    @property
+    def part(self) -> tuple[int, int]:
+        """The numbers of `--shard I/N`, 1 of 1 without it. Raises `BadRequest`."""
+        if self.shard is None:
+            return 1, 1
+        number, sign, count = (part.strip() for part in self.shard.partition("/"))
+        is_count = sign and number.isdecimal() and count.isdecimal()
+        if not is_count or not 1 <= int(number) <= int(count):
+            raise BadRequest(f"--shard {self.shard}: write I/N, the part I of N, from 1/N to N/N")
+        return int(number), int(count)
+
+    @property
+    def path(self) -> pathlib.Path:
+        """The file of this shard."""
+        assert self.target is not None
+        if self.is_dataset:
+            number, count = self.part
+            return pathlib.Path(self.target) / f"part-{number:05d}-of-{count:05d}.parquet"
+        return pathlib.Path(self.target)
+
+    @property
+    def rows_so_far(self) -> pathlib.Path:
+        """The name that the rows of an interrupted sweep get, before `.partial`. In a folder it begins with a dot: what
+        reads a dataset passes over such files, and over no others."""
+        path = self.path
+        return path.with_name(f".{path.name}") if self.is_dataset else path
+
+    def require(self, model: str, points: str | None) -> None:
+        """Refuse what cannot be done for this MODEL and these points. Raises `BadRequest`, `write_guard.WriteError`."""
+        if model == points == "-":
+            raise BadRequest("standard input can be read once only: MODEL and --points are both -")
+        if self.scheduler is not None and self.jobs != 1:
+            raise BadRequest("--jobs and --scheduler both say who computes; give one of them")
+        if self.target is None:
+            if self.resume:
+                raise BadRequest("--resume goes on in the file of the sweep before: give it with -o FILE")
+            if self.as_json:
+                raise BadRequest("--json has standard output: give a file for the rows with -o FILE")
+        elif not self.is_dataset:
+            write_guard.require_outputs(model, self.output, None, self.as_json)
+            if points not in (None, "-"):
+                write_guard.require([("--points", points)], ("--output", self.target, formats.TABLES))
+
+    def require_merge(self, paths: Iterable[str]) -> None:
+        """Refuse what cannot be done with the tables of these shards."""
+        if self.target is None and self.as_json:
+            raise BadRequest("--json has standard output: give a file for the rows with -o FILE")
+        if self.target is None:
+            return
+        if self.is_dataset:
+            raise BadRequest(f"--merge: {self.target} is a folder; the parts of a dataset need no merging")
+        write_guard.require([("--merge", path) for path in paths], ("--output", self.target, formats.TABLES))

@@ -241,13 +241,13 @@ def _by_kind(counted: tuple[str, int]) -> int:
 def read(path: str | os.PathLike[str]) -> IncidentTable:
     """The incidents in a file: `t`, `kind`, `name` and columns of numbers, which may be any.
 
-    Raises what `read_table.opened` raises, and `UnreadableTable` where one of those three is missing, a kind is none,
+    Raises what `table_format.opened` raises, and `UnreadableTable` where one of those three is missing, a kind is none,
     and where times are no numbers or go back.
     """
-    from lagcli.output.tables import read_table
+    from lagcli.output.tables import table_format
     from lagcli.output.tables.table_format import SHOWN, UnreadableTable
 
-    table = read_table.opened(path)
+    table = table_format.opened(path)
     missing = [name for name in HEAD if name not in table.columns]
     if missing:
         raise UnreadableTable(f"{path} is no table of events: it has no column `{missing[0]}`")

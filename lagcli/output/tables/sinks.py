@@ -172,7 +172,7 @@ class _FileSink(Sink):
 class _StreamSink(Sink):
     def __init__(self, stream: BinaryIO | TextIO, head: TableHead) -> None:
         super().__init__(head)
-        self._table = csv_format.CsvText(head)
+        self._table, self._numbers = csv_format.CsvText(head), head.numbers
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
         self._header = self._table.header()
         self._text: TextIO | None = None
@@ -185,10 +185,11 @@ class _StreamSink(Sink):
             self._bytes = cast(BinaryIO, stream)
 
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
-        parts = self._table.lines(self._checked(rows, texts), texts)
+        rows = self._checked(rows, texts)
+        cell_text.require_no_infinity(rows, self._numbers)
         self._put(self._header)
         self._header = b""
-        for part in parts:
+        for part in self._table.lines(rows, texts):
             self._put(part)
         self._flush()
 

@@ -1,13 +1,18 @@
-"""The protocol of a table format, and the refusals of files that are no tables.
+"""The protocol of a table format, tables read back, the choice of their columns, and the refusals of other files.
 
 A format is a file of this folder with the functions `writer` and `reader` and its line in `formats.FORMATS`; it is
-loaded when a table of it is at hand.
+loaded when a table of it is at hand. A table may come from anywhere: its names are known before any of its numbers is
+read, only the columns that are asked for are read, and how much that is is looked at first.
 """
 
 from __future__ import annotations
 
+import difflib
+import fnmatch
 import importlib
 import json
+import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, cast
@@ -25,6 +30,8 @@ Provenance = Mapping[str, object] | None
 
 SHOWN = 60  # characters of what is no number
 MOST_TEXT = 1000  # characters of a text: a kind or a name
+MOST_NUMBERS = 5_000_000  # of the columns that are read: an audit of as many holds 2 GB (400 bytes a number)
+ACCELERATION = re.compile(r"\w+(\[\d+\])*\.a[xyz]")
 
 
 class UnreadableTable(ValueError):
@@ -130,3 +137,87 @@ def column_indices(columns: Sequence[str], names: Sequence[str]) -> list[int]:
     """The indices of the columns of these names."""
     at = {name: k for k, name in enumerate(columns)}
     return [at[name] for name in names]
+
+
+# What is raised for a file that is no table to be read here, but for OSError.
+UNREADABLE = (formats.UnknownFormat, MissingExtra, UnreadableTable)
+
+
+def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:
+    """A table of which the names are known; nothing else of it is in memory, but of a JSON file.
+
+    most: numbers that may be read at a time, MOST_NUMBERS where nothing is said.
+    Raises ``formats.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
+    """
+    target = Path(path)
+    fmt = of(formats.of(target, formats.TABLES))
+    found = fmt.reader(target, _size_check(MOST_NUMBERS if most is None else most))
+    if len(set(found.columns)) < len(found.columns):
+        raise UnreadableTable(f"{path} has two columns of one name")
+    return found
+
+
+def read(path: str | os.PathLike[str]) -> tuple[tuple[str, ...], Floats]:
+    """All columns of a table and its rows (T, columns). Raises what `opened` raises."""
+    table = opened(path)
+    return table.columns, table.take(table.columns)
+
+
+def _size_check(most: int) -> CheckSize:
+    def check(path: Path, rows: int, columns: int) -> None:
+        if rows * columns > most:
+            raise UnreadableTable(
+                f"{path} is too large: {rows} rows or more of {columns} columns that are read; at most {most}"
+                f" numbers are, which is {most // max(1, columns)} rows (a larger table needs more than 2 GB of"
+                " memory): write fewer rows, or a shorter run"
+            )
+
+    return check
+
+
+class UnknownColumn(ValueError):
+    """A pattern matches no column; ``nearest`` holds the known names most like it."""
+
+    def __init__(self, pattern: str, nearest: Sequence[str]) -> None:
+        self.pattern = pattern
+        self.nearest = tuple(nearest)
+        hint = f"; nearest: {', '.join(self.nearest)}" if self.nearest else ""
+        if ACCELERATION.fullmatch(pattern):
+            hint = f"; accelerations are columns where they are outputs of the model: `outputs: {{acc: {pattern}}}`"
+        super().__init__(f'no column matches "{pattern}"{hint}')
+
+    def __reduce__(self) -> tuple[type[UnknownColumn], tuple[object, ...]]:
+        return type(self), (self.pattern, self.nearest)
+
+
+def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -> list[int]:
+    """Indices into ``columns`` of the names that the comma-separated ``patterns`` choose.
+
+    ``*`` stands for any text and ``?`` for one character; everything else, square brackets too, stands for
+    itself. The order is that of the patterns, then of the table; a column is listed once. ``by_name``: columns
+    after all others that ``*`` alone leaves out, such as ``Q.theta``: a pattern must begin with their first word
+    and its dot. Raises ``UnknownColumn`` for the first pattern without a match.
+    """
+    chosen: dict[int, None] = {}
+    everything = (*columns, *by_name)
+    for pattern in (part.strip() for part in patterns.split(",")):
+        # fnmatch reads "[...]" as a character set; "[[]" is its way to write a literal bracket.
+        is_open = re.search(r"[*?]", pattern)
+        matches = (
+            re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match if is_open else pattern.__eq__
+        )
+        found = [
+            index
+            for index, name in enumerate(everything)
+            if matches(name) and (index < len(columns) or pattern.startswith(name.partition(".")[0] + "."))
+        ]
+        if not found:
+            stem = re.sub(r"[*?]", "", pattern).casefold()
+            names: dict[str, str] = {}
+            for name in everything:
+                names.setdefault(name.casefold(), name)
+            raise UnknownColumn(
+                pattern, [names[key] for key in difflib.get_close_matches(stem, list(names), n=3, cutoff=0.5)]
+            )
+        chosen.update(dict.fromkeys(found))
+    return list(chosen)
