@@ -19,7 +19,7 @@ from lagcli import doubles, progress
 from lagcli.analysis import codimension
 from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations import kinks
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
@@ -276,7 +276,7 @@ def _beside_deficient(system: System, surface: Codimension) -> tuple[frozenset[s
     """
     if surface.kind != "deficient" or system.holonomic_count == len(system.rows.rows):
         return frozenset(), ""
-    numbers, coordinates = pattern.coordinates(system)
+    numbers, coordinates = row_block.coordinates(system)
     among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
     names = initial.names_of(system, list(surface.rows))
     return (

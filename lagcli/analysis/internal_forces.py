@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Triple, Value, column, taken
+from lagcli.equations.environment import Environment, Triple, Value, column, taken
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
 from lagcli.expression import tree

@@ -23,8 +23,8 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.compiled import parts as shared
-from lagcli.compiled import solvers
-from lagcli.compiled.expanded import Expanded
+from lagcli.compiled import selection as choice
+from lagcli.compiled.factorization import Expanded
 from lagcli.compiled.selection import Selection
 from lagcli.equations import narrow_functions
 from lagcli.equations.system import System
@@ -33,7 +33,7 @@ from lagcli.smoothness import named_functions
 from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
-    from lagcli.compiled.factored import Factored
+    from lagcli.compiled.factorization import Factored
     from lagcli.compiled.force_switches import ForceSwitches
     from lagcli.compiled.narrow_arguments import NarrowArguments
     from lagcli.equations.level_functions import LevelExpression
@@ -158,10 +158,10 @@ class NumericSystem:
     @cached_property
     def _way(self) -> Expanded | Factored:
         parts = self._parts
-        largest = max(map(solvers.operations, (parts.S, parts.S_enforced) if parts.g.numel() else (parts.S,)))
+        largest = max(map(choice.operations, (parts.S, parts.S_enforced) if parts.g.numel() else (parts.S,)))
         if largest <= EXPANDED_OPERATIONS:
             return Expanded(parts)
-        from lagcli.compiled.factored import Factored
+        from lagcli.compiled.factorization import Factored
 
         return Factored(parts)
 

@@ -12,16 +12,15 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.compiled import selection as choice
-from lagcli.compiled import solvers
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
 from lagcli.equations.rows import ContactRows
 from lagcli.equations.system import System
+from lagcli.frozen import frozen
 from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
     from lagcli.equations.level_functions import LevelExpression
-from lagcli.frozen import frozen
 
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
@@ -107,9 +106,9 @@ class Parts:
         return [self.t, self.y, self.p]
 
     @cached_property
-    def inertia(self) -> solvers.Solve:
+    def inertia(self) -> choice.Solve:
         """h -> M^-1 h."""
-        return solvers.solver(self.M)
+        return choice.solver(self.M)
 
     @cached_property
     def acting(self) -> ContactRows:
@@ -210,7 +209,7 @@ class Parts:
         B = self.of(selection.independent, self.B, self.contacts.G)
         pattern = ca.mtimes(B.sparsity(), self.inertia(B.T).sparsity())
         most = PARAMETERS.stages * self.y.numel()
-        if pattern.nnz() > most or solvers.operations(ca.SX(pattern)) > most:
+        if pattern.nnz() > most or choice.operations(ca.SX(pattern)) > most:
             return None
         switches = ca.SX.sym("switch", count)
         return dataclasses.replace(

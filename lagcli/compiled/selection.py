@@ -3,20 +3,67 @@
 Where rows are dependent, B^T lambda is unique and lambda is not (D.13 to D.22). Of all multipliers with the same
 B^T lambda those are given that make the sum of lambda_i^2 B_i M^-1 B_i^T smallest: lambda_i sqrt(B_i M^-1 B_i^T) does
 not change when a row is scaled, so that the split does not depend on how a row is written.
+
+M^-1 and S^-1 = (B M^-1 B^T)^-1 are sparse L D L^T factors, written out operation by operation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.compiled import solvers
 from lagcli.frozen import frozen_value
 from lagcli.smoothness.sized_function import SizedFunction
+
+Solve = Callable[[ca.SX], ca.SX]
+
+
+def solver(matrix: ca.SX) -> Solve:
+    """x -> matrix^-1 x for a symmetric positive definite matrix, by its sparse factors."""
+    return watched(matrix)[0]
+
+
+def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
+    """The solver as `solver` makes it, with the smallest angle: the least pivot, each as a part of its diagonal entry.
+
+    Of a Gram matrix a pivot over its entry is the square of the sine between a row and the rows before it.
+    """
+    n = matrix.shape[0]
+    if n == 0:
+        return (lambda right: right), 1.0
+    if matrix.sparsity().is_diag():
+        inverse = 1 / ca.diag(matrix)
+        return (lambda right: _scaled(inverse, right)), 1.0
+    D, LT, order = ca.ldl(matrix)
+    parts = D / ca.diag(matrix)[order]
+    return (lambda right: ca.ldl_solve(right, D, LT, order)), ca.mmin(parts)
+
+
+def _scaled(factors: ca.SX, right: ca.SX) -> ca.SX:
+    """Each row of a matrix, times its factor."""
+    if right.shape[1] == 1:
+        return factors * right
+    rows = np.asarray(right.sparsity().row(), dtype=np.int64)
+    if not rows.size:
+        return right
+    each = ca.vec(factors[rows.tolist()])  # CasADi takes of a single factor a line, not a column
+    return ca.SX(right.sparsity(), each * ca.vec(right.nz[:]))
+
+
+def operations(S: ca.SX) -> float:
+    """Multiplications that one factorization of S takes, counted from its fill."""
+    pattern = S.sparsity()
+    if pattern.size1() == 0:
+        return 0.0
+    LT, _ = pattern.ldl()
+    # Row k of L has as many entries as column k of L^T; eliminating it touches their pairs.
+    entries = np.diff(np.asarray(LT.T.colind(), dtype=float))
+    return float(np.sum((entries + 1) ** 2))
+
 
 # Larger dependencies are solved numerically: written out, their factors would take longer to build than a run takes.
 WRITTEN_OUT = 40
@@ -130,7 +177,7 @@ def loads(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
     for row, *support in selection.idle:
         independent = [among[i] for i in support]
         here, given = ca.SX.sym("S", len(among), len(among)), ca.SX.sym("lam", len(support))
-        T = solvers.solver(here[independent, independent])(here[independent, among[row]])
+        T = solver(here[independent, independent])(here[independent, among[row]])
         load = ca.dot(T, ca.diag(here[independent, independent]) * given) / (
             here[among[row], among[row]] + doubles.TINY
         )
@@ -155,7 +202,7 @@ def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     T = ca.vertcat(*(_weights(among, i, k, pattern[i]) for i in range(k)))
     D = ca.diag(among)
     TD = T * ca.repmat(D[k:].T, k, 1)
-    rest = solvers.solver(ca.diag(D[:k] + doubles.TINY) + TD @ T.T)(TD @ given)
+    rest = solver(ca.diag(D[:k] + doubles.TINY) + TD @ T.T)(TD @ given)
     shared = SizedFunction("shared", [among, given], [ca.densify(ca.vertcat(rest, given - T.T @ rest))])
     return shared(S, lam)
 
@@ -180,7 +227,7 @@ def _weights(S: ca.SX, i: int, k: int, support: npt.NDArray[np.bool_]) -> ca.SX:
     """Row i of T, (1, r): S_iK S_KK^-1 over the independent rows K that row i depends on."""
     among = (np.flatnonzero(support) + k).tolist()
     right = S[among, i]
-    found = solvers.solver(S[among, among])(right)
+    found = solver(S[among, among])(right)
     row = ca.SX(1, support.size)
     row[0, (np.array(among) - k).tolist()] = found.T
     return ca.densify(row)

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Triple, Value, column, interleaved, scattered, taken
+from lagcli.equations.environment import Environment, Triple, Value, column, interleaved, scattered, taken
 from lagcli.equations.symbols import FixedExponents, Symbols
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns

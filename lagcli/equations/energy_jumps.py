@@ -15,8 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import column
+from lagcli.equations.environment import Environment, column
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value

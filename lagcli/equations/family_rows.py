@@ -12,8 +12,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Triple, Value, rate, scattered
+from lagcli.equations.environment import Environment, Triple, Value, rate, scattered
 from lagcli.expression import evaluate, tree
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns

@@ -8,8 +8,7 @@ from typing import NoReturn
 
 import casadi as ca
 
-from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Value
+from lagcli.equations.environment import Environment, Value
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra
 from lagcli.equations.system import System
 from lagcli.expression import evaluate, integers, parser, tree

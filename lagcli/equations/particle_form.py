@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import energy, family_columns, family_rows, rows, system
+from lagcli.equations import energy, environment, family_rows, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
@@ -65,9 +65,7 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
         numbers = _dependent(built.model)
         indices = (3 * numbers[:, None] + np.arange(3)).ravel()
         block = family_rows.holonomic(_gap(built, env, indices), env)
-        masses = ca.repmat(
-            family_columns.column(family_columns.taken(env.masses(), numbers), numbers.size).T, 3, 1
-        )
+        masses = ca.repmat(environment.column(environment.taken(env.masses(), numbers), numbers.size).T, 3, 1)
         weighted = ca.mtimes(block.B.T, ca.diag(ca.vec(masses)))
         augmented = dataclasses.replace(
             dynamics,
@@ -82,7 +80,7 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
 def _gap(built: system.System, env: Environment, indices: npt.NDArray[np.int64]) -> ca.SX:
     """r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`."""
     everyone = np.arange(len(env.particles))
-    r = family_columns.interleaved(env.position(everyone), everyone.size)
+    r = environment.interleaved(env.position(everyone), everyone.size)
     own = built.model
     cartesian = np.repeat(
         [not p.is_dependent for p in own.particles], [p.members.count for p in own.particles]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 
 from lagcli.expression import evaluate, functions, tree
-from lagcli.expression.operators import Operators
+from lagcli.expression.evaluate import Operators
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 

@@ -15,16 +15,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.equations import (
-    energy,
-    explicit_gradient,
-    family_columns,
-    output_values,
-    rows,
-    symbols,
-)
-from lagcli.equations.environment import Environment
-from lagcli.equations.family_columns import Columns
+from lagcli.equations import energy, environment, output_values, rows, symbols
+from lagcli.equations.environment import Columns, Environment
 from lagcli.equations.rows import ConstraintRows, ContactRows
 from lagcli.equations.rows import Row as ConstraintRow
 from lagcli.equations.symbols import FixedExponents, Symbols
@@ -137,7 +129,7 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     R = _reactions(env, dynamics, Q_R, accelerations)
     solved = output_values.SolvedValues(everything, lam, a, accelerations, R)
     named = output_values.OutputValues(
-        env, dynamics, solved, explicit_gradient.DependentForces(model, env, bodies, constants)
+        env, dynamics, solved, output_values.DependentForces(model, env, bodies, constants)
     )
     p = ca.vertcat(s.p, *constants)
     begin = _begin(model, bodies)
@@ -233,7 +225,7 @@ def _begin(model: nouns.Model, bodies: Sequence[Geometry]) -> tuple[float, Float
 
 def _flat(vectors: Sequence[ca.SX]) -> ca.SX:
     """Columns x, y, z as x1, y1, z1, x2, ..."""
-    return family_columns.interleaved(vectors, vectors[0].numel())
+    return environment.interleaved(vectors, vectors[0].numel())
 
 
 def start(model: nouns.Model) -> tuple[Floats, Floats]:
@@ -341,7 +333,7 @@ def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: ca.SX, accelera
     if env.cartesian.size:
         R.fill(env.cartesian, tuple(Q_R[axis : env.first_generalized : 3] for axis in range(3)))
     if env.dependent.size:
-        m = family_columns.taken(env.masses(), env.dependent)
+        m = environment.taken(env.masses(), env.dependent)
         acceleration = ca.vertcat(*accelerations.take(env.dependent))
         force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
         R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))

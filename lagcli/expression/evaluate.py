@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection
-from typing import Generic, NoReturn, Protocol, TypeAlias, TypeVar
+from typing import Generic, NoReturn, Protocol, Self, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
 from lagcli.expression import functions, hints, messages, tree
@@ -289,3 +289,36 @@ def unknown_function(node: tree.Call) -> ExpressionError:
     hint = messages.UNKNOWN_FUNCTIONS.get(node.function) or diagnostics.nearest(node.function, FUNCTION_NAMES)
     message = f"there is no function `{node.function}`"
     return ExpressionError("unknown-function", message, node.start, end, hint)
+
+
+class Arithmetic(Protocol):
+    """A number or symbol that can be added, subtracted, multiplied and divided."""
+
+    def __add__(self, other: Self, /) -> Self: ...
+
+    def __sub__(self, other: Self, /) -> Self: ...
+
+    def __mul__(self, other: Self, /) -> Self: ...
+
+    def __truediv__(self, other: Self, /) -> Self: ...
+
+    def __neg__(self) -> Self: ...
+
+
+N = TypeVar("N", bound=Arithmetic)
+
+
+class Operators(Generic[N]):
+    """The arithmetic of `evaluate.Algebra` by the operators of the scalars."""
+
+    def add(self, node: tree.Node, left: N, sign: int, right: N) -> N:
+        return left + right if sign > 0 else left - right
+
+    def negate(self, node: tree.Node, value: N) -> N:
+        return -value
+
+    def multiply(self, node: tree.Node, left: N, right: N) -> N:
+        return left * right
+
+    def divide(self, node: tree.Node, left: N, right: N) -> N:
+        return left / right

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import solvers
+from lagcli.compiled import selection
 from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
@@ -91,7 +91,7 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
         G = _force(env, constraints, start.independent, n)
         further.append(G)
         S, mu_rate = _mu_rate(constraints, dynamics, G, start.independent)
-        if solvers.operations(S) > MOST_OPERATIONS:
+        if selection.operations(S) > MOST_OPERATIONS:
             raise TooLargeError
         inertia = _inertia(built, start)
         M = ca.sparsify(dynamics.M + ca.diagcat(ca.SX(n, n), ca.diag(ca.SX(ca.DM(inertia)))))
@@ -124,10 +124,10 @@ def _mu_rate(
     s, n = constraints.f.numel(), constraints.B.shape[1] - (len(constraints.rows) - constraints.f.numel())
     chosen = list(independent)
     B, gamma = constraints.B[chosen, :n], constraints.gamma[chosen, :]
-    inertia = solvers.solver(dynamics.M[:n, :n])
+    inertia = selection.solver(dynamics.M[:n, :n])
     S = B @ inertia(B.T)
     right = gamma - B @ inertia((dynamics.h + G)[:n])
-    lam = solvers.solver(S)(ca.densify(right))
+    lam = selection.solver(S)(ca.densify(right))
     mu_rate = ca.SX.zeros(len(constraints.rows) - s)
     for index, row in enumerate(chosen):
         if row >= s:
@@ -142,7 +142,7 @@ def _inertia(built: system.System, start: VakonomicStart) -> Floats:
     """
     s, symbols = built.holonomic_count, built.symbols
     A, M = built.rows.B[s:, :], built.dynamics.M
-    sizes = ca.sum2(A.T.T * solvers.solver(M)(A.T).T)
+    sizes = ca.sum2(A.T.T * selection.solver(M)(A.T).T)
     at = SizedFunction("sizes", [symbols.t, symbols.q, built.p], [ca.densify(sizes)])
     found = np.array(at(start.t, start.q, system.values(built))).ravel()
     return np.where(np.isfinite(found) & (found > 0), found, 1.0)

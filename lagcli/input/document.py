@@ -5,36 +5,33 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import math
 from collections import ChainMap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics, meant
-from lagcli.expression import facts, parser, tree
+from lagcli.expression import facts, functions, parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.input import (
     constraint_laws,
-    degree_notes,
     entries,
     entry_names,
     evaluation_order,
-    event_entries,
-    family_ranges,
     key_hints,
     keys,
-    multiplier_names,
     namespace,
     overrides,
+    run_sections,
     scope,
-    simulation_section,
-    start_overrides,
 )
 from lagcli.input.scalars import Formulas, Reading, Trees
 from lagcli.model import family, model
+from lagcli.model.model import Expression
 
 T = TypeVar("T")
 Equation = model.Holonomic | model.Differential
@@ -121,8 +118,8 @@ class _Document:
         inequality = self._named("inequality", self._inequality)
         rigid = self._rigid()
         outputs = self._outputs()
-        events = self._named("events", functools.partial(event_entries.event, self._formulas))
-        simulation = simulation_section.simulation(
+        events = self._named("events", functools.partial(run_sections.event, self._formulas))
+        simulation = run_sections.simulation(
             self._formulas, self._root.get("simulation"), particles, self._scope.names.member_indices
         )
         if not particles and not coordinates and not self._found.has_errors:
@@ -135,8 +132,8 @@ class _Document:
         assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
         evaluation = evaluation_order.evaluation(self._formulas, particles, definitions)
         changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
-        coordinates = start_overrides.coordinates(self._formulas, coordinates, changes["coordinates"])
-        particles = start_overrides.particles(self._formulas, particles, changes["particles"])
+        coordinates = overrides.coordinates(self._formulas, coordinates, changes["coordinates"])
+        particles = overrides.particles(self._formulas, particles, changes["particles"])
         self._found.raise_errors()
         found = model.Model(
             path=self._root.text.path,
@@ -162,7 +159,7 @@ class _Document:
             order=evaluation,
             structure=tuple(sorted(self._scope.indexed.structure.items())),
         )
-        notes = tuple(degree_notes.notes(self._root, found.expressions()))
+        notes = tuple(_degree_notes(self._root, found.expressions()))
         return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found
 
     def _read_indents(self) -> None:
@@ -321,10 +318,10 @@ class _Document:
         return walls
 
     def _number_law(self, name: yaml_tree.Scalar, law: Equation | model.Inequality | None) -> None:
-        base = family_ranges.base(name)
+        base = entry_names.base_of(name)
         if base not in self._scope.laws:
             return
-        shape: multiplier_names.Shape = "vector" if isinstance(law, Equation) and law.is_vector else "scalar"
+        shape: scope.Shape = "vector" if isinstance(law, Equation) and law.is_vector else "scalar"
         found = family.one(base) if law is None else law.members
         self._names.refuse_repeated(
             name, found, self._scope.laws.number(found, None if law is None else shape)
@@ -387,3 +384,67 @@ def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:
     """Tells laws apart: those of the file, and positions of dependent particles, which a change may replace."""
     laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
     return hashlib.sha256("\0".join([content, *laws]).encode()).hexdigest()
+
+
+FULL_TURN = 2 * math.pi  # radians: a start beyond it is possible, but seldom meant
+_FUNCTIONS = functions.named(lambda row: row.angle == "argument")
+_CALLS = functions.calls(lambda row: row.angle == "argument")
+
+
+def _degree_notes(
+    root: yaml_tree.Mapping, expressions: Iterable[Expression]
+) -> Iterator[diagnostics.Diagnostic]:
+    """A note for each number beyond a full turn that is an argument, or a term of one, of sin, cos or tan."""
+    large = dict(_large(root))
+    noted: set[str] = set()
+    for expression in expressions:
+        if not expression.words & _CALLS:
+            continue
+        for call, part in _arguments(expression.tree):
+            shown = expression.origin.value[call.start : call.end]
+            if isinstance(part, tree.Number):
+                if abs(float(part.text)) > FULL_TURN:
+                    yield _note(part.text, part.text, shown, expression.origin.locate(part.start, part.end))
+                continue
+            name = part.owner if isinstance(part, tree.Index) else part.name
+            if name in large and name not in noted:
+                noted.add(name)
+                node = large[name]
+                yield _note(f"{name} = {node.value.strip()}", node.value.strip(), shown, node.location)
+
+
+def _note(what: str, number: str, shown: str, location: diagnostics.Location) -> diagnostics.Diagnostic:
+    message = f"`{what}` is more than a full turn in radians, and `{shown}` takes it as an angle"
+    hint = f"if degrees are meant, write `{number}*deg`"
+    return diagnostics.Diagnostic("angle-in-degrees", message, location, hint, "note")
+
+
+def _large(root: yaml_tree.Mapping) -> Iterator[tuple[str, yaml_tree.Scalar]]:
+    """Parameters and starts of coordinates that are plain numbers beyond a full turn, by base name."""
+    for section in ("parameters", "coordinates"):
+        node = root.get(section)
+        for name, value in node if isinstance(node, yaml_tree.Mapping) else ():
+            start = value.get("value") if isinstance(value, yaml_tree.Mapping) else value
+            if isinstance(start, yaml_tree.Scalar) and abs(_number(start.value)) > FULL_TURN:
+                yield name.value.partition("[")[0], start
+
+
+def _number(text: str) -> float:
+    """The number a text is; 0 for any other text."""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
+def _arguments(node: tree.Node) -> Iterator[tuple[tree.Call, tree.Number | tree.Name | tree.Index]]:
+    """Each call of sin, cos, tan with its argument, or the terms of it, that are plain numbers or names."""
+    for part in tree.walk(node):
+        if isinstance(part, tree.Call) and part.function in _FUNCTIONS:
+            for argument in part.arguments:
+                terms = [term for _, term in argument.terms] if isinstance(argument, tree.Sum) else [argument]
+                for term in terms:
+                    if isinstance(term, (tree.Number, tree.Name)) or (
+                        isinstance(term, tree.Index) and not term.member
+                    ):
+                        yield part, term

@@ -8,7 +8,7 @@ from lagcli import yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import family_ranges, key_hints, keys, namespace, scope
+from lagcli.input import entry_names, key_hints, keys, namespace, scope
 from lagcli.input.scalars import Formulas
 from lagcli.model import model
 
@@ -253,8 +253,8 @@ def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kin
     count = formulas.members.count
     # One target for each member of the force, or all of them for each.
     sizes = [count if each else count * numbers.size for _, numbers, each in named]
-    if sum(sizes) > family_ranges.MAX_MEMBERS:
-        message = f"this force acts more than {family_ranges.MAX_MEMBERS} times"
+    if sum(sizes) > entry_names.MAX_MEMBERS:
+        message = f"this force acts more than {entry_names.MAX_MEMBERS} times"
         formulas.report(node, "too-many-members", message)
         return None
     acting = [np.arange(count) if each else np.repeat(np.arange(count), n.size) for _, n, each in named]

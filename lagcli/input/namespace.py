@@ -3,19 +3,22 @@
 Particles, coordinates, parameters, definitions and outputs share one namespace; functions have their own.
 Facts are found when first asked for, so that a position may use a definition and a definition a position,
 as long as they do not go in a circle. Several entries may bear one base name: `p[1]` and `p[i]` with `i` from 2.
+References with indices, `p[i-1]`, become the numbers of the members they stand for.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Literal
 
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, hints, messages, tokens, tree
+from lagcli.expression import evaluate, hints, integers, messages, tokens, tree
 from lagcli.expression.facts import Either, Facts, Value
 from lagcli.expression.tree import ExpressionError
-from lagcli.model.family import Family, MemberIndex
+from lagcli.input import namespace
+from lagcli.model import family
+from lagcli.model.family import Family, Integers, MemberIndex, MissingMember
 
 Kind = Literal["parameter", "coordinate", "particle", "definition", "output"]
 
@@ -238,3 +241,84 @@ def article(kind: Kind) -> str:
 def broken(node: tree.Node) -> ExpressionError:
     """An error that follows from one already reported; it is not reported."""
     return ExpressionError(BROKEN, "", node.start, node.end)
+
+
+class Indexed:
+    """Finds members by integer expressions of parameters and index variables.
+
+    `structure`: the parameters these have used, with their values: they decide which members there are and
+    which of them an expression speaks of.
+    """
+
+    def __init__(self, names: Namespace) -> None:
+        self._names = names
+        self.structure: dict[str, float] = {}
+
+    def integer_lookup(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
+        """The lookup in an integer expression: parameters and index variables."""
+        names = self._names
+
+        def lookup(node: tree.Name) -> float | Integers:
+            if node.name in variables:
+                return variables[node.name]
+            kind = names.kind(node.name)
+            if kind is None:
+                raise names.unknown(node, node.name, "parameter", variables)
+            if kind != "parameter":
+                rule = "bounds and indices are integer expressions of parameters"
+                message = f"{rule}, and `{node.name}` is {namespace.article(kind)}"
+                raise ExpressionError("not-a-whole-number", message, node.start, node.end)
+            names.value(node, node.name)
+            value = names.constant(node.name)
+            if isinstance(value, tuple):
+                message = f"an index is a number, and `{node.name}` is a vector"
+                raise ExpressionError("not-a-whole-number", message, node.start, node.end)
+            assert isinstance(value, float)
+            self.structure[node.name] = value
+            return float(value)
+
+        return lookup
+
+    def numbers(self, node: tree.Name | tree.Index, variables: Mapping[str, Integers]) -> Integers:
+        """The numbers of the particles or generalized coordinates a reference stands for, (1,) or (K,).
+
+        The base name must be one of a particle or coordinate. Raises `ExpressionError`.
+        """
+        base = node.owner if isinstance(node, tree.Index) else node.name
+        kind = self._names.kind(base)
+        assert kind in namespace.NUMBERED, base
+        if self._names.is_broken(base):
+            raise namespace.broken(node)
+        if isinstance(node, tree.Name):
+            return self._names.member_indices[kind].find(base, ())
+        return self.find(node, self._names.member_indices[kind], self._names.is_family(base), variables)
+
+    def find(
+        self, node: tree.Index, member_index: MemberIndex, is_family: bool, variables: Mapping[str, Integers]
+    ) -> Integers:
+        """The numbers in `member_index` of the members an index stands for. Raises `ExpressionError`."""
+        base = node.owner
+        if not is_family:
+            message = f"`{base}` is no family and has no members"
+            is_particle = self._names.kind(base) == "particle"
+            hint = f"components are written `{base}.x`, `{base}.y`, `{base}.z`" if is_particle else ""
+            raise ExpressionError("not-a-family", message, node.start, node.end, hint)
+        depth = member_index.depth(base) if base in member_index else None
+        if depth is not None and depth != len(node.indices):
+            word = "index" if depth == 1 else "indices"
+            message = f"the members of `{base}` have {depth} {word}, but {len(node.indices)} were given"
+            raise ExpressionError("no-such-member", message, node.start, node.end)
+        indices = [integers.evaluate(index, self.integer_lookup(variables)) for index in node.indices]
+        try:
+            return member_index.find(base, indices)
+        except MissingMember as missing:
+            if depth is None:
+                message = f"the family `{base}` has no members"
+                raise ExpressionError("no-such-member", message, node.start, node.end) from None
+            least, most = member_index.ends(base)
+            hint = f"the members go from `{family.name(base, least)}` to `{family.name(base, most)}`"
+            message = f"there is no member `{family.name(base, missing.indices)}`"
+            member = missing.position if any(not isinstance(index, int) for index in indices) else None
+            raise ExpressionError(
+                "no-such-member", message, node.start, node.end, hint, member=member
+            ) from None

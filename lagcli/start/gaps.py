@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.compiled import NumericSystem, position_rows
+from lagcli.compiled import NumericSystem, bound_function
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows, metric_rows, rank
@@ -154,7 +154,7 @@ class BoundarySurface(projection.Surface):
         """The gradients of f and of g of the constraints, sparse."""
         equalities, own = np.split(entries, [entries.size - self._gradients.nnz()])
         return metric_rows.stacked(
-            super().matrix(equalities), position_rows.sparse_matrix(self._gradients, own)
+            super().matrix(equalities), bound_function.sparse_matrix(self._gradients, own)
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -51,7 +51,7 @@ PARAMETERS = StartParameters()
 
 def later(system: System) -> float:
     """How far points of a system move on in time, 0 where nothing depends on it."""
-    if not pattern.depends_on_time(system):
+    if not row_block.depends_on_time(system):
         return 0.0
     return PARAMETERS.later * (system.model.simulation.duration or 1.0)
 

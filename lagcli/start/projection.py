@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.position_rows import PositionRows
+from lagcli.compiled.bound_function import PositionRows
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
 from lagcli.linear import metric_rows, surface

@@ -10,7 +10,7 @@ import pytest
 import lagcli
 from lagcli.api.find_modes import NoEquilibriumError
 from lagcli.api.runs import prepare_run
-from lagcli.compiled import pattern
+from lagcli.compiled import row_block
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.running.trajectory import Trajectory
@@ -151,7 +151,7 @@ def test_a_row_that_stands_alone_may_hold_two_angles():
     run = lagcli.simulate(model)
     angles = [np.arctan2(run[f"{name}.y"], run[f"{name}.x"]) for name in "ab"]
     np.testing.assert_allclose(angles[0], angles[1], rtol=0, atol=1e-12)
-    rows, moved = pattern.coordinates(system.build(model))
+    rows, moved = row_block.coordinates(system.build(model))
     assert rows.tolist() == [0] * 4
     assert sorted(moved.tolist()) == [0, 1, 3, 4]
 

@@ -52,10 +52,10 @@ def test_large_systems_are_factored_numerically():
     lines += [f'  "r{a}_{b}_{c}_{d}": "distance(p{a}_{b}, p{c}_{d}) = 1"' for (a, b), (c, d) in pairs]
     built = system.build(lagcli.loads("\n".join(lines)))
     parts = compiled.parts.build(built)
-    assert 3e4 < compiled.solvers.operations(parts.S) < 3e6
+    assert 3e4 < compiled.selection.operations(parts.S) < 3e6
     chain = system.build(lagcli.load(MODELS / "double-pendulum.yaml"))
     parts = compiled.parts.build(chain)
-    assert compiled.solvers.operations(parts.S) < 100
+    assert compiled.selection.operations(parts.S) < 100
 
 
 def test_particles_that_are_many_and_free_cost_no_memory_by_their_square():

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.compiled import nearest, pattern
+from lagcli.compiled import nearest, row_block
 from lagcli.compiled.contact_values import MotionNumbers
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
@@ -177,7 +177,7 @@ def test_rows_take_part_in_a_conflict_with_a_hundredth_of_what_remains():
 
 def test_rows_that_depend_on_each_other_are_compared_again_at_three_times(monkeypatch):
     times = []
-    monkeypatch.setattr(pattern, "depends_on_time", lambda system: True)
+    monkeypatch.setattr(row_block, "depends_on_time", lambda system: True)
     monkeypatch.setattr(
         conflict, "_parting", lambda system, numeric, here, later: times.append(later.t - here.t)
     )
@@ -191,7 +191,7 @@ def test_rows_that_depend_on_each_other_are_compared_again_at_three_times(monkey
 
 @pytest.mark.parametrize(("depends", "later"), [(True, 0.1), (False, 0.0)])
 def test_points_move_on_by_a_hundredth_of_the_duration(depends, later, monkeypatch):
-    monkeypatch.setattr(pattern, "depends_on_time", lambda system: depends)
+    monkeypatch.setattr(row_block, "depends_on_time", lambda system: depends)
     model = SimpleNamespace(simulation=SimpleNamespace(duration=10.0))
     assert initial.later(SimpleNamespace(model=model)) == pytest.approx(later)
 

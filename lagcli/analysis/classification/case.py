@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from lagcli.analysis.classification.known_integrals import Orbit
-from lagcli.compiled import NumericSystem, pattern
+from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import rank
@@ -50,7 +50,7 @@ class Case:
     @cached_property
     def depends_on_time(self) -> bool:
         """True if time is a coordinate of the forms."""
-        return pattern.depends_on_time(self.system)
+        return row_block.depends_on_time(self.system)
 
     def orbits(self, deadline: float) -> tuple[Orbit, ...]:
         """The groups whose motions from the start can be followed before a deadline of `progress.after`."""
@@ -85,7 +85,7 @@ def _groups(system: System) -> tuple[CoupledGroup, ...]:
         return ()
     # Rows and coordinates are the nodes of a graph; a pair joins its row to its coordinate.
     leader = list(range(count + system.symbols.q.numel()))
-    for row, k in zip(*(found.tolist() for found in pattern.coordinates(system)), strict=True):
+    for row, k in zip(*(found.tolist() for found in row_block.coordinates(system)), strict=True):
         leader[_find(leader, row)] = _find(leader, count + k)
     together: dict[int, list[int]] = {_find(leader, row): [] for row in range(s, count)}
     for row in range(count):

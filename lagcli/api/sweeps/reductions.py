@@ -17,8 +17,7 @@ import numpy.typing as npt
 from lagcli import memory, yaml_tree
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, functions, parser, tokens, tree
-from lagcli.expression.evaluate import Value
-from lagcli.expression.operators import Operators
+from lagcli.expression.evaluate import Operators, Value
 from lagcli.expression.tree import ExpressionError
 
 Floats = npt.NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.expression import evaluate, functions, tree
-from lagcli.expression.operators import Operators
+from lagcli.expression.evaluate import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Integers
 from lagcli.model.resolve import ModelNames, Reference, Resolver

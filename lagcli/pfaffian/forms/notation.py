@@ -15,9 +15,8 @@ import sympy
 from sympy.printing.str import StrPrinter
 
 from lagcli.expression import functions, tree
-from lagcli.expression.evaluate import Value
+from lagcli.expression.evaluate import Operators, Value
 from lagcli.expression.functions import Function
-from lagcli.expression.operators import Operators
 from lagcli.model import model as nouns
 from lagcli.model.resolve import Reference, Resolver
 
