@@ -31,7 +31,7 @@ from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial, sample_points
-from lagcli.start.assembly_moves import Moves
+from lagcli.start.consistent_start import Moves
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]

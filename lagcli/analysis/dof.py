@@ -20,11 +20,12 @@ from lagcli.analysis import codimension
 from lagcli.analysis.classification.verdict import Classification
 from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem, row_block
-from lagcli.equations import kinks
+from lagcli.equations import kinks, size_limits
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
+from lagcli.model.model import Model, ParticleForce
 from lagcli.smoothness import sides
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
@@ -399,3 +400,39 @@ def _ranks(
 def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
     return MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))
+
+
+def are_free_particles(model: Model) -> bool:
+    """True if a model has particles alone, free ones, and at most constant forces on them."""
+    return (
+        not any(size_limits.rows(law) for law in model.constraints())
+        and not (model.coordinates or model.outputs or model.lagrangian)
+        and all(isinstance(force, ParticleForce) and force.constant for force in model.forces)
+        and all(
+            p.start is not None and np.isfinite(p.mass_values).all() and np.isfinite(p.start).all()
+            for p in model.particles
+        )
+    )
+
+
+def of_free_particles(model: Model) -> DofCount:
+    """The count of a model of free particles: 3N, whatever acts on them, so that no equation need be built."""
+    particles = sum(p.members.count for p in model.particles)
+    n = 3 * particles
+    return DofCount(
+        particles=particles,
+        coordinates=n,
+        holonomic=0,
+        nonholonomic=0,
+        redundant=0,
+        configuration_dof=n,
+        velocity_dof=n,
+        proof="numeric",
+        bounds=(n, n),
+        reason="",
+        redundant_rows=(),
+        start_rank=0,
+        notes=(),
+        rows=0,
+        rank=0,
+    )

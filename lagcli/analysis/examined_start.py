@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.compiled import NumericSystem
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
@@ -33,9 +33,9 @@ def first_integrals(system: System, numeric: NumericSystem, limit: float) -> Kno
     """The first integrals of the differential rows as far as they are found in `limit` seconds."""
     if not system.model.differential:
         return KnownIntegrals()
-    from lagcli.analysis.classification import integral_searches
+    from lagcli.analysis.classification import classify
 
-    return integral_searches.search(system, numeric, limit)
+    return classify.search(system, numeric, limit)
 
 
 def examine(

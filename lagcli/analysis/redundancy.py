@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli import progress
-from lagcli.analysis.classification.known_integrals import Orbit
+from lagcli.analysis.classification.verdict import Orbit
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
@@ -61,7 +61,7 @@ def begin(
         raise _refusal(system, found)
     # Loaded here and not above: independent rows need none of it.
     from lagcli.analysis import codimension
-    from lagcli.analysis.codimension import refusals
+    from lagcli.analysis.codimension.examine import multiplier_rule, undecided_start
     from lagcli.linear import independent_rows
     from lagcli.start import conflict, projection
 
@@ -79,9 +79,9 @@ def begin(
     there = along[count] if count > found.value else state
     surface = codimension.examine(system, numeric, there)
     if surface.kind == "deficient":
-        raise refusals.multiplier_rule(system, surface)
+        raise multiplier_rule(system, surface)
     if surface.kind == "undecided":
-        raise refusals.undecided(system, numeric, there, surface)
+        raise undecided_start(system, numeric, there, surface)
     around = [sample_points.rows(numeric, point) for point in lower_rank or _around(*whole, there)]
     if surface.kind == "singular" or max((rank.estimate(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)

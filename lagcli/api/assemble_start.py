@@ -10,7 +10,7 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.equations import system
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.start import assembly_moves, consistent_start, initial
+from lagcli.start import consistent_start, initial
 from lagcli.start.assembly import Assembly
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def of_run(run: SimulationRun) -> tuple[str, ...]:
     """Sentences on how far the start of a run was moved onto its rows; none where it was not."""
     if run.assembly is None:
         return ()
-    moved = assembly_moves.moves(run.model, run.assembly)
+    moved = consistent_start.moves(run.model, run.assembly)
     return tuple(moved.lines(run.model.units)) if moved.positions or moved.velocities else ()
 
 

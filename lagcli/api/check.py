@@ -6,7 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.analysis import check_report, codimension, free_particles, uniqueness
+from lagcli.analysis import check_report, codimension, dof, uniqueness
 from lagcli.analysis.check_report import Report
 from lagcli.analysis.classification import verdict
 from lagcli.api import assemble_start, count_dof
@@ -17,7 +17,7 @@ from lagcli.api.runs import run_settings
 from lagcli.equations import jump_warnings
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
-from lagcli.start import assembly_moves, gaps, initial, lipschitz
+from lagcli.start import consistent_start, gaps, initial, lipschitz
 
 if TYPE_CHECKING:
     from lagcli.analysis.holonomy.witness import Witness
@@ -31,15 +31,15 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     """
     seconds = run_settings.seconds(limit)
     model = as_model(model)
-    if free_particles.holds_for(model):
-        return free_particles.check(model)
+    if dof.are_free_particles(model):
+        return check_report.of_free_particles(model)
     ready = cache.compiled(model)
     residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
     moved = None
     apart = gaps.at_state(ready.system, ready.numeric, initial.declared(ready.system))
     if (assemble or model.simulation.assemble) and (apart.violated or not residuals.consistent):
         model, done = assemble_start.assembled(model)
-        moved, ready = assembly_moves.moves(model, done), cache.compiled(model)
+        moved, ready = consistent_start.moves(model, done), cache.compiled(model)
     sides = gaps.at_state(ready.system, ready.numeric, initial.declared(ready.system)).sides
     whole, examined = count_dof.examined(ready, seconds)
     built, numeric, case = ready.system, ready.numeric, whole.case

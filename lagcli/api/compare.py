@@ -10,7 +10,7 @@ from typing import Unpack
 import numpy as np
 
 from lagcli import progress
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api import assemble_start
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.models.load import Path, as_model

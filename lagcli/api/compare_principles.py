@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis.classification import classify
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
 from lagcli.equations import size_limits

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 from lagcli.analysis import dof as counting
-from lagcli.analysis import free_particles
 from lagcli.analysis.classification import classify
 from lagcli.analysis.dof import DofCount
 from lagcli.api import assemble_start
@@ -23,8 +22,8 @@ def dof(model: Model | Path, *, limit: float | None = None) -> DofCount:
     """
     seconds = run_settings.seconds(limit)
     model = as_model(model)
-    if free_particles.holds_for(model):
-        return free_particles.count(model)
+    if counting.are_free_particles(model):
+        return counting.of_free_particles(model)
     return examined(cache.compiled(model), seconds)[1].count
 
 

@@ -16,7 +16,7 @@ from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.running import table_columns
-from lagcli.start import assembly, assembly_moves, initial, sample_points
+from lagcli.start import assembly, consistent_start, initial, sample_points
 
 
 @progress.phase("looking for displacements")
@@ -56,7 +56,7 @@ def _at_start(model: Model) -> Displacements:
     moved = None
     if model.simulation.assemble:
         model, done = assemble_start.assembled(model)
-        moved = assembly_moves.moves(model, done)
+        moved = consistent_start.moves(model, done)
     ready = cache.compiled(model)
     start = initial.declared(ready.system)
     residuals = initial.residuals(ready.system, ready.numeric, start)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api import constrained_run
 from lagcli.api.constrained_run import IN_A_SWING, Constrained, LimitPlan
 from lagcli.api.models.cache import CompiledModel

@@ -6,7 +6,7 @@ import collections
 import dataclasses
 from collections.abc import Iterable, Iterator
 
-from lagcli.analysis import check_lines
+from lagcli.analysis import check_report
 from lagcli.analysis.check_report import Report
 from lagcli.auditing import audit_lines
 from lagcli.auditing.checks.audit_report import Audit
@@ -128,7 +128,7 @@ def _summary(parts: ReportParts) -> Iterator[tuple[str, str]]:
 
 def _verdicts(checked: Report) -> Iterator[Block]:
     if checked.constraints:
-        cells = [check_lines.cells(one) for one in checked.constraints]
+        cells = [check_report.cells(one) for one in checked.constraints]
         shown = [name for name in cells[0] if any(row[name] for row in cells)]
         more = f" (the first {MOST_ROWS} of {len(cells)})" if len(cells) > MOST_ROWS else ""
         rows = tuple(tuple(row[name] for name in shown) for row in cells[:MOST_ROWS])
@@ -139,12 +139,12 @@ def _verdicts(checked: Report) -> Iterator[Block]:
         if reasons:
             yield PageSentences(tuple(reasons[:MOST_ROWS]))
         if any(v.declared == "differential" for v in verdicts):
-            yield PageSentences(tuple(map(_sentence, check_lines.joint(checked.joint))))
-    lines = tuple((line,) for line in check_lines.count(checked.dof))
+            yield PageSentences(tuple(map(_sentence, check_report.joint_lines(checked.joint))))
+    lines = tuple((line,) for line in check_report.count(checked.dof))
     yield PageTable(("The count, line by line",), lines)
     if checked.null_vectors:
         yield PageSentences(tuple(independent_rows.shares([vector.rows for vector in checked.null_vectors])))
-    yield PageSentences((_sentence(check_lines.start(checked)),))
+    yield PageSentences((_sentence(check_report.start(checked)),))
     warnings = tuple(f"Warning: {one.message} [{one.code}]." for one in checked.warnings)
     if warnings:
         yield PageSentences(warnings[:MOST_ROWS])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lagcli.simulation.global_error.accuracy import Accuracy
     from lagcli.simulation.run_in_blocks import RunReport
     from lagcli.start.assembly import Assembly
-    from lagcli.start.assembly_moves import Moves
+    from lagcli.start.consistent_start import Moves
 
 # The codes of a run that a signal ended, and of one whose rows could not be written.
 INTERRUPTED, NOT_WRITTEN = "interrupted", "not-written"
@@ -111,7 +111,7 @@ def of(
     seconds: those before the first step; assembly: what moved the start; accuracy: of the rows, with the kinds that
     are zero to rounding.
     """
-    from lagcli.start import assembly_moves
+    from lagcli.start import consistent_start
 
     chosen, statistics = system.model.simulation, report.statistics
     extremes, tally = report.extremes, statistics.reported
@@ -133,7 +133,7 @@ def of(
         outcome.t_end,
         provenance.of(system.model),
         accuracy,
-        assembly_moves.moves(system.model, assembly) if assembly else None,
+        consistent_start.moves(system.model, assembly) if assembly else None,
         chosen.rtol,
         chosen.atol,
         tally.impacts,

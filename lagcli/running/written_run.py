@@ -125,9 +125,9 @@ class WrittenRun:
         if run.resumed is not None:
             yield from self._messages_before()
         if run.assembly is not None:
-            from lagcli.start import assembly_moves
+            from lagcli.start import consistent_start
 
-            yield from assembly_moves.moves(model, run.assembly).lines(model.units)
+            yield from consistent_start.moves(model, run.assembly).lines(model.units)
         size = 8 * run.grid.count * len(self._names)
         if self._table is not None and size > PARAMETERS.large:
             yield (

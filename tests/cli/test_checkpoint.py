@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.analysis.classification import known_integrals
+from lagcli.analysis.classification import verdict
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model import invariant
 from lagcli.running import checkpoint_file, simulation_run
@@ -115,7 +115,7 @@ def ready(
     chosen = run_settings.chosen(model, options)
     if resumed is not None:
         return prepare_run.resume(model, chosen, resumed)
-    return prepare_run.start(model, chosen, known_integrals.KnownIntegrals(found))
+    return prepare_run.start(model, chosen, verdict.KnownIntegrals(found))
 
 
 def kept(point: checkpoint.Checkpoint) -> checkpoint.Checkpoint:

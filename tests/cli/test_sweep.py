@@ -19,7 +19,7 @@ import pytest
 
 import lagcli
 from lagcli import memory, progress
-from lagcli.analysis.numeric_flag import undecided
+from lagcli.analysis.numeric_flag import spans
 from lagcli.api.sweeps import drawn_points, reductions
 from lagcli.output.sweeps import shard_merge, sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_table import PointRow
@@ -155,7 +155,7 @@ AXLE = (ROOT / "models" / "two-wheel-axle.yaml").read_text(encoding="utf-8")
 LONG = {
     "assembly": (CLOSED, "L", lambda: (projection.Surface, "descend")),
     "algebra": (AXLE, "theta.value", lambda: (time_limit, "_limited")),
-    "numbers": (AXLE, "theta.value", lambda: (undecided, "require_time")),
+    "numbers": (AXLE, "theta.value", lambda: (spans, "require_time")),
 }
 
 

@@ -59,7 +59,6 @@ def test_a_run_without_contacts_and_errors_loads_nothing_of_them() -> None:
         "singularity_step",
         "work_integral",
         "classify",
-        "integral_searches",
     }
 
 

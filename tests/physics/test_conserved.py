@@ -11,7 +11,7 @@ import sympy
 
 import lagcli
 from lagcli import memory
-from lagcli.analysis.classification import integral_searches, known_integrals
+from lagcli.analysis.classification import classify, verdict
 from lagcli.analysis.classification.case import Case
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run, run_settings
@@ -115,7 +115,7 @@ def held(text: str, *forms: LevelFunction, rows: tuple[str, ...] = ("row",)) -> 
 def ready(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> simulation_run.SimulationRun:
     model = lagcli.loads(text, options.pop("parameters", None))
     chosen = run_settings.chosen(model, options)
-    return prepare_run.start(model, chosen, known_integrals.KnownIntegrals(found))
+    return prepare_run.start(model, chosen, verdict.KnownIntegrals(found))
 
 
 def run(text: str, found: tuple[FirstIntegral, ...] = (), **options: Any) -> tuple[Any, dict[str, Any]]:
@@ -586,13 +586,11 @@ differential: {edge: sin(phi)*d(x) - cos(phi)*d(y) = 0}
 def test_the_search_is_done_once_for_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
     searches: list[float] = []
 
-    def search(
-        case: Case, built: System, numeric: NumericSystem, limit: float
-    ) -> known_integrals.KnownIntegrals:
+    def search(case: Case, built: System, numeric: NumericSystem, limit: float) -> verdict.KnownIntegrals:
         searches.append(limit)
-        return known_integrals.KnownIntegrals()
+        return verdict.KnownIntegrals()
 
-    monkeypatch.setattr(integral_searches, "_searched", search)
+    monkeypatch.setattr(classify, "_searched", search)
     memory.forget()
     for changes in ({}, {}, {"k": 3}, {"k": 3}, {"x.value": 2}, {"x.value": 2}, {}):
         lagcli.simulate(lagcli.loads(POWER, changes), duration=0.1, assemble=True)

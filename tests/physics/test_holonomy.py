@@ -12,7 +12,7 @@ import pytest
 
 import lagcli
 from lagcli import progress
-from lagcli.analysis.holonomy import local_system, path_orbit, witness, witness_search
+from lagcli.analysis.holonomy import controlled_paths, local_system, witness, witness_search
 from lagcli.api.models import cache
 from lagcli.cli.commands import witness_text as telling
 from lagcli.start import initial
@@ -256,7 +256,7 @@ def test_the_orbit_has_the_dimension_that_can_be_reached() -> None:
         text = of_reference(name).replace("{value: 0}", "{value: 0.7}")
         ready = cache.compiled(lagcli.loads(text))
         part = local_system.around(ready.system, ready.numeric, initial.declared(ready.system), 0)[-1]
-        here = path_orbit.through(part, part.start, 0.3, timed=False)
+        here = controlled_paths.through(part, part.start, 0.3, timed=False)
         assert here is not None
         if part.k == len(system["coords"]):
             assert here.tangent.shape[1] == system["accessible_dim"], name

@@ -11,7 +11,7 @@ import pytest
 from scipy import integrate
 
 import lagcli
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
 from lagcli.formulations import stiff_ladder, stiff_start, stiff_system

@@ -10,8 +10,8 @@ import pytest
 from scipy import linalg
 
 import lagcli
-from lagcli.analysis.classification import integral_searches
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification import classify
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api import find_modes
 from lagcli.api.find_modes import NoEquilibriumError
 from lagcli.linearization.linearized import LinearizedFunctions
@@ -168,7 +168,7 @@ def test_the_bicycle_has_its_published_eigenvalues_at_every_speed(monkeypatch: p
         return built[0]
 
     # None of its rows can be integrated, and its functions are those of every speed.
-    monkeypatch.setattr(integral_searches, "search", lambda *given: KnownIntegrals())
+    monkeypatch.setattr(classify, "search", lambda *given: KnownIntegrals())
     monkeypatch.setattr(find_modes, "_functions", functions)
     for v in (0.1, 3, 6, 13.7):
         found = lagcli.modes(lagcli.loads(whipple.MODEL, parameters={"v": v}))
@@ -332,7 +332,7 @@ def test_random_systems_have_the_eigenvalues_of_their_own_linear_equations(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text, wanted = random_system(seed)
-    monkeypatch.setattr(integral_searches, "search", lambda *given: KnownIntegrals())
+    monkeypatch.setattr(classify, "search", lambda *given: KnownIntegrals())
     found = lagcli.modes(lagcli.loads(text), about="start")
     assert found.about == "equilibrium"
     values = found.eigenvalues[found.eigenvalues != 0]
@@ -398,12 +398,12 @@ def test_integrals_of_rows_are_searched_for_once(monkeypatch: pytest.MonkeyPatch
     laws = MOTIONS["disk that rolls"][0].replace(
         "parameters: {", "parameters: {L: 1, T: 1, m: 1, W: 1, g: 9.81, "
     )
-    searches, search = [], integral_searches._searched
+    searches, search = [], classify._searched
 
     def counted(*given):
         searches.append(given)
         return search(*given)
 
-    monkeypatch.setattr(integral_searches, "_searched", counted)
+    monkeypatch.setattr(classify, "_searched", counted)
     assert lagcli.modes(lagcli.loads(f"lagcli: 1{laws}")).about == "steady"
     assert len(searches) == 1

@@ -3,7 +3,7 @@
 import pytest
 
 import lagcli
-from lagcli.analysis import free_particles
+from lagcli.analysis import dof
 from lagcli.equations import size_limits, system
 from lagcli.errors import diagnostics
 
@@ -28,7 +28,7 @@ holonomic:
 def test_free_particles_are_counted_as_by_their_equations(monkeypatch):
     model = lagcli.loads(FREE.format(n=4))
     found, report = lagcli.dof(model), lagcli.check(model)
-    monkeypatch.setattr(free_particles, "holds_for", lambda model: False)
+    monkeypatch.setattr(dof, "are_free_particles", lambda model: False)
     assert found == lagcli.dof(model)
     assert report == lagcli.check(model)
     assert found.configuration_dof == 15
@@ -56,7 +56,7 @@ def test_very_many_free_particles_are_counted_without_their_equations(monkeypatc
     ],
 )
 def test_what_is_held_or_asked_for_is_built(more):
-    assert not free_particles.holds_for(lagcli.loads(FREE.format(n=2) + more))
+    assert not dof.are_free_particles(lagcli.loads(FREE.format(n=2) + more))
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_what_is_held_or_asked_for_is_built(more):
 def test_laws_that_are_no_constants_are_built(old, new):
     text = FREE.format(n=2)
     assert old in text
-    assert not free_particles.holds_for(lagcli.loads(text.replace(old, new)))
+    assert not dof.are_free_particles(lagcli.loads(text.replace(old, new)))
 
 
 def test_a_chain_of_a_hundred_thousand_links_is_built():

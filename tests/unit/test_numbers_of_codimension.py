@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli import doubles
-from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
+from lagcli.analysis.codimension import manifold, scaled_equations, second_order
 from lagcli.analysis.codimension.manifold import Manifold
 from lagcli.api.models import cache
 from lagcli.linear.metric_rows import LocalRows
@@ -41,10 +41,10 @@ def test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes(monk
         steps.append(size)
         return z
 
-    monkeypatch.setattr(branches, "_step", step)
-    monkeypatch.setattr(branches, "_at", lambda *_: 1)
+    monkeypatch.setattr(manifold, "_step", step)
+    monkeypatch.setattr(manifold, "_at", lambda *_: 1)
     part = SimpleNamespace(begin=np.zeros(1), state=SimpleNamespace(t=0.0), moved=lambda z, t: None)
-    assert branches.codimensions(part, ()) == {1}
+    assert manifold.codimensions(part, ()) == {1}
     of_walks, single = steps[:12], steps[12:]
     assert of_walks == [size for size in (0.2, 0.1, 0.05, 0.025) for _ in range(3)]
     assert single == [0.2, 0.1, 0.05, 0.025] * 3

@@ -11,16 +11,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.analysis.holonomy import (
-    local_system,
-    loop_trial,
-    loop_words,
-    path_orbit,
-    witness,
-    witness_search,
-)
-from lagcli.analysis.holonomy.loop_trial import LoopTrial
+from lagcli.analysis.holonomy import controlled_paths, local_system, loop_words, witness, witness_search
 from lagcli.analysis.holonomy.loop_words import Goal
+from lagcli.analysis.holonomy.witness import LoopTrial
 from lagcli.analysis.numeric_flag import evaluation_point, flag_points
 from lagcli.expression import term_sizes
 from lagcli.linear import rank
@@ -244,7 +237,7 @@ def test_two_hundred_closed_paths_are_looked_at(monkeypatch):
 @pytest.mark.parametrize(("change", "is_smooth"), [(3e-5, True), (3e-4, False)])
 def test_the_end_of_a_path_stays_with_finer_steps(change, is_smooth, monkeypatch):
     proofs = []
-    monkeypatch.setattr(loop_trial.witness, "proved", lambda *given: proofs.append(given))
+    monkeypatch.setattr(witness, "proved", lambda *given: proofs.append(given))
     words = Words([[1.0, 0.0, 0.0]], [[1.0, change, 0.0]])
     LoopTrial(goal(), words, np.ones((1, 1))).first(np.ones((1, 1)), True)
     assert bool(proofs) is is_smooth
@@ -375,7 +368,7 @@ def test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones(monkeypatch):
             stage,
             lambda search, stage=stage: tried.append((stage, search.size)),
         )
-    monkeypatch.setattr(witness_search.path_orbit, "is_singular", lambda *_: False)
+    monkeypatch.setattr(witness_search.controlled_paths, "is_singular", lambda *_: False)
     assert witness_search._found([Part()], True, 0) is None
     usual = (1.0, 0.5, 0.2, 0.1)
     assert tried == [
@@ -568,7 +561,7 @@ def test_a_path_of_any_shape_is_solved_for_from_four_starts():
 
 @pytest.mark.parametrize(("angle", "has_lift"), [(3e-6, False), (3e-5, True)])
 def test_a_direction_of_an_orbit_is_seen_to_five_digits(angle, has_lift):
-    orbit = path_orbit.PathOrbit(np.array([[1.0], [angle]]), np.zeros((1, 1)), False, True)
+    orbit = controlled_paths.PathOrbit(np.array([[1.0], [angle]]), np.zeros((1, 1)), False, True)
     assert (orbit.lift(np.array([1])) is not None) is has_lift
 
 
@@ -579,10 +572,12 @@ def test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not(monkey
         outs.append(out)
         return np.zeros((len(out), 901))
 
-    monkeypatch.setattr(path_orbit, "_kernel", lambda part, point: looks.append(1) or np.zeros((900, 900)))
-    monkeypatch.setattr(path_orbit.controlled_paths, "Projected", lambda *_: None)
-    monkeypatch.setattr(path_orbit.controlled_paths, "ends", ends)
-    assert not path_orbit.is_singular(None, np.zeros(901))
+    monkeypatch.setattr(
+        controlled_paths, "_kernel", lambda part, point: looks.append(1) or np.zeros((900, 900))
+    )
+    monkeypatch.setattr(controlled_paths, "Projected", lambda *_: None)
+    monkeypatch.setattr(controlled_paths, "ends", ends)
+    assert not controlled_paths.is_singular(None, np.zeros(901))
     assert len(looks) == 1 + 3
     assert np.linalg.norm(outs[0][0]) / 30 == pytest.approx(0.1, rel=0.1)
 
@@ -597,8 +592,8 @@ def carried(monkeypatch, off, count=1, size=50):
         found[:count] += off * (len(asked) == 1)
         return found
 
-    monkeypatch.setattr(path_orbit, "_returned", returned)
-    found, is_explored = path_orbit._carried(None, np.zeros(size), np.eye(1, 2), 1.0)
+    monkeypatch.setattr(controlled_paths, "_returned", returned)
+    found, is_explored = controlled_paths._carried(None, np.zeros(size), np.eye(1, 2), 1.0)
     return found.shape[1], is_explored, asked
 
 
@@ -620,9 +615,9 @@ def test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides(monkeypatch
         begins.append(np.array(points))
         return np.zeros((len(out), 2))
 
-    monkeypatch.setattr(path_orbit.controlled_paths, "ends", ends)
-    monkeypatch.setattr(path_orbit.controlled_paths, "velocity", lambda frame, far, u: np.ones(far.shape))
-    path_orbit._returned(None, np.zeros(2), np.zeros((3, 1, 2)), np.eye(1, 2), 1.0, 2)
+    monkeypatch.setattr(controlled_paths, "ends", ends)
+    monkeypatch.setattr(controlled_paths, "velocity", lambda frame, far, u: np.ones(far.shape))
+    controlled_paths._returned(None, np.zeros(2), np.zeros((3, 1, 2)), np.eye(1, 2), 1.0, 2)
     assert [float(points.max()) for points in begins[1:]] == pytest.approx([1e-4, -1e-4])
 
 

@@ -11,11 +11,13 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from lagcli.analysis.classification.known_integrals import Orbit
+from lagcli.analysis.classification.verdict import Orbit
+from lagcli.analysis.codimension.examine import connected
 from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import rank
+from lagcli.start import sample_points
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
@@ -44,8 +46,20 @@ class Case:
 
     @cached_property
     def groups(self) -> tuple[CoupledGroup, ...]:
-        """The groups that hold differential rows."""
-        return _groups(self.system)
+        """The groups that hold differential rows, in the order of their first ones."""
+        count, s = len(self.system.rows.rows), self.system.holonomic_count
+        if s == count:
+            return ()
+        # Rows and coordinates are the nodes of a graph; a pair joins its row to its coordinate.
+        pairs = zip(*(found.tolist() for found in row_block.coordinates(self.system)), strict=True)
+        joined = ((row, count + k) for row, k in pairs)
+        found = []
+        for part in connected([*((row,) for row in range(count)), *joined]):
+            rows = [row for row in part if row < count]
+            differential = tuple(row for row in rows if row >= s)
+            if differential:
+                found.append(CoupledGroup(differential, tuple(row for row in rows if row < s)))
+        return tuple(sorted(found, key=lambda group: group.differential))
 
     @cached_property
     def depends_on_time(self) -> bool:
@@ -63,8 +77,6 @@ class Case:
 
     def rank(self, group: CoupledGroup) -> int | None:
         """The rank of the rows of a group at the start in doubles, None where these do not tell it."""
-        from lagcli.start import sample_points
-
         return rank.estimate(sample_points.rows(self.numeric, self.begin).take(list(group.rows))).value
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
@@ -76,29 +88,3 @@ class Case:
         if known is None or not known.is_certain:
             known = self._flags[group] = numeric_flag.flag(self.system, self.begin, group.rows, deadline)
         return known
-
-
-def _groups(system: System) -> tuple[CoupledGroup, ...]:
-    """The groups that hold differential rows, in the order of their first ones."""
-    count, s = len(system.rows.rows), system.holonomic_count
-    if s == count:
-        return ()
-    # Rows and coordinates are the nodes of a graph; a pair joins its row to its coordinate.
-    leader = list(range(count + system.symbols.q.numel()))
-    for row, k in zip(*(found.tolist() for found in row_block.coordinates(system)), strict=True):
-        leader[_find(leader, row)] = _find(leader, count + k)
-    together: dict[int, list[int]] = {_find(leader, row): [] for row in range(s, count)}
-    for row in range(count):
-        if _find(leader, row) in together:
-            together[_find(leader, row)].append(row)
-    return tuple(
-        CoupledGroup(tuple(row for row in rows if row >= s), tuple(row for row in rows if row < s))
-        for rows in together.values()
-    )
-
-
-def _find(leader: list[int], k: int) -> int:
-    while leader[k] != k:
-        leader[k] = leader[leader[k]]
-        k = leader[k]
-    return k

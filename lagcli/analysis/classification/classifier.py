@@ -9,7 +9,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from lagcli.analysis.classification import by_numbers, locality
+from lagcli.analysis.classification import locality
 from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import (
     Condition,
@@ -116,7 +116,7 @@ class Classifier:
                 names, (), (), frozenset(), (), (), "none", reason=self._locality.open_reason(flagged)
             )
         together = self._numeric(names, numbers, single, solved)
-        return by_numbers.of_motions(together, block, numbers, single, self._locality, self._deadline)
+        return locality.of_motions(together, block, numbers, single, self._locality, self._deadline)
 
     def _alone(self, name: str) -> frobenius.FormVerdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""

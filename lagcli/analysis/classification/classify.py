@@ -8,7 +8,7 @@ differentials are rows too. Only a g that vanishes nowhere, or only at single ti
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from lagcli import compiled, progress
 from lagcli.analysis.classification.case import Case
@@ -17,6 +17,8 @@ from lagcli.analysis.classification.verdict import (
     Condition,
     HiddenConditionsError,
     JointVerdict,
+    KnownIntegrals,
+    Orbit,
 )
 from lagcli.compiled import NumericSystem
 from lagcli.equations import row_parameters
@@ -31,6 +33,7 @@ from lagcli.start import assembly, initial, sample_points
 
 QUICK = progress.Counted(1.0)  # seconds for numbers to show that nothing is integrable
 MOST = 30  # rounds of conditions that demand others
+MOST_NAMES = 4  # more rows are counted and not named
 AGAIN = "the hidden conditions of the rows have no end that algebra sees"
 
 
@@ -159,3 +162,77 @@ def _judged(case: Case, limit: float) -> Classification:
     return Classification(
         tuple(verdicts[name] for name in names), tuple(one for _, one in found), case.depends_on_time
     )
+
+
+def search(built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
+    """The first integrals of the differential rows as far as they are found in `limit` seconds. Where numbers show that
+    there are none, no algebra is asked.
+
+    A search looks at the rows, at the consistent state nearest to the start, and at the duration of the run, and at
+    nothing else: other masses and forces that rows do not hold ask for no other search.
+    """
+    try:
+        with progress.phase("looking for a consistent start"):
+            case = Case(built, numeric, sample_points.begin(built, numeric))
+    except diagnostics.ModelError as error:
+        if not is_conflict(error):
+            raise
+        return _by_algebra(built, numeric, limit)
+    begin, model = case.begin, built.model
+    held = numeric.memory.answer("parameters of rows", lambda: row_parameters.of_rows(built))
+    parts = begin.q.tobytes(), begin.v.tobytes(), begin.p[held].tobytes()
+    question = ("search", begin.t, *parts, row_parameters.formulas(model), model.simulation.duration, limit)
+    found = numeric.memory.known(question)
+    if not isinstance(found, KnownIntegrals):
+        found = _searched(case, built, numeric, limit)
+        if not found.conditions:  # those are looked for at other states too
+            numeric.memory.keep(question, found)
+    # The orbits with the numbers of this model: those of them that the rows hold are the same.
+    orbits = (
+        Orbit(one.rows, tuple(dataclasses.replace(state, p=begin.p) for state in one.states))
+        for one in found.orbits
+    )
+    return dataclasses.replace(found, orbits=tuple(orbits))
+
+
+def _searched(case: Case, built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
+    try:
+        if certainly_nonholonomic(case):
+            return KnownIntegrals(orbits=case.orbits(progress.after(limit)))
+    except diagnostics.ModelError as error:
+        if not is_conflict(error):
+            raise
+    return _by_algebra(built, numeric, limit)
+
+
+def _by_algebra(built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
+    whole = classified(built, numeric, limit)
+    orbits = whole.case.orbits(progress.after(limit)) if not whole.conditions else ()
+    return KnownIntegrals(whole.found.integrals, _notes(whole.found), whole.conditions, orbits)
+
+
+def _notes(found: Classification) -> tuple[str, ...]:
+    """A note on all rows with integrals that were not found, and one on those of which nothing was decided."""
+    unknown: list[str] = []
+    undecided: list[str] = []
+    for group in found.groups:
+        if not group.is_decided:
+            undecided += group.rows
+        elif len(group.integrals) + len(group.passing) < group.flag[-1]:
+            # Where no row alone lies in the integrable part a combination of them does.
+            unknown += [row for row in group.rows if row in group.inside] or group.rows
+    unknown_parts = []
+    if unknown:
+        unknown_parts.append(f"not all integrals of {_named(unknown)} were found")
+    if undecided:
+        unknown_parts.append(f"it is undecided whether {_named(undecided)} can be integrated")
+    return tuple(
+        f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
+        for what in unknown_parts
+    )
+
+
+def _named(rows: Iterable[str]) -> str:
+    names = [f"`{row}`" for row in rows]
+    more = len(names) - MOST_NAMES
+    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"

@@ -4,11 +4,14 @@ need no search, of rows declared as holonomic and of one-sided ones."""
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
 from lagcli.model.invariant import FirstIntegral
+
+if TYPE_CHECKING:
+    from lagcli.start.initial import State
 
 Declared = Literal["holonomic", "differential", "inequality"]
 Kind = Literal[
@@ -193,3 +196,25 @@ def of_one_sided(model: nouns.Model) -> tuple[Verdict, ...]:
         Verdict(row, "inequality", "inequality", None, None, method, "symbolic")
         for row in model.contact_names
     )
+
+
+Integrals = tuple[FirstIntegral, ...]
+
+
+@frozen_value
+class Orbit:
+    """Rows by their numbers, and states to which motions from the start come, as far as these rows see them."""
+
+    rows: tuple[int, ...]
+    states: tuple[State, ...]
+
+
+@frozen_value
+class KnownIntegrals:
+    """First integrals of the differential rows, notes on those that are not known, the hidden conditions, and where
+    motions from the start were followed."""
+
+    integrals: Integrals = ()
+    notes: tuple[str, ...] = ()
+    conditions: tuple[Condition, ...] = ()
+    orbits: tuple[Orbit, ...] = ()

@@ -8,10 +8,10 @@ three things can be so, and each is looked for:
 - The rank is below the codimension (`second_order`): the surface is smooth, but of smaller dimension than the
   kernel of B, and is rigid there by second derivatives. Three particles on a line with all three distances are
   such a set. The multiplier rule (D.13-D.22) fails: no finite multipliers give the true motion.
-- The point is singular (`branches`): nearby on the surface the rank is higher, as where a linkage lies flat.
+- The point is singular (`manifold` too): nearby on the surface the rank is higher, as where a linkage lies flat.
 
 `scaled_equations` are a part of f in scaled coordinates, `manifold` follows what they cut out to finite distances,
-`examine` asks them in their order, and `refusals` say why no run can be stepped with such rows.
+`examine` asks them in their order, and says why no run can be stepped with such rows.
 """
 
 from lagcli.analysis.codimension.examine import Codimension, examine

@@ -1,4 +1,7 @@
-"""Rows at a consistent state -> the codimension of the surface they cut out, and how far their rank proves it."""
+"""Rows at a consistent state -> the codimension of the surface they cut out, and how far their rank proves it.
+
+And the refusals of rows that no run can be stepped with, with advice: only what is true of these rows.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.errors import diagnostics
 from lagcli.frozen import frozen_value
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
-from lagcli.start import initial
+from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
 
@@ -113,14 +119,14 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         )
         return Codimension("undecided", found.value, None, left_out, reason=reason)
     # Of a part that does not follow as a whole some groups may, and of a group some dependencies.
-    for smaller in (_connected(dependencies), [sorted(dependency) for dependency in dependencies]):
+    for smaller in (connected(dependencies), [sorted(dependency) for dependency in dependencies]):
         tried = [group for group in smaller if group not in failing and several.issuperset(group)]
         more, _ = _followed(case, _batches(tried), independent)
         follow = sorted({*follow, *more})
         # Where all that is left of a group is independent, all of it follows from that.
         failing = [
             rest
-            for group in _connected(dependencies)
+            for group in connected(dependencies)
             if not independent.issuperset(rest := sorted(set(group) - set(follow)))
         ]
         several = {i for group in failing for i in group}
@@ -139,7 +145,7 @@ def _around(B: Sparse, without: set[int]) -> list[Rows]:
     rows = metric_rows.LocalRows(B)
     pairs = [(i, rows.count + j) for i, j in zip(rows.row.tolist(), rows.column.tolist(), strict=True)]
     alone = [(i,) for i in range(rows.count) if i not in without]
-    parts = _connected([*alone, *(pair for pair in pairs if pair[0] not in without)])
+    parts = connected([*alone, *(pair for pair in pairs if pair[0] not in without)])
     return [among for part in parts if (among := [i for i in part if i < rows.count])]
 
 
@@ -148,7 +154,7 @@ def _times(system: System, state: State) -> tuple[float, ...]:
     return (state.t + later / 10, state.t + later) if later else ()
 
 
-def _connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
+def connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
     """Sets joined where they share a member, each in order."""
     head: dict[int, int] = {}
 
@@ -214,7 +220,7 @@ def _batches(groups: list[Rows]) -> list[list[Rows]]:
 
 def _examined(case: _Case, among: Rows, some: Rows, independent: set[int]) -> _Set:
     """Examine rows that share coordinates, of which `some` depend on one another."""
-    from lagcli.analysis.codimension import branches, manifold, scaled_equations, second_order
+    from lagcli.analysis.codimension import manifold, scaled_equations, second_order
 
     row_rank = len(independent.intersection(among))
     unknown = _Set("undecided", row_rank, row_rank, some, [], [])
@@ -231,7 +237,7 @@ def _examined(case: _Case, among: Rows, some: Rows, independent: set[int]) -> _S
     dimension = second_order.dimension(part, row_rank, case.times)
     if dimension is not None:
         return dataclasses.replace(unknown, kind="deficient", codimension=len(part.coordinates) - dimension)
-    found = branches.codimensions(part, case.times)
+    found = manifold.codimensions(part, case.times)
     if len(found) == 1 and (codimension := found.pop()) is not None and codimension > row_rank:
         return dataclasses.replace(unknown, kind="singular", codimension=codimension)
     return unknown
@@ -269,3 +275,87 @@ def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
     if others:
         sentences.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
     return ", and ".join(sentences)
+
+
+POINTS = 3  # points beside the start at which rows are compared
+# A fixed one: the advice must not change from run to run.
+SEED = 20061
+
+
+def multiplier_rule(system: System, found: Codimension) -> diagnostics.ModelError:
+    """The error of a run of rows that are `deficient`: no finite multipliers give the true motion."""
+    rows = list(found.rows)
+    message = (
+        f"the multiplier rule fails for the rows {initial.names_of(system, rows)}: the constraints take"
+        f" {found.codimension} freedoms, and their gradients span only {found.rank} directions wherever they hold, so"
+        " that no finite multipliers give the true motion"
+    )
+    particles = _particles(system, rows)
+    hint = (
+        f"declare {_listed(particles)} under `rigid` in place of these rows: the rows of a body are independent"
+        if len(particles) > 1
+        else "write the constraint so that its gradient does not vanish where it holds"
+    )
+    location = system.rows.rows[rows[-1]].location
+    return diagnostics.ModelError([diagnostics.Diagnostic("multiplier-rule-fails", message, location, hint)])
+
+
+def _particles(system: System, rows: Rows) -> list[str]:
+    """The particles that rows hold, or none where they hold generalized coordinates."""
+    names = system.model.coordinate_names
+    columns = sorted(set(system.rows.B[rows, :].sparsity().get_col()))
+    if any(names[i] in system.model.generalized_names for i in columns):
+        return []
+    return list(dict.fromkeys(names[i].rpartition(".")[0] for i in columns))
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(f"`{name}`" for name in names[: initial.PARAMETERS.most_listed])
+    return shown + (", ..." if len(names) > initial.PARAMETERS.most_listed else "")
+
+
+def undecided_start(
+    system: System, numeric: NumericSystem, state: State, surface: Codimension
+) -> diagnostics.ModelError:
+    """The error for a start at which the dimension of the surface is undecided_start."""
+    rows = list(surface.rows)
+    location = system.rows.rows[rows[-1]].location
+    hint = _hint(system, numeric, state, rows)
+    return diagnostics.ModelError(
+        [diagnostics.Diagnostic("dependent-constraints", surface.reason, location, hint)]
+    )
+
+
+def _hint(system: System, numeric: NumericSystem, state: State, rows: list[int]) -> str:
+    if len(rows) == 1:
+        return "start where the gradient of this row does not vanish, or write the row so that it vanishes nowhere"
+    follow = _dependent_beside(numeric, state, rows)
+    if not follow:
+        return (
+            "beside the start these rows are independent, so none of them can be left out: this is a singular"
+            " configuration, where branches of the motion may meet; start at a configuration aside of it"
+        )
+    verb = "depends" if len(follow) == 1 else "depend"
+    return (
+        f"{initial.names_of(system, follow)} {verb} on the others beside the start too: leave out what follows from"
+        " the others"
+    )
+
+
+def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> list[int]:
+    """The rows that depend on the others of them at points beside the surface, where most are independent."""
+    random = np.random.default_rng(SEED)
+    best: list[int] = rows
+    for _ in range(POINTS):
+        direction = random.standard_normal(state.q.size)
+        there = dataclasses.replace(
+            state, q=state.q + sample_points.PARAMETERS.offset * initial.size(state.q) * direction
+        )
+        if not sample_points.is_finite(numeric, there):
+            continue
+        B = numeric.rows(there.t, there.q, there.v, there.p)[0][rows, :]
+        beside = MetricRows(B, initial.metric_at(numeric, there))
+        chosen = independent_rows.dependence(beside, rank.estimate(beside).high)
+        if len(chosen.rest) < len(best):
+            best = [rows[i] for i in chosen.rest]
+    return best

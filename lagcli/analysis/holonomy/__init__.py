@@ -5,6 +5,6 @@ satisfies all rows. A path that comes back in all coordinates but one, on which 
 moves a configuration around such loops is the holonomy of the constraints.
 
 `local_system` takes the rows near the one in question, `controlled_paths` integrates paths of piecewise constant
-controls, `path_orbit` finds the directions that paths can reach, `loop_words` proposes and solves for words of moves,
-`loop_trial` takes the simplest of them, `witness` proves, and `witness_search` asks them in their order.
+controls and finds the directions that they can reach, `loop_words` proposes and solves for words of moves, `witness`
+takes the simplest of them and proves, and `witness_search` asks them in their order.
 """

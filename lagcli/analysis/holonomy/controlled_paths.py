@@ -3,6 +3,11 @@
 A path is a chain of segments, and each segment has a constant control u (m,) over s from 0 to 1:
 dz/ds = X(z) u with the columns of X (k + 1, m) in the kernel of A. The scheme is the one of the integrator
 (DOP853, order 8) at fixed steps; what a path ends at is known from two step lengths.
+
+The directions that paths through a point can reach are the tangent space of its orbit. Fields carried to the point by
+flows span it (H. J. Sussmann, Trans. AMS 180 (1973) 171): for random paths w the vectors d/de w^-1(w(z) + e X). What it
+lacks are the integrable combinations of the rows (D.3), so that a row that vanishes on it is kept by first integrals
+and has no witness.
 """
 
 from __future__ import annotations
@@ -13,9 +18,12 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from numpy.linalg import LinAlgError
 
+from lagcli import doubles
 from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.compiled import dop853_tableau, paths
+from lagcli.linear import decompositions, rank
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -149,3 +157,145 @@ def knots(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) -
             for _ in range(steps):
                 points.append(frame.steps.ahead(points[-1][None], U[None], 1 / steps)[0])
     return np.array(points)
+
+
+class PathOrbitParameters:
+    """Random paths that explore an orbit; lengths are parts of the size of a loop.
+
+    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
+    """
+
+    __slots__ = ()
+
+    beside: int = 3
+    """Points looked at beside one that may be singular.
+    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not` fails at 0 and 30."""
+    beside_by: float = 0.1
+    """How far they are from it. `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not` fails
+    at 0.01 and 1."""
+    most: float = 0.8
+    """An orbit is explored where this part of the paths comes back.
+    `test_an_orbit_is_explored_where_four_in_five_paths_come_back` fails at 0.08 and 8."""
+    paths: int = 40
+    """The most paths. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 4 and 400."""
+    segments: int = 3
+    """Pieces of a path. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 0 and 30."""
+    steps: int = 2
+    """Steps of a piece, which are doubled to see the error.
+    `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 0 and 20."""
+    offset: float = 1e-4
+    """Of a difference quotient. `test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides` fails at
+    1e-5 and 0.001."""
+    seen: float = 1e-5
+    """Directions of this part are none: above the error of the quotient, the square of its step.
+    `test_a_direction_of_an_orbit_is_seen_to_five_digits` fails at 1e-6 and 0.0001."""
+
+
+PARAMETERS = PathOrbitParameters()
+# Of random paths: the same in every run.
+SEED = 1973
+
+
+@dataclasses.dataclass(frozen=True)
+class PathOrbit:
+    """`tangent` (k + 1, a): an orthonormal basis; `kernel` (k, m): directions of the rows with t fixed.
+
+    `timed`: paths in time; otherwise t is fixed. `is_explored`: most random paths came back, so that a smaller
+    distance shows no more.
+    """
+
+    tangent: Floats
+    kernel: Floats
+    timed: bool
+    is_explored: bool
+
+    def lift(self, closed: npt.NDArray[np.int64]) -> Floats | None:
+        """The tangent vectors (k + 1, a) with unit components along coordinates `closed` (a,), if they have one."""
+        picked = self.tangent[closed]
+        sigma = decompositions.singular_values(picked)
+        if sigma.size == 0 or sigma[-1] < PARAMETERS.seen:
+            return None
+        found = self.tangent @ np.linalg.inv(picked)
+        return np.asarray(np.where(np.abs(found) < PARAMETERS.seen, 0.0, found))
+
+
+def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrbit | None:
+    """The orbit of a point (k + 1,), explored over the distance `size`; None where the rows are not finite."""
+    kernel = _kernel(part, point)
+    if kernel is None:
+        return None
+    frame = Projected(part, kernel)
+    m = kernel.shape[1] + timed
+    if m == 0:
+        return None
+    control = np.zeros((m, kernel.shape[1] + 1))
+    control[: kernel.shape[1], : kernel.shape[1]] = np.eye(kernel.shape[1])
+    if timed:
+        control[-1, -1] = 1.0
+    vectors, is_explored = _carried(frame, point, control, size)
+    lengths = np.linalg.norm(vectors, axis=0)
+    vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
+    sigma, left = decompositions.column_axes(vectors / np.linalg.norm(vectors, axis=0))
+    many = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
+    return PathOrbit(left[:, :many], kernel, timed, is_explored)
+
+
+def is_singular(part: LocalPart, point: Floats) -> bool:
+    """True if the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite.
+
+    Such a point, a chain drawn straight between two ends, has directions of the rows that no path takes.
+    """
+    kernel = _kernel(part, point)
+    if kernel is None:
+        return True
+    random = np.random.default_rng(SEED)
+    out = np.zeros((PARAMETERS.beside, 1, kernel.shape[1] + 1))
+    out[:, 0, :-1] = PARAMETERS.beside_by * random.standard_normal((PARAMETERS.beside, kernel.shape[1]))
+    points = ends(Projected(part, kernel), point, out, PARAMETERS.steps)
+    kernels = (_kernel(part, end) for end in points if np.isfinite(end).all())
+    return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
+
+
+def _kernel(part: LocalPart, point: Floats) -> Floats | None:
+    """An orthonormal basis (k, m) of the displacements with t fixed; None where the rows are not finite."""
+    B = part.forms(point[None])[0][:, :-1]
+    if not np.isfinite(B).all():
+        return None
+    try:
+        return rank.null_basis(decompositions.unit(B))
+    except LinAlgError:
+        return None
+
+
+def _carried(frame: Projected, point: Floats, control: Floats, size: float) -> tuple[Floats, bool]:
+    """Fields of `control` (m, m + 1) at the ends of random paths, carried back to the point: columns (k + 1, .).
+
+    And whether most of them came back.
+    """
+    random = np.random.default_rng(SEED)
+    m = len(control)
+    count = min(PARAMETERS.paths, 2 * point.size + 4)
+    out = size * random.uniform(-1, 1, (count, PARAMETERS.segments, m)) @ control
+    out[0] = 0.0
+    rough, fine = (
+        _returned(frame, point, out, control, size, steps)
+        for steps in (PARAMETERS.steps, 2 * PARAMETERS.steps)
+    )
+    with np.errstate(invalid="ignore"):
+        # Beside a pole the difference of paths is that of their errors.
+        sure = np.abs(fine - rough).max(axis=1) <= doubles.ROOT * np.abs(fine).max(axis=1)
+    return np.asarray(fine[sure].T), bool(sure.mean() > PARAMETERS.most)
+
+
+def _returned(
+    frame: Projected, point: Floats, out: Floats, control: Floats, size: float, steps: int
+) -> Floats:
+    """The fields carried back along each path `out` (N, S, m + 1), (N m, k + 1), some not finite."""
+    far = ends(frame, point, out, steps)
+    back, offset = -out[:, ::-1], PARAMETERS.offset * size
+    shifted_ends = []
+    for sign in (1.0, -1.0):
+        with np.errstate(all="ignore"):
+            shifted = [far + sign * offset * velocity(frame, far, np.tile(u, (len(far), 1))) for u in control]
+        shifted_ends.append(ends(frame, np.concatenate(shifted), np.tile(back, (len(control), 1, 1)), steps))
+    return np.asarray((shifted_ends[0] - shifted_ends[1]) / (2 * offset))

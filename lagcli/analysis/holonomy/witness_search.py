@@ -13,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.analysis.holonomy import controlled_paths, loop_words, path_orbit
+from lagcli.analysis.holonomy import controlled_paths, loop_words
+from lagcli.analysis.holonomy.controlled_paths import PathOrbit
 from lagcli.analysis.holonomy.local_system import LARGEST, LocalPart, LoopTimeUpError, around
-from lagcli.analysis.holonomy.loop_trial import LoopTrial
 from lagcli.analysis.holonomy.loop_words import Goal
-from lagcli.analysis.holonomy.path_orbit import PathOrbit
-from lagcli.analysis.holonomy.witness import Witness
+from lagcli.analysis.holonomy.witness import LoopTrial, Witness
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows
@@ -172,7 +171,7 @@ def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None
 
 def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_WitnessSearch]:
     if shift == 0:
-        parts = [part for part in parts if not path_orbit.is_singular(part, part.start)]
+        parts = [part for part in parts if not controlled_paths.is_singular(part, part.start)]
     orbits: dict[tuple[int, bool, bytes], PathOrbit] = {}
     for size, (part, timed) in itertools.product(
         (*PARAMETERS.usual, *PARAMETERS.far), _kinds(parts, is_whole)
@@ -197,7 +196,7 @@ def _base(part: LocalPart, size: float, shift: int) -> Floats | None:
     weights = np.array([(1 + i * shift) % (shift + 1) + 1 for i in range(part.k)]) / 2
     if (part.rows >= part.system.holonomic_count).all():
         return np.append(start[:-1] + size * weights, start[-1])
-    found = path_orbit.through(part, start, size, timed=False)
+    found = controlled_paths.through(part, start, size, timed=False)
     if found is None:
         return None
     frame = controlled_paths.Projected(part, found.kernel)
@@ -245,7 +244,7 @@ class _WitnessSearch:
     def _orbit(self) -> PathOrbit | None:
         key = (self.part.k, self.timed, self.base.tobytes())
         if key not in self.orbits:
-            found = path_orbit.through(self.part, self.base, self.size, self.timed)
+            found = controlled_paths.through(self.part, self.base, self.size, self.timed)
             if found is None or not found.is_explored:
                 return found  # at another size there may be more
             self.orbits[key] = found
@@ -263,12 +262,12 @@ class _WitnessSearch:
             return []
         omega = self._omega(self.base)
         rate = omega @ found.tangent
-        if np.abs(rate).max(initial=0.0) < path_orbit.PARAMETERS.seen:
+        if np.abs(rate).max(initial=0.0) < controlled_paths.PARAMETERS.seen:
             return []
         return [
             int(i)
             for i in np.argsort(-np.abs(omega[:-1]), kind="stable")
-            if abs(omega[i]) > path_orbit.PARAMETERS.seen
+            if abs(omega[i]) > controlled_paths.PARAMETERS.seen
         ][: PARAMETERS.movable]
 
     def _omega(self, z: Floats) -> Floats:
@@ -278,7 +277,7 @@ class _WitnessSearch:
 
     def _is_crossed(self, lift: Floats) -> bool:
         """True if the last of some tangent vectors (k + 1, a) crosses the row."""
-        return bool(abs(self._omega(self.base) @ lift[:, -1]) > 10 * path_orbit.PARAMETERS.seen)
+        return bool(abs(self._omega(self.base) @ lift[:, -1]) > 10 * controlled_paths.PARAMETERS.seen)
 
     def _goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
         """The coordinates to close besides the free ones; those with the fewest that follow first."""

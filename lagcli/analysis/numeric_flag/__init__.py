@@ -8,7 +8,7 @@ value is zero is seen at a generic point in 60 digits, the surface being met to 
 that counted as zero is reported.
 
 `flag_search` asks `flag_points` for a generic `evaluation_point`, `bracket_values` for random brackets there and their
-growth; `precise_brackets` are those in many digits (`multiprecision`), a `span` tells which of them are new, and
+growth, in many digits (`multiprecision`) where it can; `spans` tell which of them are new, and
 `expression.term_sizes` how large the terms are of what counts as zero.
 """
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles, progress
-from lagcli.analysis.numeric_flag import undecided
+from lagcli.analysis.numeric_flag import spans
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
@@ -98,7 +98,7 @@ class Points:
         self._block, self._begin = block, begin
         self.start = EvaluationPoint(block, variables(block, begin), begin.p)
         if not self.start.is_finite:
-            raise undecided.Undecided("the rows are not finite at the start")
+            raise spans.Undecided("the rows are not finite at the start")
         self.visited = [self.start]
         self._orbit = ReachablePoints(block, system.model.simulation.duration or 1.0, deadline)
 
@@ -185,7 +185,7 @@ class ReachablePoints:
         best = EvaluationPoint(self._block, point.x, point.p, math.inf)
         rounding = max(doubles.VALUE, doubles.SUM / point.least)
         for k in range(PARAMETERS.shorter):
-            undecided.require_time(self._deadline)
+            spans.require_time(self._deadline)
             scale = sign * ranges / largest / PARAMETERS.factor**k
             if self._leaves(along, point, scale):
                 continue

@@ -15,12 +15,11 @@ from decimal import Decimal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.analysis.numeric_flag import bracket_values, precise_brackets, undecided
-from lagcli.analysis.numeric_flag.bracket_values import BracketValues, Growth
+from lagcli.analysis.numeric_flag import bracket_values, spans
+from lagcli.analysis.numeric_flag.bracket_values import BracketValues, Exact, Growth
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.flag_points import Points
-from lagcli.analysis.numeric_flag.precise_brackets import Exact
-from lagcli.analysis.numeric_flag.span import Limits, Span, unit
+from lagcli.analysis.numeric_flag.spans import Limits, Span, unit
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
@@ -94,9 +93,9 @@ def flag(system: System, begin: State, rows: Sequence[int], deadline: float = ma
     block = RowBlock(system, sorted(rows))
     nothing = NumericFlag(block.differential, block.has_time)
     try:
-        with decimal.localcontext(prec=precise_brackets.DIGITS):
+        with decimal.localcontext(prec=bracket_values.DIGITS):
             return _found(nothing, Points(block, system, begin, deadline), deadline)
-    except undecided.Undecided as why:
+    except spans.Undecided as why:
         return dataclasses.replace(nothing, reason=str(why))
 
 
@@ -104,7 +103,7 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
     """The flag; `nothing` holds what is known without a search."""
     start, generic = points.start, points.generic()
     if generic.all.value is None or generic.surface.value is None:
-        raise undecided.Undecided("no gap in the singular values of the constraint rows decides their rank")
+        raise spans.Undecided("no gap in the singular values of the constraint rows decides their rank")
     known = dataclasses.replace(
         nothing,
         dimension=generic.dimension,
@@ -119,15 +118,15 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         return dataclasses.replace(known, is_certain=False, reason=CONDITION)
     if generic.first == len(generic.differential):
         if not points.both_sides_turn():
-            raise undecided.Undecided(SIDES_DIFFER)
+            raise spans.Undecided(SIDES_DIFFER)
         return _open(known, start, generic)
     if len(points.visited) == 1 and generic.dimension > 1:  # one field has no brackets
-        raise undecided.Undecided("no other point of the surface was found, and the start may be special")
+        raise spans.Undecided("no other point of the surface was found, and the start may be special")
     for is_decimal, limits in ATTEMPTS:
         try:
             given = BracketValues(generic, deadline, is_decimal, limits)
             return _on_piece(_searched(known, start, given), points, generic)
-        except undecided.AmbiguousRank as why:
+        except spans.AmbiguousRank as why:
             failed = why
     raise failed
 
@@ -137,7 +136,7 @@ def _on_piece(found: NumericFlag, points: Points, point: EvaluationPoint) -> Num
     if not found.is_certain or not found.extra[-1] or not points.has_switches:
         return found
     if point.block.has_kinks:
-        raise undecided.Undecided(SIDES_DIFFER)
+        raise spans.Undecided(SIDES_DIFFER)
     return dataclasses.replace(found, on_piece=True)
 
 
@@ -176,9 +175,9 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
             result = dataclasses.replace(result, combinations=_staying(there.span, start))
     try:
         extra, span = bracket_values.derived(given, grown)
-    except undecided.AmbiguousRank:
+    except spans.AmbiguousRank:
         raise
-    except undecided.Undecided as why:
+    except spans.Undecided as why:
         return dataclasses.replace(result, is_certain=False, reason=str(why))
     error, least = max(result.error, float(span.error)), min(result.least, float(span.least))
     return dataclasses.replace(result, extra=extra, error=error, least=least)
@@ -187,17 +186,17 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
 def _require_one_branch(point: EvaluationPoint, start: EvaluationPoint) -> None:
     """Raise `undecided.Undecided` where what holds at a point need not hold elsewhere around the start."""
     if start.surface.low < point.surface.low:
-        raise undecided.Undecided("the surface is singular at the start, and its branches may differ")
+        raise spans.Undecided("the surface is singular at the start, and its branches may differ")
 
 
 def _at_start(start: EvaluationPoint, grown: Growth, given: BracketValues) -> Growth | None:
     """Brackets at the start, of as many fields, or None where they are not known."""
     try:
         there = bracket_values.grown(given.at(start, AT_START), len(grown.levels))
-    except undecided.Undecided:
+    except spans.Undecided:
         return None
     if there.ranks > grown.ranks:
-        raise undecided.Undecided("brackets have a lower rank at the point that was taken than at the start")
+        raise spans.Undecided("brackets have a lower rank at the point that was taken than at the start")
     return there
 
 
@@ -229,7 +228,7 @@ def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
                 if i >= s:
                     found[i - s].append(weight)
                 elif weight:
-                    raise undecided.Undecided(NEARLY)
+                    raise spans.Undecided(NEARLY)
     elif others:
         found |= {i - s: _by_doubles(point, i) for i in others if i >= s}
     return [found[i] for i in range(m)]
@@ -240,7 +239,7 @@ def _require_dependence(exact: Exact, others: list[int], point: EvaluationPoint)
     u = np.random.default_rng(SEED).integers(-(10**6), 10**6, point.block.size).tolist()
     along = exact.rows_along(u, [Decimal(0)] * len(point.differential))
     if any(along.relative[i] > WEIGHT_ROUNDOFF for i in others):
-        raise undecided.Undecided(NEARLY)
+        raise spans.Undecided(NEARLY)
 
 
 def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
@@ -257,7 +256,7 @@ def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
     ):
         weight = Decimal(value)
         if ROUGH_WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
-            raise undecided.Undecided(NEARLY)
+            raise spans.Undecided(NEARLY)
         is_zero = abs(weight) <= ROUGH_WEIGHT_ROUNDOFF * scale
         weights.append(Decimal(0) if is_zero else weight * Decimal(lengths[row] / lengths[k]))
     return weights

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagcli import memory, progress
 from lagcli.analysis import examined_start
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.compiled import NumericSystem
 from lagcli.equations import size_limits, system

@@ -7,7 +7,7 @@ import os
 import time
 
 from lagcli import progress
-from lagcli.analysis.classification.known_integrals import KnownIntegrals
+from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.api.models import cache
 from lagcli.api.models.cache import CompiledModel

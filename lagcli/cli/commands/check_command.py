@@ -143,13 +143,13 @@ def carry_out(models: list[str], changes: list[str] | None, options: CheckOption
 
 def print_report(found: Report, heading: bool) -> None:
     """The report of `check` on stdout; `heading`: it is one of several."""
-    from lagcli.analysis import check_lines
+    from lagcli.analysis import check_report
     from lagcli.output.figures import labels
 
     title = labels.shortened(found.title or found.path, labels.TITLE)
     console.paragraph(f"{found.path}: {title}" if heading and found.title else title, "")
     print()
-    lines = check_lines.of(found)
+    lines = check_report.lines(found)
     if found.constraints:
         _constraints(found.constraints, lines.cells)
         print()

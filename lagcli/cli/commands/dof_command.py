@@ -52,6 +52,6 @@ def dof(
 
 
 def _lines(counted: DofCount) -> list[str]:
-    from lagcli.analysis import check_lines  # here, as a number alone needs none of them
+    from lagcli.analysis import check_report  # here, as a number alone needs none of them
 
-    return check_lines.count(counted)
+    return check_report.count(counted)

@@ -1,7 +1,8 @@
 """The span of vectors of values in many digits, of which it is known how large the terms were that made them.
 
 Every entry has a size: rounding changes it by no more than a few units in the last digit of a number so large.
-So rows of different units stand side by side, and a zero is told from a value that is merely small.
+So rows of different units stand side by side, and a zero is told from a value that is merely small. And the errors of a
+search that ends without a certain answer.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import dataclasses
 from collections.abc import Sequence
 from decimal import Decimal
 
-from lagcli.analysis.numeric_flag import undecided
+from lagcli import progress
 
 NOTHING = Decimal(0)
 
@@ -103,7 +104,7 @@ class Span:
             self.error = max(self.error, relative)
             return True
         if relative < self.limits.sure:
-            raise undecided.AmbiguousRank(float(relative))
+            raise AmbiguousRank(float(relative))
         return False
 
 
@@ -117,3 +118,21 @@ def _relative(weights: Sequence[Decimal], vector: DigitSample) -> Decimal:
     size = max((abs(w) * s for w, s in zip(weights, vector.sizes, strict=True)), default=NOTHING)
     value = sum((w * a for w, a in zip(weights, vector.values, strict=True)), NOTHING)
     return abs(value) / size if size else NOTHING
+
+
+class Undecided(Exception):
+    """The search cannot go on; the text says why."""
+
+
+class AmbiguousRank(Undecided):
+    """A value that counts neither as zero nor as certainly not zero."""
+
+    def __init__(self, size: float) -> None:
+        super().__init__(f"a bracket has the relative size {size:.1e}, neither zero nor certainly not")
+
+
+def require_time(deadline: float) -> None:
+    """Raise `Undecided` after a deadline of `progress.after`, `OverTime` where the time of the whole work is over."""
+    progress.require_time()
+    if progress.left(deadline) < 0:
+        raise Undecided("the time limit ended the search for brackets")
