@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lagcli.compiled import numeric, parts
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
-from lagcli.simulation.run_state.angle_turns import Turns
+from lagcli.simulation.run_state.between_steps import Turns
 from lagcli.smoothness import time_functions
 from lagcli.smoothness.sized_function import SizedFunction
 

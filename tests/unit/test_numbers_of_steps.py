@@ -18,7 +18,7 @@ from lagcli.simulation.scheme import bound_scheme, step_end, step_tolerance
 from lagcli.simulation.scheme.step_end import StepInputs
 from lagcli.simulation.singularity import singularity_monitor, singularity_step
 from lagcli.simulation.singularity.singularity_monitor import Prediction, SingularityMonitor
-from lagcli.simulation.stepping import interpolate_rows, stop_reasons
+from lagcli.simulation.stepping import interpolate_rows, stop_diagnosis
 from lagcli.smoothness.sides import Sides
 from lagcli.start.initial import State
 
@@ -544,7 +544,7 @@ def sides(*values, rounding=0.0):
 
 def along(f, q=1.0, duration=1.0, reach=1.0):
     """The sides of a function of the way from a place."""
-    places = stop_reasons._along(State(0.0, np.array([q]), np.ones(1), NOTHING), reach, duration)
+    places = stop_diagnosis._along(State(0.0, np.array([q]), np.ones(1), NOTHING), reach, duration)
     return sides(*(f(place.t) for place in places))
 
 
@@ -564,13 +564,13 @@ def test_the_end_of_a_function_is_seen_from_farther_off(edge, is_seen):
 @pytest.mark.parametrize(("edge", "is_seen"), [(0.03, True), (0.3, False)])
 def test_the_end_of_a_row_is_looked_for_a_tenth_ahead(edge, is_seen, monkeypatch):
     monkeypatch.setattr(
-        stop_reasons, "_rows", lambda numeric, place: np.array([1.0 if place.t < edge else math.nan])
+        stop_diagnosis, "_rows", lambda numeric, place: np.array([1.0 if place.t < edge else math.nan])
     )
-    monkeypatch.setattr(stop_reasons, "_rounding", lambda *_: np.zeros(1))
-    monkeypatch.setattr(stop_reasons, "_call", lambda *_: "")
-    monkeypatch.setattr(stop_reasons, "time_scale", lambda *_: 1.0)
+    monkeypatch.setattr(stop_diagnosis, "_rounding", lambda *_: np.zeros(1))
+    monkeypatch.setattr(stop_diagnosis, "_call", lambda *_: "")
+    monkeypatch.setattr(stop_diagnosis, "time_scale", lambda *_: 1.0)
     system = SimpleNamespace(rows=SimpleNamespace(rows=[SimpleNamespace(name="row")]), holonomic_count=1)
-    found = stop_reasons.reason(system, None, State(0.0, np.ones(1), np.ones(1), NOTHING))
+    found = stop_diagnosis.reason(system, None, State(0.0, np.ones(1), np.ones(1), NOTHING))
     assert ("`row` is not defined beyond" in found) is is_seen
 
 
@@ -579,7 +579,7 @@ def test_rounding_of_a_surface_is_no_jump(size, jumps):
     numeric = SimpleNamespace(
         rows=lambda *_: (ca.DM([[1.0]]), None), holonomic=SimpleNamespace(size1_out=lambda _: 1)
     )
-    floor = stop_reasons._rounding(numeric, State(0.0, np.ones(1), np.ones(1), NOTHING))
+    floor = stop_diagnosis._rounding(numeric, State(0.0, np.ones(1), np.ones(1), NOTHING))
     assert bool(sides(0, 0, size, size, rounding=floor[0]).jumps()[0]) is jumps
 
 

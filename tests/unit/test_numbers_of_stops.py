@@ -27,7 +27,7 @@ def failure(monkeypatch):
     monkeypatch.setattr(cause_dependent_rows, "named", lambda *_: "`row`")
     monkeypatch.setattr(stop_diagnosis, "jump", lambda *_: "")
     monkeypatch.setattr(cause_contact_edge.named_functions, "switching_contacts", lambda model: ())
-    monkeypatch.setattr(stop_diagnosis.stop_reasons, "time_scale", lambda *_: 1.0)
+    monkeypatch.setattr(stop_diagnosis, "time_scale", lambda *_: 1.0)
     monkeypatch.setattr(contact_gradient, "edges", lambda *_: ())
     simulation = SimpleNamespace(start=0.0, duration=1.0)
     system = SimpleNamespace(model=SimpleNamespace(simulation=simulation))

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from lagcli.simulation.closed_contacts import contact_change, contact_gradient
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
-from lagcli.simulation.events import contact_crossings, contact_report
+from lagcli.simulation.events import contact_decision, run_contacts
 from lagcli.simulation.events.contact_decision import ContactDecision, Occasion, SwitchSide
 from lagcli.simulation.events.declared_events import EventValues
-from lagcli.simulation.events.incident_log import IncidentLog
+from lagcli.simulation.events.event import IncidentLog
 from lagcli.simulation.events.run_contacts import RunContacts
 from lagcli.simulation.events.step_watch import StateAhead, StepWatch
 from lagcli.simulation.run_state import run_stop
@@ -86,7 +86,9 @@ class ContactChanges:
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap cannot be told apart."""
-        return contact_report.unresolved(self._contacts.here(0.0).g if self._count else NO_GAPS, self._names)
+        return contact_decision.unresolved(
+            self._contacts.here(0.0).g if self._count else NO_GAPS, self._names
+        )
 
     def sinking(self, span: float) -> tuple[int, ...]:
         """The rows of contacts that have to be closed where the run stands, for they creep in and would press."""
@@ -173,8 +175,8 @@ class ContactChanges:
 
 
 def _jump(run: Stepper, name: str, depth: float) -> StepFailure:
-    if contact_crossings.is_near(run):
-        return contact_crossings.stop(run, f"the gap of `{name}` is not known better than to {depth:.3g}")
+    if run_contacts.is_near(run):
+        return run_contacts.stop(run, f"the gap of `{name}` is not known better than to {depth:.3g}")
     return StepFailure(
         f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
         " impulse",

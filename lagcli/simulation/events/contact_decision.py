@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import contact_change, contact_mode, impact_series
 from lagcli.simulation.closed_contacts.contact_change import ImpactResult
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode
 from lagcli.simulation.closed_contacts.contact_series import ContactOrders
-from lagcli.simulation.events import contact_crossings, contact_report, crowded_impacts
-from lagcli.simulation.events.contact_report import ContactReport
+from lagcli.simulation.events import crowded_impacts, run_contacts
 from lagcli.simulation.events.declared_events import EventValues
-from lagcli.simulation.events.incident_log import IncidentLog
+from lagcli.simulation.events.event import IncidentLog, InstantLines
 from lagcli.simulation.events.run_contacts import RunContacts
 from lagcli.simulation.events.step_watch import StateAhead
+from lagcli.simulation.run_state.between_steps import ContactState
+from lagcli.simulation.run_state.incident import Kind
 from lagcli.simulation.scheme import line_functions
-
-Floats = npt.NDArray[np.float64]
+from lagcli.simulation.stepping.stepper import Stepper
 
 
 @frozen
@@ -93,14 +92,14 @@ class ContactDecision:
         beyond = {*mode.closed, *(dependency[0] - rows for dependency in mode.selection.idle)}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in mode.closed)
         if why.switch is not None and struck.impact is None and self._stays(struck.here, mode, lying):
-            run.contacts = contact_report.touching(run.contacts, touching, None)
+            run.contacts = touching(run.contacts, touching, None)
             return False
         rebound = self._rebound(struck, mode)
         line = self._go_beyond(struck, mode.selection)
-        fresh, ending, cut = contact_report.endings(run, struck.impact, beyond)
+        fresh, ending, cut = endings(run, struck.impact, beyond)
         unarmed = tuple(i for i in why.hits if i >= rows and i - rows in beyond & lying)
         shared = _shared(run.contacts.shared, mode.selection.indeterminate, struck.impact)
-        run.contacts = contact_report.touching(
+        run.contacts = touching(
             dataclasses.replace(
                 run.contacts, unarmed=unarmed, last=run.t, size=struck.here.size, ending=ending, shared=shared
             ),
@@ -119,7 +118,7 @@ class ContactDecision:
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
-        self._events.report(contact_report.end_series(self._run, self._log, self._contacts.names))
+        self._events.report(end_series(self._run, self._log, self._contacts.names))
 
     def _struck(self, why: Occasion, line: Floats, lying: set[int]) -> _Struck:
         """Go on behind all impacts at an instant but the last one. lying: contacts that were closed before."""
@@ -143,7 +142,7 @@ class ContactDecision:
         """Go on behind an impact that another one follows at once; the contacts and the line there."""
         run = self._run
         self._go_on(self._contacts.open_, impact.v)
-        contact_crossings.require_projected(run, impact.v, here.state.v)
+        run_contacts.require_projected(run, impact.v, here.state.v)
         after = self._log.line()
         run.bound.y[-1] += after[line_functions.JACOBI] - before[line_functions.JACOBI]
         self._report(ContactReport(before, after, impact, set(), set(), [], set()), False)
@@ -220,7 +219,7 @@ class ContactDecision:
             run.bound.y[: impact.way.size] += impact.way
         self._go_on(selection, impact.onward)
         line = self._log.line()
-        contact_crossings.require_projected(run, impact.onward, here.state.v)
+        run_contacts.require_projected(run, impact.onward, here.state.v)
         # What the impact takes away is work done there: the balance of the energy goes on.
         run.bound.y[-1] += line[line_functions.JACOBI] - struck.line[line_functions.JACOBI]
         return line
@@ -236,7 +235,7 @@ class ContactDecision:
         jumped = [] if rebound is None else self._events.jumped(own.events, rebound.events)
         closing = self._events.jumped((rebound or own).events, self._events.now())
         if is_postponed:
-            run.contacts, closing = contact_report.postponed(run.contacts, set(closing) - crossed), []
+            run.contacts, closing = postponed(run.contacts, set(closing) - crossed), []
         return [] if why.is_start else sorted({*jumped, *closing} - crossed)
 
     def _go_on(self, selection: Selection, v: Floats) -> None:
@@ -248,7 +247,7 @@ class ContactDecision:
         run.bound.y[v.size : 2 * v.size] = v
         run.bound.put_on_constraints()
         run.count(1)
-        contact_crossings.predict(run)
+        run_contacts.predict(run)
 
     def _report(self, reported: ContactReport, is_start: bool) -> None:
         run, contacts = self._run, self._contacts
@@ -263,3 +262,90 @@ class ContactDecision:
 def _shared(known: Iterable[int], others: Iterable[int], impact: ImpactResult | None) -> tuple[int, ...]:
     """The rows whose multipliers or impulses were not unique at some time, with those of an impact."""
     return tuple(sorted({*known, *others, *(impact.shared if impact else ())}))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ContactReport:
+    """Lines before and after a change, the impact, and contacts that were enforced as closed and are, declared events
+    that jump over zero, and contacts whose rebounds are cut off."""
+
+    before: Floats
+    after: Floats
+    impact: ImpactResult | None
+    enforced_before: set[int]
+    enforced: set[int]
+    events: list[int]
+    cut: set[int]
+
+    def lines(self, rows: int, contacts: int) -> InstantLines:
+        """The lines with the impulses of all rows (C + K,)."""
+        impulses, impact = np.zeros(rows + contacts), self.impact
+        if impact is not None:
+            impulses[:rows], impulses[rows:] = impact.of_equalities, impact.of_contacts
+        return InstantLines(self.before, self.after, impulses)
+
+    def kinds(self, ending: set[int], is_told: bool) -> list[tuple[Kind, Iterable[int]]]:
+        """The incidents of contacts, in their order; is_told: of a change without an impact too."""
+        found: list[tuple[Kind, Iterable[int]]] = [
+            ("accumulation", sorted(self.cut)),
+            ("contact", sorted(self.cut)),
+        ]
+        if self.impact is not None:
+            found.append(("impact", np.flatnonzero(self.impact.impacting).tolist()))
+            found.append(("accumulation", np.flatnonzero(self.impact.accumulated).tolist()))
+        if self.impact is not None or is_told:
+            found.append(("contact", sorted(self.enforced - self.enforced_before - ending)))
+            found.append(("release", sorted(self.enforced_before - self.enforced)))
+        return found
+
+
+def endings(
+    run: Stepper, impact: ImpactResult | None, lying: set[int]
+) -> tuple[set[int], tuple[tuple[int, float], ...], set[int]]:
+    """Contacts among those that lie closed whose rebounds are left out from an impact on; all that are, with the times
+    at which they end; and those whose rebounds something else cuts off."""
+    fresh = set() if impact is None else set(np.flatnonzero(impact.ended).tolist()) & lying
+    ending = [each for each in run.contacts.ending if each[0] in lying - fresh]
+    cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
+    ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh) if impact is not None]
+    return fresh, tuple(ending), cut
+
+
+def touching(contacts: ContactState, touching: tuple[int, ...], impact: ImpactResult | None) -> ContactState:
+    """With contacts that touch, of which those are apart that were, or rebound."""
+    opened = {*contacts.apart} if impact is None else {*np.flatnonzero(impact.apart).tolist()}
+    apart = tuple(j for j in touching if j in opened)
+    return dataclasses.replace(contacts, touching=touching, apart=apart)
+
+
+def end_series(run: Stepper, log: IncidentLog, names: Sequence[str]) -> list[int]:
+    """Tell of series of rebounds that end at the state where the run stands; the events that are due with them."""
+    due = [j for j, t in run.contacts.ending if t <= run.t]
+    events = [number for number, t in run.contacts.postponed if t <= run.t or not run.contacts.ending]
+    if not (due or events):
+        return []
+    line = log.line()
+    kinds: tuple[Kind, ...] = ("accumulation", "contact")
+    for kind in kinds:
+        for j in due:
+            log.report(kind, names[j], InstantLines(line, line))
+    left = tuple(each for each in run.contacts.ending if each[0] not in due)
+    later = tuple(each for each in run.contacts.postponed if each[0] not in events)
+    last = run.t if due else run.contacts.last
+    run.contacts = dataclasses.replace(run.contacts, ending=left, postponed=later, last=last)
+    return events
+
+
+def postponed(contacts: ContactState, events: set[int]) -> ContactState:
+    """With events that are reported where the series of rebounds end."""
+    until = max(t for _, t in contacts.ending)
+    postponed = dict(contacts.postponed) | dict.fromkeys(events, until)
+    return dataclasses.replace(contacts, postponed=tuple(sorted(postponed.items())))
+
+
+def unresolved(g: Floats, names: Sequence[str]) -> str:
+    """The reason to stop where the zeros of one of these gaps (K,) cannot be told apart."""
+    ending = np.flatnonzero(~np.isfinite(g)).tolist()
+    if ending:
+        return f"{contact_change.NO_GRADIENT}: {', '.join(f'`{names[j]}`' for j in ending)}"
+    return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"

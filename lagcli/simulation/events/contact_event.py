@@ -20,14 +20,12 @@ from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
-from lagcli.simulation.events import declared_events, singular_step_watch, step_watch
+from lagcli.simulation.events import declared_events, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.contact_decision import SwitchSide
 from lagcli.simulation.events.declared_events import EventSizes
-from lagcli.simulation.events.event import Event
-from lagcli.simulation.events.incident_log import InstantLines
-from lagcli.simulation.events.singular_step_watch import SingularStepWatch
-from lagcli.simulation.events.step_watch import Ahead, StateAhead, StepWatch
+from lagcli.simulation.events.event import Event, InstantLines
+from lagcli.simulation.events.step_watch import Ahead, SingularStepWatch, StateAhead, StepWatch
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
@@ -198,7 +196,7 @@ class ContactEvent(Event):
         are_watched[: watch.is_open.size] = watch.is_open
         indices = np.flatnonzero(are_watched)
         rounding, extents = self._changes.noise(watch, step)
-        lift_off = singular_step_watch.first_lift_off(curve, np.flatnonzero(~watch.is_open), rounding)
+        lift_off = step_watch.first_lift_off(curve, np.flatnonzero(~watch.is_open), rounding)
         noise = rounding[indices]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
         rounding = np.maximum(NOISE * sizes, watch.rounding(step))[indices]
@@ -225,7 +223,7 @@ class ContactEvent(Event):
         if lift_off is None:
             return Met(step)
         hits = tuple(kinds.numbers[lift_off.indices].tolist())
-        ended, ahead = singular_step_watch.ended_at_lift_off(curve, step, lift_off)
+        ended, ahead = step_watch.ended_at_lift_off(curve, step, lift_off)
         return Met(ended, hits, ahead, extents)
 
     def _current(self) -> StepWatch:

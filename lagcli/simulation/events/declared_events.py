@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.contact import zero_search
-from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
+from lagcli.simulation.events.event import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StepWatch
 from lagcli.simulation.events.watch_functions import DIRECTIONS
 from lagcli.simulation.scheme.bound_scheme import BoundStep

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
+from lagcli.frozen import frozen
+from lagcli.simulation.run_state.incident import Incident, Kind
+from lagcli.simulation.scheme import line_functions
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
+from lagcli.simulation.stepping.stepper import Stepper
 
 
 class Event:
@@ -35,3 +42,56 @@ class Event:
         The earliest end so stays. Raises `StepFailure` where the motion does not go on in it.
         """
         return None
+
+
+Floats = npt.NDArray[np.float64]
+
+
+@frozen
+class InstantLines:
+    """Lines of the table before and after an instant, and the impulses of all constraints at it (C + K,)."""
+
+    before: Floats
+    after: Floats
+    impulses: Floats | None = None
+
+
+class IncidentLog:
+    """The incidents of one run; is_switched: it stands at its start, or has just been led across a switch, and the rows
+    there are to come."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self._run = stepper
+        self.is_switched = False
+        self._rows = len(stepper.bound.enforced.system.multiplier_rows)
+
+    def line(self) -> Floats:
+        """The line of the state where the run stands, with time, figures and W."""
+        rows = self._run.trial.rows
+        rows.at[0] = self._run.origin + self._run.t
+        rows.begin.trigger()
+        return rows.line.copy()
+
+    def line_of(self, t: float, y: Floats) -> Floats:
+        """The line of another state of the run (2n + 1,), at a time counted as its own."""
+        rows = self._run.trial.rows
+        rows.at[0], rows.scratch.arguments[1][:] = self._run.origin + t, y
+        rows.scratch.trigger()
+        return rows.line.copy()
+
+    def incident(self, t: float, kind: Kind, name: str, sides: InstantLines) -> Incident:
+        """An incident at a time of the run, from whole lines."""
+        impulses = np.zeros(self._rows) if sides.impulses is None else sides.impulses
+        before, after = _columns(sides.before), _columns(sides.after)
+        return Incident(float(self._run.origin + t), kind, name, impulses, before, after)
+
+    def report(self, kind: Kind, name: str, sides: InstantLines) -> None:
+        """Tell of an incident where the run stands: behind a switch, at the time of the row there, if there is one."""
+        run = self._run
+        t = min(run.t, run.row_time) if self.is_switched else run.t
+        run.statistics.add(self.incident(t, kind, name, sides))
+
+
+def _columns(line: Floats) -> Floats:
+    """The columns of the table, of a line."""
+    return np.asarray(line[1 : -line_functions.BEYOND]) + 0.0

@@ -9,8 +9,7 @@ import numpy as np
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
-from lagcli.simulation.events.event import Event
-from lagcli.simulation.events.incident_log import IncidentLog, InstantLines
+from lagcli.simulation.events.event import Event, IncidentLog, InstantLines
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor

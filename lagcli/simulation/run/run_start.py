@@ -12,8 +12,7 @@ from lagcli.frozen import frozen
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run.loop import Run
 from lagcli.simulation.run.row_writer import RowWriter, TableRows
-from lagcli.simulation.run_state.angle_turns import Turns
-from lagcli.simulation.run_state.between_steps import RunState
+from lagcli.simulation.run_state.between_steps import RunState, Turns
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme import controller
 from lagcli.simulation.scheme.invariants import EnforcedInvariants

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lagcli.simulation.closed_contacts import contact_gradient
 from lagcli.simulation.run_state.run_stop import CONTACT, Reason
-from lagcli.simulation.stepping import stop_reasons
+from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.stop_diagnosis import Rejection, named
 from lagcli.smoothness import named_functions
 
@@ -12,7 +12,7 @@ from lagcli.smoothness import named_functions
 def cause(tried: Rejection) -> Reason | None:
     """See `causes_of_stops`."""
     kinked = named_functions.switching_contacts(tried.system.model)
-    span = stop_reasons.time_scale(tried.system, tried.here)
+    span = stop_diagnosis.time_scale(tried.system, tried.here)
     edges = contact_gradient.edges(tried.numeric, tried.here, kinked, span)
     if not edges:
         return None

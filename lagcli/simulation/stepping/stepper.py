@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.model.settings import Simulation
-from lagcli.simulation.run_state.angle_turns import Turns
-from lagcli.simulation.run_state.between_steps import RunState
+from lagcli.simulation.run_state.between_steps import RunState, Turns
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.run_state.statistics import RunStatistics, counted, named
 from lagcli.simulation.scheme import invariants, method, step_tolerance

@@ -13,7 +13,7 @@ from lagcli.equations.system import System
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.scheme.step_tolerance import UNIT
-from lagcli.simulation.stepping import stop_reasons
+from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.smoothness import named_functions
 from lagcli.smoothness.sides import PARAMETERS as SIDE_LIMITS
 from lagcli.smoothness.sides import Sides
@@ -82,7 +82,7 @@ def _sides(bound: BoundStep, switches: ForceSwitches, begin: Approach, switch: i
     if not u * slope < 0.0:
         return None
     way = -u / slope
-    for reach in (1.0, *stop_reasons.PARAMETERS.reaches[1:]):
+    for reach in (1.0, *stop_diagnosis.PARAMETERS.reaches[1:]):
         states = [begin.at(way + reach * way * offset) for offset in OFFSETS]
         rates = [np.array(bound.numeric.rhs(*state, bound.p)).ravel() for state in states]
         found = [_rates(bound, switches, *state, k) for state, k in zip(states, rates, strict=True)]
