@@ -25,7 +25,7 @@ from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.table_format import ReadTable
 from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped, Trajectory
-from lagcli.simulation.global_error import error_estimate
+from lagcli.simulation import error_estimate
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
 

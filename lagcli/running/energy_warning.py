@@ -19,7 +19,7 @@ from lagcli.simulation.run_state import statistics
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
-    from lagcli.simulation.run_in_blocks import RunReport
+    from lagcli.simulation.run_entry import RunReport
 
 CODE = "energy-not-kept"
 

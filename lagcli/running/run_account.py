@@ -14,8 +14,8 @@ from lagcli.output.tables.provenance import Provenance
 if TYPE_CHECKING:
     from lagcli.equations.system import System
     from lagcli.running.energy_warning import RunWarning
-    from lagcli.simulation.global_error.accuracy import Accuracy
-    from lagcli.simulation.run_in_blocks import RunReport
+    from lagcli.simulation.error_estimate import Accuracy
+    from lagcli.simulation.run_entry import RunReport
     from lagcli.start.assembly import Assembly
     from lagcli.start.consistent_start import Moves
 

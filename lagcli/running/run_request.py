@@ -63,7 +63,7 @@ class RunRequest:
                 "--events -: the rows go to standard output; give -o FILE, or a file for the events"
             )
         if self.digits and self.resume is not None:
-            from lagcli.simulation.global_error import error_estimate
+            from lagcli.simulation import error_estimate
 
             raise BadRequest(f"--digits with --resume: {error_estimate.NOT_RESUMED}")
         write_guard.require_endings(

@@ -19,8 +19,7 @@ from lagcli.running import energy_warning, run_account, run_remarks, table_colum
 from lagcli.running.energy_warning import EnergyError
 from lagcli.running.run_account import Outcome, Stats, Stopped
 from lagcli.running.table_columns import GeneralizedForces
-from lagcli.simulation.global_error.accuracy import KINDS, Accuracy
-from lagcli.simulation.run_in_blocks import RunInBlocks, RunReport
+from lagcli.simulation.run_entry import RunInBlocks, RunReport
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.incident import Incident
@@ -28,6 +27,7 @@ from lagcli.start import lipschitz
 
 if TYPE_CHECKING:
     from lagcli.analysis.examined_start import ExaminedStart
+    from lagcli.simulation.error_estimate import Accuracy
 
 Floats = npt.NDArray[np.float64]
 
@@ -154,6 +154,8 @@ class SimulationRun:
         """The accuracy with the kinds that are zero to rounding, and what the energy says against it."""
         if found is None or self._run.reference is None:
             return None
+        from lagcli.simulation.error_estimate import KINDS
+
         floors = self._floors
         kinds = zip(KINDS, self._run.reference.columns_of_kinds, strict=True)
         zero = frozenset(k for k, at in kinds if floors.are_zero(at))

@@ -19,7 +19,7 @@ from lagcli.analysis.classification import verdict
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.model import invariant
 from lagcli.running import checkpoint_file, simulation_run
-from lagcli.simulation.run import loop
+from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint, saved_form
 from tests.helpers import in_process
 

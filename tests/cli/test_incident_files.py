@@ -11,7 +11,7 @@ import lagcli
 from lagcli.output.files import atomic_file
 from lagcli.output.tables import incident_table, sinks, table_format
 from lagcli.running import checkpoint_file, run_tables
-from lagcli.simulation.run import loop
+from lagcli.simulation import loop
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.stepping import stepper
 from tests.helpers import pendulum

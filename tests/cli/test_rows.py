@@ -19,7 +19,7 @@ from lagcli.api.runs import prepare_run
 from lagcli.output.files import atomic_file, interrupts
 from lagcli.output.tables import parquet_format, row_file, sinks, table_format
 from lagcli.running import checkpoint_file, run_tables, simulation_run
-from lagcli.simulation.run import loop
+from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller
 from tests.helpers import in_process, pendulum

@@ -6,7 +6,7 @@ import lagcli
 from lagcli.api.models import cache
 from lagcli.api.sweeps import reductions
 from lagcli.equations import operation_rules
-from lagcli.simulation.run.row_writer import RowWriter
+from lagcli.simulation.row_writer import RowWriter
 
 THROWN = """lagcli: 1
 parameters: {k: 2, e: 0.5}

@@ -73,7 +73,7 @@ DOORS = {
         "lagcli.linearization.lowest",
         "lagcli.simulation.scheme.dop853",
         "lagcli.simulation.events.impulse_event",
-        "lagcli.simulation.scheme.line_functions",
+        "lagcli.simulation.scheme.method",
         "lagcli.simulation.singularity.singular_point",
         "lagcli.simulation.scheme.step_end",
         "lagcli.simulation.events.watch_functions",

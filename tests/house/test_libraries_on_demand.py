@@ -51,7 +51,7 @@ def test_a_run_without_contacts_and_errors_loads_nothing_of_them() -> None:
     assert {"dop853", "loop", "run_entry"} <= loaded
     assert not loaded & {
         "contact_event",
-        "contact_gradient",
+        "contact_change",
         "contact_instant",
         "impact_law",
         "reference_run",
@@ -93,7 +93,7 @@ def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
         "lagcli.running.rows_before",
     }
     # With JSON come the numbers of a table.
-    assert ("lagcli.simulation.run.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")
+    assert ("lagcli.simulation.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")
 
 
 @pytest.mark.parametrize("chosen", [None, "2"])

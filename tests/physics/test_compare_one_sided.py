@@ -8,9 +8,9 @@ import pytest
 import lagcli
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import RunEvent
-from lagcli.simulation.global_error import error_estimate
-from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.global_error.incident_sides import ImpactGrowth, IncidentSides
+from lagcli.simulation import error_estimate
+from lagcli.simulation.error_estimate import Accuracy
+from lagcli.simulation.incident_sides import ImpactGrowth, IncidentSides
 from lagcli.simulation.run_state.incident import Incident, Kind
 
 BOX = """\

@@ -6,7 +6,7 @@ import pytest
 import lagcli
 from lagcli.compiled import numeric
 from lagcli.equations import system
-from lagcli.simulation.run import row_writer
+from lagcli.simulation import row_writer
 
 pytestmark = pytest.mark.numeric
 

@@ -15,7 +15,7 @@ import lagcli
 from lagcli.api.models import cache
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.compiled import dop853_tableau, numeric
-from lagcli.simulation.run import loop
+from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import collocation, dop853
 from lagcli.simulation.singularity import singular_point, singularity_monitor

@@ -14,8 +14,7 @@ import pytest
 
 import lagcli
 from lagcli.api.runs import prepare_run, run_settings
-from lagcli.simulation.global_error import accuracy, error_estimate, reference_run
-from lagcli.simulation.run import loop
+from lagcli.simulation import error_estimate, loop, reference_run
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.stepping.stepper import Stepper
@@ -343,7 +342,7 @@ def test_kinds_are_told_from_one_another_whatever_their_names():
 
 
 def test_the_sentence_counts_whole_digits():
-    found = accuracy.Accuracy(
+    found = error_estimate.Accuracy(
         10.0, (2e-9, 1.0, 0.0, 1e-3), (1.0, 2.0, 0.0, 9.5), (10.0, 4.5, 10.0, 10.0), 1e-13, 1, 0, 12
     )
     assert found.sentence == (

@@ -7,9 +7,9 @@ from typing import Self
 import pytest
 
 import lagcli
+from lagcli.simulation import loop
 from lagcli.simulation.events import events_of_run
 from lagcli.simulation.events.event import Event
-from lagcli.simulation.run import loop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.simulation.run import loop
+from lagcli.simulation import loop
 from tests.helpers.parallelogram import LINKAGE
 
 pytestmark = pytest.mark.numeric

@@ -10,9 +10,9 @@ from lagcli.compiled import nearest, row_block
 from lagcli.compiled.contact_values import MotionNumbers
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
+from lagcli.simulation import error_estimate
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, ContactParameters
-from lagcli.simulation.global_error import error_estimate
-from lagcli.simulation.global_error.error_estimate import Parting
+from lagcli.simulation.error_estimate import Parting
 from lagcli.start import assembly, conflict, gaps, initial, sample_points
 from lagcli.start.initial import State
 

@@ -9,11 +9,10 @@ import pytest
 
 import lagcli
 from lagcli.model.settings import Simulation
-from lagcli.simulation.closed_contacts import contact_gradient
+from lagcli.simulation import error_estimate, loop, reference_run
+from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.events.singular_event import SingularEvent
-from lagcli.simulation.global_error import error_estimate, reference_run
-from lagcli.simulation.run import run_start
-from lagcli.simulation.run.run_start import RunStart
+from lagcli.simulation.loop import RunStart
 from lagcli.simulation.scheme import bound_scheme, step_end, step_tolerance
 from lagcli.simulation.scheme.step_end import StepInputs
 from lagcli.simulation.singularity import singularity_monitor, singularity_step
@@ -188,32 +187,32 @@ class Gap:
 @pytest.mark.parametrize(("part", "is_reported"), [(3e-4, True), (3e-3, False)])
 def test_a_gradient_that_has_fallen_to_a_thousandth_is_looked_at(part, is_reported):
     here = SimpleNamespace(g=np.zeros(1), lowest=np.array([part]))
-    assert contact_gradient.fallen(here, np.ones(1), [0]).tolist() == [is_reported]
+    assert contact_change.fallen(here, np.ones(1), [0]).tolist() == [is_reported]
 
 
 @pytest.mark.parametrize(("bend", "vanishes"), [(0.2, False), (1.0, True)])
 @pytest.mark.parametrize(("gap", "offset"), [(0.0, 1e-10), (1e-6, 1e-5)])
 def test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside(bend, vanishes, gap, offset):
     here = Gap(lambda x: gap + x + bend / offset * x * abs(x))
-    assert contact_gradient._vanishes(here, 0) is vanishes
+    assert contact_change._vanishes(here, 0) is vanishes
 
 
 @pytest.mark.parametrize(("edge", "jumps"), [(3e-12, True), (3e-11, False)])
 def test_sides_of_a_jump_are_ten_closed_gaps_apart(edge, jumps):
     here = Gap(lambda x: x, lambda x: 1.0 + (abs(x) > edge))
-    assert contact_gradient._jumps(here, 0) is jumps
+    assert contact_change._jumps(here, 0) is jumps
 
 
 def test_three_pairs_of_sides_are_compared():
     here = Gap(lambda x: x)
-    contact_gradient._jumps(here, 0)
+    contact_change._jumps(here, 0)
     assert len(here.looks) == 3 * 2 * 2
 
 
 @pytest.mark.parametrize(("size", "jumps"), [(3e-7, False), (3e-6, True)])
 def test_the_gradient_of_a_contact_jumps_by_a_millionth_of_itself(size, jumps):
     here = Gap(lambda x: x, lambda x: 1.0 + size * (x > 0))
-    assert contact_gradient._jumps(here, 0) is jumps
+    assert contact_change._jumps(here, 0) is jumps
 
 
 @pytest.mark.parametrize(
@@ -221,7 +220,7 @@ def test_the_gradient_of_a_contact_jumps_by_a_millionth_of_itself(size, jumps):
 )
 def test_a_jump_stays_from_a_hundred_times_farther_off(near, edge, jumps):
     here = Gap(lambda x: x, lambda x: 1.0 + (0.0 if x == 0 else near if abs(x) < edge else 1.0))
-    assert contact_gradient._jumps(here, 0) is jumps
+    assert contact_change._jumps(here, 0) is jumps
 
 
 @pytest.mark.parametrize(
@@ -235,7 +234,7 @@ def test_an_edge_is_looked_for_a_little_before_and_behind_a_state(first, second,
 
     numeric = SimpleNamespace(selection=SimpleNamespace(count=1), closed_rows=(0,), contacts=contacts)
     state = State(0.0, np.zeros(1), np.ones(1), NOTHING)
-    found = contact_gradient.edges(numeric, state, np.array([True]), 1.0)
+    found = contact_change.edges(numeric, state, np.array([True]), 1.0)
     assert found == ((0,) if is_edge else ())
 
 
@@ -247,7 +246,7 @@ def test_an_edge_is_a_jump_by_a_millionth(size, is_edge):
         contacts=lambda t, q, v, p: (None, ca.DM([1.0 + size * (float(q[0]) > 0)])),
     )
     state = State(0.0, np.zeros(1), np.ones(1), NOTHING)
-    assert bool(contact_gradient.edges(numeric, state, np.array([True]), 1.0)) is is_edge
+    assert bool(contact_change.edges(numeric, state, np.array([True]), 1.0)) is is_edge
 
 
 # Singular configurations foreseen
@@ -622,7 +621,7 @@ def test_the_repeated_run_begins_with_a_shorter_step(monkeypatch):
         begins.append(begin)
         return SimpleNamespace(blocks=lambda: iter(()))
 
-    monkeypatch.setattr(reference_run.run_start, "start", start)
+    monkeypatch.setattr(reference_run.loop, "start", start)
     monkeypatch.setattr(error_estimate, "columns_of_kinds", lambda system: ([], [], [], []))
     enforced = SimpleNamespace(has_time=False, system=SimpleNamespace(columns=()))
     begin = RunStart(enforced, np.zeros(1), np.zeros(1), settings(1e-9))
@@ -660,10 +659,10 @@ def test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it(
     angle, is_looked_at, monkeypatch
 ):
     looks = []
-    monkeypatch.setattr(run_start, "_look_back", lambda run, tau: looks.append(tau))
-    monkeypatch.setattr(run_start.controller, "first_step", lambda *_: 1.0)
+    monkeypatch.setattr(loop, "_look_back", lambda run, tau: looks.append(tau))
+    monkeypatch.setattr(loop.controller, "first_step", lambda *_: 1.0)
     run = a_run(angle)
-    run_start._begin(run, RunStart(None, np.zeros(1), np.zeros(1), settings(1e-9)))
+    loop._begin(run, RunStart(None, np.zeros(1), np.zeros(1), settings(1e-9)))
     assert looks == ([pytest.approx(0.1 * run.control.step)] if is_looked_at else [])
 
 

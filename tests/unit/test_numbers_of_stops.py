@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lagcli.simulation.closed_contacts import contact_gradient
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.stepping import (
     cause_contact_edge,
@@ -28,7 +27,7 @@ def failure(monkeypatch):
     monkeypatch.setattr(stop_diagnosis, "jump", lambda *_: "")
     monkeypatch.setattr(cause_contact_edge.named_functions, "switching_contacts", lambda model: ())
     monkeypatch.setattr(stop_diagnosis, "time_scale", lambda *_: 1.0)
-    monkeypatch.setattr(contact_gradient, "edges", lambda *_: ())
+    monkeypatch.setattr(cause_contact_edge.contact_change, "edges", lambda *_: ())
     simulation = SimpleNamespace(start=0.0, duration=1.0)
     system = SimpleNamespace(model=SimpleNamespace(simulation=simulation))
     enforced = SimpleNamespace(system=system, functions=SimpleNamespace(numeric=None))

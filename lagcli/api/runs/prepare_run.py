@@ -42,7 +42,7 @@ def prepare(
     if resume_from is None:
         return start(model, chosen, limit=seconds, digits=digits)
     if digits:
-        from lagcli.simulation.global_error import error_estimate
+        from lagcli.simulation import error_estimate
 
         raise ValueError(f"digits: {error_estimate.NOT_RESUMED}")
     try:

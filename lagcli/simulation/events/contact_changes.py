@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.closed_contacts import contact_change, contact_gradient
+from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 from lagcli.simulation.events import contact_decision, run_contacts
 from lagcli.simulation.events.contact_decision import ContactDecision, Occasion, SwitchSide
@@ -165,9 +165,9 @@ class ContactChanges:
         """Raise `StepFailure` where a contact that may have closed has no gradient to push along; extents: of gaps a
         step before, where these are known."""
         known = np.full(self._count, np.inf) if extents is None else extents
-        fallen = contact_gradient.fallen(here, known, contacts)
+        fallen = contact_change.fallen(here, known, contacts)
         if fallen.any() or self._kinked.any():
-            self._contacts.decided(lambda: contact_gradient.require(here, fallen, self._kinked))
+            self._contacts.decided(lambda: contact_change.require_directions(here, fallen, self._kinked))
 
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""

@@ -21,7 +21,7 @@ from lagcli.simulation.events.run_contacts import RunContacts
 from lagcli.simulation.events.step_watch import StateAhead
 from lagcli.simulation.run_state.between_steps import ContactState
 from lagcli.simulation.run_state.incident import Kind
-from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.stepper import Stepper
 
 
@@ -92,14 +92,14 @@ class ContactDecision:
         beyond = {*mode.closed, *(dependency[0] - rows for dependency in mode.selection.idle)}
         touching = tuple(j for j in np.flatnonzero(level).tolist() if j not in mode.closed)
         if why.switch is not None and struck.impact is None and self._stays(struck.here, mode, lying):
-            run.contacts = touching(run.contacts, touching, None)
+            run.contacts = with_touching(run.contacts, touching, None)
             return False
         rebound = self._rebound(struck, mode)
         line = self._go_beyond(struck, mode.selection)
         fresh, ending, cut = endings(run, struck.impact, beyond)
         unarmed = tuple(i for i in why.hits if i >= rows and i - rows in beyond & lying)
         shared = _shared(run.contacts.shared, mode.selection.indeterminate, struck.impact)
-        run.contacts = touching(
+        run.contacts = with_touching(
             dataclasses.replace(
                 run.contacts, unarmed=unarmed, last=run.t, size=struck.here.size, ending=ending, shared=shared
             ),
@@ -144,7 +144,7 @@ class ContactDecision:
         self._go_on(self._contacts.open_, impact.v)
         run_contacts.require_projected(run, impact.v, here.state.v)
         after = self._log.line()
-        run.bound.y[-1] += after[line_functions.JACOBI] - before[line_functions.JACOBI]
+        run.bound.y[-1] += after[method.JACOBI] - before[method.JACOBI]
         self._report(ContactReport(before, after, impact, set(), set(), [], set()), False)
         run.contacts = dataclasses.replace(run.contacts, shared=_shared(run.contacts.shared, (), impact))
         return here.moved(impact.v), after
@@ -221,7 +221,7 @@ class ContactDecision:
         line = self._log.line()
         run_contacts.require_projected(run, impact.onward, here.state.v)
         # What the impact takes away is work done there: the balance of the energy goes on.
-        run.bound.y[-1] += line[line_functions.JACOBI] - struck.line[line_functions.JACOBI]
+        run.bound.y[-1] += line[method.JACOBI] - struck.line[method.JACOBI]
         return line
 
     def _jumped(self, why: Occasion, own: _Side, rebound: _Side | None, is_postponed: bool) -> list[int]:
@@ -311,7 +311,9 @@ def endings(
     return fresh, tuple(ending), cut
 
 
-def touching(contacts: ContactState, touching: tuple[int, ...], impact: ImpactResult | None) -> ContactState:
+def with_touching(
+    contacts: ContactState, touching: tuple[int, ...], impact: ImpactResult | None
+) -> ContactState:
     """With contacts that touch, of which those are apart that were, or rebound."""
     opened = {*contacts.apart} if impact is None else {*np.flatnonzero(impact.apart).tolist()}
     apart = tuple(j for j in touching if j in opened)

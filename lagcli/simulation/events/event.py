@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lagcli.frozen import frozen
 from lagcli.simulation.run_state.incident import Incident, Kind
-from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -94,4 +94,4 @@ class IncidentLog:
 
 def _columns(line: Floats) -> Floats:
     """The columns of the table, of a line."""
-    return np.asarray(line[1 : -line_functions.BEYOND]) + 0.0
+    return np.asarray(line[1 : -method.BEYOND]) + 0.0

@@ -15,8 +15,7 @@ import casadi as ca
 from lagcli import memory
 from lagcli.compiled import NumericSystem, dop853_tableau
 from lagcli.simulation.scheme import step_end
-from lagcli.simulation.scheme.line_functions import Curve
-from lagcli.simulation.scheme.step_end import Expression
+from lagcli.simulation.scheme.step_end import Curve, Expression
 from lagcli.smoothness.sized_function import SizedFunction
 
 # Polynomials of the dense output.

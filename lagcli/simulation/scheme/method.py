@@ -10,12 +10,23 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol
 
+import casadi as ca
+
 from lagcli.compiled import NumericSystem
 from lagcli.model import settings
 from lagcli.model.settings import Simulation
-from lagcli.simulation.scheme import dop853, line_functions
-from lagcli.simulation.scheme.line_functions import Curve
-from lagcli.simulation.scheme.step_end import Compiled
+from lagcli.simulation.scheme import dop853, step_end, step_tolerance
+from lagcli.simulation.scheme.step_end import Compiled, Curve
+from lagcli.smoothness.sized_function import SizedFunction
+
+# What stands in a line after the row of the table: the account's figures, W, and a sum that is finite only where
+# all of the line is, or overflows.
+FIGURES = 5
+BEYOND = FIGURES + 1
+# A function that calls another for each of thousands of rows copies its arguments: `always_inline`, not `never_inline`.
+INLINED = True, False
+# The index of the Jacobi energy in a line.
+JACOBI = -4
 
 
 class Method(Protocol):
@@ -74,7 +85,8 @@ def of(chosen: Simulation) -> Method:
 
 
 class Scheme:
-    """The compiled functions of a method for one system, each built when a run first asks for it."""
+    """The compiled functions of a method for one system, each built when a run first asks for it: its step and dense
+    output, and rows of the table with what the account asks of them, whatever the method."""
 
     def __init__(self, method: Method, numeric: NumericSystem) -> None:
         self._method, self._numeric = method, numeric
@@ -91,15 +103,48 @@ class Scheme:
 
     @cached_property
     def line_at(self) -> Compiled:
-        """See `line_functions.line_at`."""
-        return line_functions.line_at(self._numeric)
+        """line_at(t, y, p) -> t, the row of the table, the figures of `statistics`, W and a sum of them all."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        _, row, extremes = self._numeric.record.call([t, y, p], *INLINED)
+        line = ca.vertcat(t, row, extremes, y[size - 1])
+        return SizedFunction("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
 
     @cached_property
     def line_inside(self) -> Compiled:
-        """See `line_functions.line_inside`."""
-        return line_functions.line_inside(self._numeric, self.line_at, self._method)
+        """line_inside(t, x, y, coefficients, p) -> what `line_at` gives at the fraction x of a step from y."""
+        size, parameters = step_end.sizes_of(self._numeric)
+        t, x, y = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("y", size)
+        coefficients, p = ca.MX.sym("coefficients", size, self._method.dense_rows), ca.MX.sym("p", parameters)
+        state = self._method.interpolated(y, coefficients, x)
+        line = self.line_at.call([t, state, p], *INLINED)
+        return SizedFunction("line_inside", [t, x, y, coefficients, p], line)
 
     @cached_property
     def defect(self) -> Compiled:
-        """The comparison of the dense output with the equations, see `line_functions.defect`."""
-        return line_functions.defect(self._numeric, self._method)
+        """defect(t, x, h, y, coefficients, tolerance, p) -> how far y' of the dense output is from that of the
+        equations at the fraction x of a step from y, times h, as a part of what the tolerance allows the largest
+        component of (q, v).
+
+        It is no less than the error of a step that has missed a force at that time, and of the order of the dense
+        output in h otherwise.
+        """
+        numeric, method = self._numeric, self._method
+        size, parameters = step_end.sizes_of(numeric)
+        t, x, h = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("h")
+        y, coefficients = ca.MX.sym("y", size), ca.MX.sym("coefficients", size, method.dense_rows)
+        tolerance, p = ca.MX.sym("tolerance", step_tolerance.COUNT), ca.MX.sym("p", parameters)
+        state = method.interpolated(y, coefficients, x)
+        rate = numeric.rhs(t, state, p)
+        off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)
+        noise = step_end.PARAMETERS.time_rounding * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
+        n = size // 2
+        own = numeric.sizes.numel_in(
+            3
+        )  # the constants of levels that are enforced come behind the parameters
+        sizes = numeric.sizes(t, state[:n], state[n : 2 * n], p[:own])
+        scale = step_end.scales((y, state), h, sizes, tolerance) + noise[: 2 * n]
+        worst = ca.mmax(off[: 2 * n] / scale) if n else ca.MX(0)
+        found = SizedFunction("defect", [t, x, h, y, coefficients, tolerance, p], [ca.densify(worst)])
+        # As one graph it costs two thirds, where y' is one.
+        return found if numeric.stage is None else SizedFunction(found.expand())

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
@@ -68,6 +70,8 @@ PARAMETERS = StepEndParameters()
 
 # Short states are written out, in SX.
 Expression = TypeVar("Expression", ca.SX, ca.MX)
+# Symbols or numbers.
+Curve = TypeVar("Curve", ca.SX, ca.MX, npt.NDArray[np.float64])
 # combined(h, sizes of the estimates) -> the error of the step: how a method makes one number of its estimates.
 Combined = Callable[..., Any]
 Compiled = ca.Function

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.simulation.closed_contacts import contact_gradient
+from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.run_state.run_stop import CONTACT, Reason
 from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.stop_diagnosis import Rejection, named
@@ -13,7 +13,7 @@ def cause(tried: Rejection) -> Reason | None:
     """See `causes_of_stops`."""
     kinked = named_functions.switching_contacts(tried.system.model)
     span = stop_diagnosis.time_scale(tried.system, tried.here)
-    edges = contact_gradient.edges(tried.numeric, tried.here, kinked, span)
+    edges = contact_change.edges(tried.numeric, tried.here, kinked, span)
     if not edges:
         return None
     return Reason(

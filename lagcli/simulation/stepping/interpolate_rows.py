@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.scheme import line_functions
+from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 # Where the drifts of a row stand in a line: rounding, which is not interpolated.
-DRIFTS = slice(-line_functions.BEYOND, -line_functions.BEYOND + 2)
+DRIFTS = slice(-method.BEYOND, -method.BEYOND + 2)
 
 
 class InterpolationParameters:

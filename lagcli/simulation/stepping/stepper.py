@@ -19,10 +19,9 @@ from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
 from lagcli.simulation.scheme.controller import StepController
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
-from lagcli.simulation.stepping.compared_times import ComparedTimes
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.grid import Grid, Witnesses
-from lagcli.simulation.stepping.step_trial import UNSEEN, StepTrial
+from lagcli.simulation.stepping.step_trial import UNSEEN, ComparedTimes, StepTrial
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.smoothness.time_functions import TimeFunctions
 from lagcli.start.initial import State

@@ -10,12 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.simulation.global_error import error_estimate
-from lagcli.simulation.global_error.accuracy import Accuracy
-from lagcli.simulation.global_error.incident_sides import IncidentErrors
-from lagcli.simulation.run import run_start
-from lagcli.simulation.run.loop import Run, RunBlock
-from lagcli.simulation.run.row_writer import TableRows
+from lagcli.simulation import error_estimate, loop
+from lagcli.simulation.error_estimate import Accuracy
+from lagcli.simulation.incident_sides import IncidentErrors
+from lagcli.simulation.loop import Run, RunBlock
+from lagcli.simulation.row_writer import TableRows
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident, Tally
@@ -32,14 +31,14 @@ class RunWithReference:
 
     COLUMNS = error_estimate.COLUMNS
 
-    def __init__(self, run: Run, begin: run_start.RunStart) -> None:
+    def __init__(self, run: Run, begin: loop.RunStart) -> None:
         settings, system = begin.settings, begin.enforced.system
         again = error_estimate.repeated(settings)
         self._tolerance = float(step_tolerance.of_steps(again)[0])
         self._run = run
         part = error_estimate.PARAMETERS.first_step
         smaller = dataclasses.replace(begin, settings=again, notes=(), part=part, is_again=True)
-        self._again = run_start.start(smaller, TableRows(system.columns))
+        self._again = loop.start(smaller, TableRows(system.columns))
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
         self._broken: run_stop.Stop | None = None

@@ -1,1 +1,0 @@
-"""The loop of a run: from its start, step by step, to the rows of the table."""
