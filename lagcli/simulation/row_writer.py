@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.simulation.events.declared_events import AT_END
 from lagcli.simulation.stepping.found_step import FoundStep
+from lagcli.simulation.stepping.grid import AT_END
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.start.initial import State
 

@@ -279,7 +279,7 @@ def with_event_rows(rows: Floats, incidents: Sequence[Incident]) -> Floats:
     """
     if not incidents:
         return rows
-    from lagcli.simulation.events.declared_events import AT_END
+    from lagcli.simulation.stepping.grid import AT_END
 
     pairs: list[Floats] = []
     indices: list[int] = []

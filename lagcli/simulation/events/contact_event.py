@@ -32,6 +32,7 @@ from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
+from lagcli.simulation.stepping.grid import AT_END
 from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
@@ -272,7 +273,7 @@ class ContactEvent(Event):
                     run.trial.make_dense()
                     return self._search(watch, shorter, 1.0)
                 return self._met_at(watch, met, x, indices[rows])
-            if run.t + x * step.taken > run.grid.end + declared_events.AT_END * math.ulp(run.grid.end):
+            if run.t + x * step.taken > run.grid.end + AT_END * math.ulp(run.grid.end):
                 # Of a look beyond the end: what is recorded there is nothing to this run, however much it is.
                 return met
             armed = np.ones(indices.size, dtype=bool)
@@ -359,7 +360,7 @@ class ContactEvent(Event):
                 break
             tau -= correction
         end = run.grid.end
-        if step.reached != end and abs(step.reached - end) <= declared_events.AT_END * math.ulp(end):
+        if step.reached != end and abs(step.reached - end) <= AT_END * math.ulp(end):
             # It is at the end of the run, to rounding.
             step = run.trial.again(step, end)
         if bound.status[7] > COARSE_WORK:

@@ -17,6 +17,7 @@ from lagcli.simulation.events.event import IncidentLog, InstantLines
 from lagcli.simulation.events.step_watch import StepWatch
 from lagcli.simulation.events.watch_functions import DIRECTIONS
 from lagcli.simulation.scheme.bound_scheme import BoundStep
+from lagcli.simulation.stepping import grid
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -30,8 +31,6 @@ TOUCHED, OFFSET = 4.0, 1e-5
 REFINED = 4
 # An event may be reported so many roundings of the time away from its zero.
 IN_TIME = 4.0
-# Roundings of time within which an incident is at a row, or at the end of the run.
-AT_END = 8.0
 
 
 class EventSizes(NamedTuple):
@@ -114,10 +113,10 @@ def arriving(watch: StepWatch, found: FoundStep) -> list[int]:
     run, kinds = watch.run, watch.functions.kinds
     begin = watch.inside(0.0)[0].copy()
     end, slope = watch.inside(1.0)
-    room = np.abs(slope) / found.taken * AT_END * math.ulp(found.reached)
+    room = np.abs(slope) / found.taken * grid.AT_END * math.ulp(found.reached)
     arrives = (np.abs(end) <= room) & (begin * slope < 0) & (np.abs(begin) > room)
     arrives &= (kinds.direction == zero_search.BOTH) | (np.sign(slope) == kinds.direction)
-    last = run.origin + found.reached - AT_END * math.ulp(found.reached)
+    last = run.origin + found.reached - grid.AT_END * math.ulp(found.reached)
     reported = {incident.name for incident in found.within if incident.t >= last}
     indices = np.flatnonzero(arrives & kinds.is_event).tolist()
     return [int(kinds.numbers[i]) - kinds.first_event for i in indices if kinds.names[i] not in reported]

@@ -19,6 +19,8 @@ MORE = 4
 LEAST, SHIFT = 2, 0.37
 # Closer to the begin of a step than so many roundings of the time there is no witness.
 OFFSET = 2**14
+# Roundings of time within which an incident is at a row, or at the end of the run.
+AT_END = 8.0
 
 
 @frozen_value
