@@ -22,7 +22,7 @@ from lagcli.running.trajectory import SimulationStopped
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.derivation.symbolic.linear_matrices import LinearPoint
+    from lagcli.derivation.sections.linear_section import LinearPoint
 
 
 def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...], tuple[str, ...]]:
@@ -48,7 +48,7 @@ def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...
 def of_start(model: Model) -> LinearPoint:
     """The declared start as a point of linear equations, or why there are none about it."""
     # SymPy is not loaded by `modes`, which begins at the same point.
-    from lagcli.derivation.symbolic.linear_matrices import MOST, LinearPoint
+    from lagcli.derivation.sections.linear_section import MOST, LinearPoint
 
     ready = cache.compiled(model)
     count = len(model.coordinate_names)

@@ -13,6 +13,6 @@ from __future__ import annotations
 
 from lagcli.derivation.derivation import Options, derive
 from lagcli.derivation.sections.derivation_page import Derivation
-from lagcli.derivation.symbolic.linear_matrices import LinearPoint
+from lagcli.derivation.sections.linear_section import LinearPoint
 
 __all__ = ["Derivation", "LinearPoint", "Options", "derive"]

@@ -6,17 +6,12 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 from lagcli import progress
-from lagcli.derivation.sections import (
-    linear_section,
-    page_sections,
-    solution_sections,
-    vakonomic_sections,
-)
+from lagcli.derivation.sections import linear_section, solution_sections, vakonomic_sections
 from lagcli.derivation.sections.derivation_page import Derivation, Line, Section
+from lagcli.derivation.sections.linear_section import LinearPoint
 from lagcli.derivation.sections.one_sided_sections import OneSided
 from lagcli.derivation.sections.page_sections import Sections
 from lagcli.derivation.sections.vakonomic_sections import Vakonomic
-from lagcli.derivation.symbolic.linear_matrices import LinearPoint
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, symbolic
 from lagcli.derivation.writing import formula as f
@@ -80,7 +75,7 @@ def _derived(built: System, options: Options) -> Derivation:
         ("Inertia", parts.inertia()),
         ("Lagrange's equations", parts.lagrange()),
         ("From Newton to Lagrange", parts.identity()),
-        (page_sections.REST, parts.points_of_rest()),
+        ("Points of rest  F + Bᵀλ = 0", parts.points_of_rest()),
     ]
     written = [(title, list(lines)) for title, lines in drafts]
     if options.about is not None:

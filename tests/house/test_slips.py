@@ -34,7 +34,7 @@ MODELS = (
 SAMPLE = (
     "analysis.classification.classifier",
     "derivation.symbolic.tidy",
-    "derivation.writing.render_latex",
+    "derivation.writing.markup",
     "pfaffian.exact.normal_form",
     "pfaffian.exact.zero_test",
     "pfaffian.derived_flag",

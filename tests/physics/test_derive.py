@@ -18,9 +18,10 @@ import lagcli
 from lagcli import derivation
 from lagcli.api.models import cache
 from lagcli.cli.app import app
-from lagcli.derivation.symbolic import identity, multiplier_equations, symbolic_system, tidy
+from lagcli.derivation.sections import derivation_page, page_sections
+from lagcli.derivation.symbolic import multiplier_equations, symbolic_system, tidy
 from lagcli.derivation.writing import formula as f
-from lagcli.derivation.writing import markup, render_latex, render_mathml, render_text
+from lagcli.derivation.writing import markup, render_text
 from lagcli.equations import system as compiled_system
 from lagcli.errors import diagnostics
 from lagcli.pfaffian.forms.notation import TIME
@@ -301,9 +302,9 @@ def test_closed_forms_have_the_numbers_of_a_run(name: str) -> None:
 
 def test_the_identity_is_proved_for_what_is_right_and_fails_for_what_is_wrong() -> None:
     page = derived(DOUBLE)
-    assert [(v.holds, v.method) for v in identity.verify(page.system)] == [(True, "identically")] * 2
+    assert list(page_sections.identity(page.system)) == [(0, True, "identically"), (1, True, "identically")]
     wrong = dataclasses.replace(page.system, general=page.system.general * sympy.Rational(1001, 1000))
-    assert [v.holds for v in identity.verify(wrong)] == [False, False]
+    assert [holds for _, holds, _ in page_sections.identity(wrong)] == [False, False]
     assert "D.31" in page.text()
 
 
@@ -514,7 +515,13 @@ def nested(depth, inner="a.x"):
     )
 
 
-@pytest.mark.parametrize("writer", [render_text, render_latex, render_mathml])
+def test_a_long_side_goes_on_with_its_sign_in_html():
+    line = derivation_page.Line(sides=(f.FormulaSum(tuple((1, f.Sign("a" * 40)) for _ in range(4))), f.ZERO))
+    assert line.html().count("<mo>+</mo>") == 3
+    assert line.latex().count(" + ") == 3
+
+
+@pytest.mark.parametrize("writer", ["text", "latex", "mathml"])
 @pytest.mark.parametrize("kind", ["function", "fraction", "power", "sum"])
 def test_each_part_of_a_formula_is_written_once(writer, kind, monkeypatch):
     depth, node = 12, f.Sign("x")
@@ -528,10 +535,11 @@ def test_each_part_of_a_formula_is_written_once(writer, kind, monkeypatch):
                 node = f.FormulaPower(node, f.FormulaNumber("3"))
             case _:
                 node = f.FormulaSum(((1, node), (-1, f.ONE)))
-    written, writers = [], (render_text if writer is render_text else markup)._WRITERS
+    written, module = [], render_text if writer == "text" else markup
+    writers = module._WRITERS
     for each, write in dict(writers).items():
         monkeypatch.setitem(writers, each, lambda *given, write=write: written.append(1) or write(*given))
-    getattr(writer, {render_text: "text", render_latex: "latex", render_mathml: "mathml"}[writer])(node)
+    getattr(module, writer)(node)
     # Parts at most twice, and not twice for each level: two parts a level, and the innermost one.
     assert len(written) <= 2 * (2 * depth + 1)
 

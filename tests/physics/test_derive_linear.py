@@ -10,8 +10,8 @@ from scipy import linalg
 import lagcli
 from lagcli.api import linear_point
 from lagcli.api.models import cache
+from lagcli.derivation.sections import linear_section
 from lagcli.derivation.sections.linear_section import TITLE
-from lagcli.derivation.symbolic import linear_matrices
 from lagcli.linearization import reference
 from lagcli.linearization.linearized import LinearizedFunctions
 
@@ -76,7 +76,7 @@ def numbers(text: str) -> dict[str, np.ndarray]:
     assert not point.reason
     page = lagcli.derive(model)
     system = page.system.closed(point.closed)
-    found = linear_matrices.matrices(system, point)
+    found = linear_section.matrices(system, point)
     put: dict[sympy.Symbol, float] = dict(page.system.values)
     for letters, values in zip((system.q, system.v, system.a, system.lam), point.numbers, strict=True):
         put |= dict(zip(letters, values, strict=True))

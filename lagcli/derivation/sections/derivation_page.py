@@ -5,23 +5,19 @@ from __future__ import annotations
 import dataclasses
 import html
 import itertools
+import re
 from collections.abc import Callable, Iterator
 
 import sympy
 
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.writing import formula as f
-from lagcli.derivation.writing import render_latex, render_mathml, render_text
+from lagcli.derivation.writing import markup, render_text
 from lagcli.output import latex_text
 
 WIDTH = 100  # columns where there is no terminal
-# Sides wider than this do not push the others of their section to the right.
-WIDEST_LEFT = 22
-# Characters of a formula after which LaTeX and MathML begin a new line.
-LONG = 90
-
-# Of the rows in which a formula goes on.
-_INDENT = r"\quad "
+WIDEST_LEFT = 22  # columns: wider sides do not push the others of their section to the right
+LONG = 90  # columns of a formula after which LaTeX and MathML begin a new line
 
 _STYLE = """
 body { font-family: Georgia, "Times New Roman", serif; color: #222; max-width: 62em;
@@ -58,14 +54,96 @@ class Line:
         return self.signs or ("=",) * (len(self.sides) - 1)
 
     def joined(
-        self, first: int, written: Callable[[f.FormulaNode], str], relation: Callable[[str], str] = str
+        self, written: Callable[[f.FormulaNode], str], first: int = 0, relation: Callable[[str], str] = str
     ) -> str:
         """The sides from a number on with the signs between them."""
-        parts = [written(side) for side in self.sides[first:]]
-        signs = map(relation, self.relations[first:])
-        return "".join(
-            [*parts[:1], *(f" {sign} {part}" for sign, part in zip(signs, parts[1:], strict=True))]
-        )
+        before = ("", *(f" {relation(sign)} " for sign in self.relations[first:]))
+        return "".join(sign + written(side) for sign, side in zip(before, self.sides[first:], strict=False))
+
+    def pieces(self, first: int = 0) -> Iterator[tuple[str, f.FormulaNode, int, bool]]:
+        """The sides from a number on in pieces of a row each: the sign before a piece, the piece, its columns, and
+        whether a long sum goes on with it."""
+        for relation, side in zip(("", *self.relations)[first:], self.sides[first:], strict=True):
+            pieces, used = [side], 0
+            if isinstance(side, f.FormulaSum) and render_text.width(render_text.text(side)) > LONG:
+                terms: list[list[tuple[int, f.FormulaNode]]] = [[]]
+                for term in side.terms:
+                    own = render_text.width(render_text.text(term[1])) + 3
+                    if terms[-1] and used + own > LONG:
+                        terms.append([])
+                        used = 0
+                    terms[-1].append(term)
+                    used += own
+                pieces = [f.FormulaSum(tuple(part)) for part in terms]
+            for number, piece in enumerate(pieces):
+                leads_negative = isinstance(piece, f.FormulaSum) and piece.terms[0][0] < 0
+                sign = relation if number == 0 else "" if leads_negative else "+"
+                yield sign, piece, render_text.width(render_text.text(piece)) + 3, number > 0
+
+    @property
+    def is_wide(self) -> bool:
+        """True where the other sides would stand far to the right beside the left one."""
+        return render_text.width(render_text.text(self.sides[0])) > WIDEST_LEFT
+
+    def latex(self) -> str:
+        """The line as one equation, split where it is long."""
+        tag = rf" \tag{{{self.number}}}" if self.number else ""
+        goes_on = [later for *_, later in self.pieces()]
+        if not any(goes_on):
+            return self.joined(markup.latex, relation=markup.RELATIONS.__getitem__) + tag
+        rows = self.latex_rows(at_begin=goes_on[1])
+        return "\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}" + tag
+
+    def latex_rows(self, at_begin: bool, indent: str = "", room: int = 0) -> list[str]:
+        """Rows with one mark of alignment each: before the second side, or where a side goes on; before the first one
+        `at_begin`. Sides stand in one row as far as there is room."""
+        rows: list[str] = []
+        for sign, piece, own, goes_on in self.pieces():
+            written = markup.latex(piece)
+            relation = "" if goes_on else markup.RELATIONS.get(sign, "")
+            if not rows:
+                rows.append(("& " if at_begin else "") + written)
+                used = own - 3
+            elif goes_on:
+                rows.append(rf"&\quad {'{} + ' if sign else ''}{written}")
+                used = LONG
+            elif "&" not in rows[-1]:
+                rows[-1] += f" &{relation} {written}"
+                used += own
+            elif used + own <= room:
+                rows[-1] += f" {relation} {written}"
+                used += own
+            else:
+                rows.append(f"&{indent}{relation} {written}")
+                used = own
+        return rows
+
+    def html(self) -> str:
+        """The line as a row of a table, its sides in rows of bearable length."""
+        note = html.escape(self.note)
+        if not self.sides:
+            return f'<tr><td class="note" colspan="3">{note}</td></tr>'
+        if note:
+            note = f' <span class="note">{note}</span>'
+        rows: list[str] = []
+        used = LONG
+        for sign, piece, own, goes_on in self.pieces(0 if self.is_wide else 1):
+            if used + own > LONG or goes_on:
+                rows.append("")
+                used = 0
+            rows[-1] += (f"<mo>{sign}</mo>" if sign else "") + markup.mathml(piece)
+            used += own
+        sides = "<br>".join(_math(f"<mrow>{row}</mrow>") for row in rows) + note
+        if self.is_wide:
+            cells = f'<td class="whole" colspan="2">{sides}</td>'
+        else:
+            cells = f'<td class="left">{_math(markup.mathml(self.sides[0]))}</td><td>{sides}</td>'
+        number = html.escape(f"({self.number})") if self.number else ""
+        return f'<tr>{cells}<td class="number">{number}</td></tr>'
+
+
+def _math(inner: str) -> str:
+    return f'<math display="inline" displaystyle="true">{inner}</math>'
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -103,7 +181,7 @@ class Derivation:
         parts: list[str] = []
         for section in self.sections:
             parts.append(section.title)
-            parts += [f"$${_latex(line)}$$" if line.sides else line.note for line in section.lines]
+            parts += [f"$${line.latex()}$$" if line.sides else line.note for line in section.lines]
         return "\n\n".join(parts)
 
     def equations(self) -> tuple[sympy.Eq, ...]:
@@ -148,7 +226,7 @@ class Derivation:
                     found += ["  " + part for part in render_text.folded(line.note, width - 2)]
                     continue
                 pad = " " * max(0, column - own)
-                whole = f"  {pad}{line.joined(0, render_text.text)}"
+                whole = f"  {pad}{line.joined(render_text.text)}"
                 if line.note:
                     whole += f"   {line.note}"
                 number = f"({line.number})" if line.number else ""
@@ -163,10 +241,10 @@ class Derivation:
         """A LaTeX document that needs amsmath only; as a fragment only its equations, one aligned environment for
         each section."""
         if fragment:
-            return "\n".join(_fragment(self.title, self.sections))
+            return self._latex_fragment()
         body = "\n".join([
-            rf"\section*{{{render_latex.words(self.title)}}}",
-            render_latex.words(self.about),
+            rf"\section*{{{markup.latex_words(self.title)}}}",
+            markup.latex_words(self.about),
             self.latex_sections(),
         ])  # fmt: skip
         # A title may hold letters of any language, for which there is no sign in the fonts of LaTeX.
@@ -183,40 +261,52 @@ class Derivation:
             r"\end{document}",
         ])  # fmt: skip
 
+    def _latex_fragment(self) -> str:
+        """The equations alone: an `align*` for lines that follow each other, notes in words between them."""
+        parts = [
+            f"% {self.title}",
+            r"% \usepackage{amsmath} is all that this needs; \allowdisplaybreaks lets it run over pages.",
+        ]
+        for section in self.sections:
+            parts.append(f"% {section.title}")
+            for has_sides, group in itertools.groupby(section.lines, key=lambda line: bool(line.sides)):
+                lines = list(group)
+                if not has_sides:
+                    parts += [f"{markup.latex_words(line.note)}\n" for line in lines]
+                    continue
+                is_wide = any(line.is_wide for line in lines)
+                aligned: list[str] = []
+                for line in lines:
+                    aligned += line.latex_rows(is_wide, r"\quad " if is_wide else "", LONG)
+                    if line.note:
+                        aligned[-1] += rf" \quad \text{{{markup.latex_words(line.note)}}}"
+                    if line.number:
+                        aligned[-1] += rf" \tag{{{line.number}}}"
+                parts += [r"\begin{align*}", " \\\\\n".join(aligned), r"\end{align*}"]
+        return "\n".join(parts)
+
     def latex_sections(self) -> str:
         """The sections alone in LaTeX."""
-        return self._written(
-            lambda title: [rf"\subsection*{{{render_latex.words(title)}}}"],
-            lambda line: [r"\begin{equation*}", _latex(line), r"\end{equation*}"],
-            lambda note: [render_latex.words(note) + r"\par"],
-        )
+        equation = "\\begin{equation*}\n%s\n\\end{equation*}"
+        return self._written(markup.latex_words, r"\subsection*{%s}", equation, r"%s\par")
 
-    def _written(
-        self,
-        heading: Callable[[str], list[str]],
-        equation: Callable[[Line], list[str]],
-        note: Callable[[str], list[str]],
-    ) -> str:
-        """The rows of all sections: headings, and lines as equations and notes."""
+    def _written(self, words: Callable[[str], str], heading: str, equation: str, note: str) -> str:
+        """All sections: their titles, lines as equations in LaTeX and their notes put into what stands around them."""
         rows: list[str] = []
         for section in self.sections:
-            rows += heading(section.title)
+            rows.append(heading % words(section.title))
             for line in section.lines:
-                rows += [*(equation(line) if line.sides else ()), *(note(line.note) if line.note else ())]
+                rows += [equation % line.latex()] if line.sides else []
+                rows += [note % words(line.note)] if line.note else []
         return "\n".join(rows)
 
     def markdown(self) -> str:
         """Markdown with LaTeX between dollar signs."""
-        parts = [f"# {_escaped(self.title)}", "", _escaped(self.about)]
-        return "\n".join([*parts, self.markdown_sections(2)])
+        return "\n".join([f"# {_escaped(self.title)}", "", _escaped(self.about), self.markdown_sections(2)])
 
     def markdown_sections(self, level: int) -> str:
         """The sections alone in Markdown, under headings of this level."""
-        return self._written(
-            lambda title: ["", f"{'#' * level} {_escaped(title)}"],
-            lambda line: ["", "$$", _latex(line), "$$"],
-            lambda note: ["", _escaped(note)],
-        )
+        return self._written(_escaped, f"\n{'#' * level} %s", "\n$$\n%s\n$$", "\n%s")
 
     def html(self) -> str:
         """One HTML page with MathML: it needs no network."""
@@ -235,9 +325,7 @@ class Derivation:
         parts: list[str] = []
         for section in self.sections:
             parts += [f"<h{level}>{html.escape(section.title)}</h{level}>", "<table>"]
-            for line in section.lines:
-                parts += _html(line)
-            parts.append("</table>")
+            parts += [*(line.html() for line in section.lines), "</table>"]
         return "\n".join(parts)
 
     def as_json(self) -> list[dict[str, str]]:
@@ -250,8 +338,8 @@ class Derivation:
                 "section": section.title,
                 "equation": line.number,
                 "left": render_text.text(line.sides[0]) if line.sides else "",
-                "right": line.joined(1, render_text.text),
-                "latex": line.joined(0, render_latex.latex, render_latex.relation),
+                "right": line.joined(render_text.text, 1),
+                "latex": line.joined(markup.latex, relation=markup.RELATIONS.__getitem__),
                 "note": line.note,
                 **({"relation": line.relations[0]} if line.signs and line.signs[0] != "=" else {}),
             }
@@ -260,138 +348,6 @@ class Derivation:
         ]
 
 
-def _chunks(node: f.FormulaNode) -> list[f.FormulaNode]:
-    """A long sum in pieces of a line each."""
-    if not isinstance(node, f.FormulaSum) or render_text.width(render_text.text(node)) <= LONG:
-        return [node]
-    chunks: list[list[tuple[int, f.FormulaNode]]] = [[]]
-    used = 0
-    for sign, term in node.terms:
-        own = render_text.width(render_text.text(term)) + 3
-        if chunks[-1] and used + own > LONG:
-            chunks.append([])
-            used = 0
-        chunks[-1].append((sign, term))
-        used += own
-    return [f.FormulaSum(tuple(part)) for part in chunks]
-
-
-def _latex(line: Line) -> str:
-    tag = rf" \tag{{{line.number}}}" if line.number else ""
-    if all(len(_chunks(side)) == 1 for side in line.sides):
-        return line.joined(0, render_latex.latex, render_latex.relation) + tag
-    # One mark of alignment in each row: before the sign of equality, or where a side goes on.
-    rows: list[str] = []
-    signs = ("", *map(render_latex.relation, line.relations))
-    for index, (sign, side) in enumerate(zip(signs, line.sides, strict=True)):
-        for part, chunk in enumerate(_chunks(side)):
-            written = render_latex.latex(chunk)
-            if part:
-                rows.append(_goes_on(chunk))
-            elif index == 0:
-                rows.append(written if len(_chunks(side)) == 1 else f"& {written}")
-            elif index == 1 and len(rows) == 1 and not rows[0].startswith("&"):
-                rows[0] += f" &{sign} {written}"
-            else:
-                rows.append(f"&{sign} {written}")
-    return "\\begin{split}\n" + " \\\\\n".join(rows) + "\n\\end{split}" + tag
-
-
-def _fragment(title: str, sections: tuple[Section, ...]) -> Iterator[str]:
-    """The equations alone: an `align*` for lines that follow each other, notes in words between them."""
-    yield f"% {title}"
-    yield r"% \usepackage{amsmath} is all that this needs; \allowdisplaybreaks lets it run over pages."
-    for section in sections:
-        yield f"% {section.title}"
-        for is_note, lines in itertools.groupby(section.lines, key=lambda line: bool(line.sides)):
-            if not is_note:
-                yield from (f"{render_latex.words(line.note)}\n" for line in lines)
-                continue
-            equations = list(lines)
-            # A left side beside which the others of its section would stand far to the right
-            is_wide = any(
-                render_text.width(render_text.text(line.sides[0])) > WIDEST_LEFT for line in equations
-            )
-            yield r"\begin{align*}"
-            yield " \\\\\n".join(row for line in equations for row in _aligned(line, is_wide))
-            yield r"\end{align*}"
-
-
-def _aligned(line: Line, is_wide: bool) -> list[str]:
-    """The rows of a line in `align*`, each with one mark of alignment, at its begin where left sides are wide; the
-    last row has the note and the number."""
-    left, *others = line.sides
-    first, *more = _chunks(left)
-    rows = [("& " if is_wide else "") + render_latex.latex(first)]
-    rows += [_goes_on(chunk) for chunk in more]
-    used = LONG if more else render_text.width(render_text.text(left))
-    for relation, side in zip(map(render_latex.relation, line.relations), others, strict=True):
-        first, *more = _chunks(side)
-        own = render_text.width(render_text.text(first)) + 3
-        written = f"{relation} {render_latex.latex(first)}"
-        if "&" not in rows[-1]:
-            rows[-1] += f" &{written}"
-        elif used + own <= LONG:
-            rows[-1] += f" {written}"
-        else:
-            rows.append(rf"&{_INDENT if is_wide else ''}{written}")
-            used = 0
-        used = LONG if more else used + own
-        rows += [_goes_on(chunk) for chunk in more]
-    if line.note:
-        rows[-1] += rf" \quad \text{{{render_latex.words(line.note)}}}"
-    if line.number:
-        rows[-1] += rf" \tag{{{line.number}}}"
-    return rows
-
-
-def _goes_on(chunk: f.FormulaNode) -> str:
-    """A row in which a long sum goes on."""
-    return rf"&{_INDENT}{'' if _leads_negative(chunk) else '{} + '}{render_latex.latex(chunk)}"
-
-
-def _html(line: Line) -> list[str]:
-    note = html.escape(line.note)
-    if not line.sides:
-        return [f'<tr><td class="note" colspan="3">{note}</td></tr>']
-    number = f"({line.number})" if line.number else ""
-    tail = f'<td class="number">{html.escape(number)}</td></tr>'
-    if note:
-        note = f' <span class="note">{note}</span>'
-    if render_text.width(render_text.text(line.sides[0])) > WIDEST_LEFT:
-        rows = "<br>".join(_equated(line, 0))
-        return [f'<tr><td class="whole" colspan="2">{rows}{note}</td>{tail}']
-    left = _math(render_mathml.mathml(line.sides[0]))
-    rows = "<br>".join(_equated(line, 1))
-    return [f'<tr><td class="left">{left}</td><td>{rows}{note}</td>{tail}']
-
-
-def _equated(line: Line, first: int) -> list[str]:
-    """Sides with their signs before all but the very first, in rows of bearable length."""
-    signs = ("=", *line.relations)
-    rows: list[str] = []
-    used = LONG
-    for index, side in enumerate(line.sides[first:], first):
-        for part, chunk in enumerate(_chunks(side)):
-            sign = signs[index] if part == 0 else "" if _leads_negative(chunk) else "+"
-            written = (f"<mo>{sign}</mo>" if sign and index else "") + render_mathml.mathml(chunk)
-            own = render_text.width(render_text.text(chunk)) + 3
-            if used + own > LONG or part:
-                rows.append("")
-                used = 0
-            rows[-1] += written
-            used += own
-    return [_math(f"<mrow>{row}</mrow>") for row in rows]
-
-
-def _leads_negative(node: f.FormulaNode) -> bool:
-    return isinstance(node, f.FormulaSum) and node.terms[0][0] < 0
-
-
-def _math(inner: str) -> str:
-    return f'<math display="inline" displaystyle="true">{inner}</math>'
-
-
 def _escaped(words: str) -> str:
     """Words that Markdown prints as they are."""
-    return "".join(f"\\{letter}" if letter in "\\`*_{}[]<>#$|" else letter for letter in words)
+    return re.sub(r"([\\`*_{}\[\]<>#$|])", r"\\\1", words)

@@ -12,14 +12,13 @@ from collections.abc import Iterator, Mapping
 import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
-from lagcli.derivation.sections.page_sections import NIL, Sections, joined
+from lagcli.derivation.sections.page_sections import NIL, Sections
 from lagcli.derivation.symbolic import multiplier_equations
 from lagcli.derivation.symbolic.multiplier_equations import Equation
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.symbolic.tidy import tidy
 from lagcli.derivation.writing import formula as f
-from lagcli.derivation.writing import paper_names
 from lagcli.pfaffian.forms.notation import ZERO
 
 COMPLEMENTARY = ("≤", "⊥", "≥")
@@ -63,8 +62,8 @@ class OneSided:
         """G_jk and G_jt, the gradients of g, and dg/dt."""
         signs = self._signs
         for row in self._contacts.rows:
-            for sides in self._parts.gradients("G", row):
-                yield self._line(sides, "G", row)
+            for pair in self._parts.gradients("G", row):
+                yield self._line(pair, "G", row)
         for row in self._contacts.rows:
             assert row.f is not None
             rate = tidy(self._system.table.calculus.rate(row.f))
@@ -106,9 +105,22 @@ class OneSided:
             note="At the instant at which contacts with g = 0 have ġ < 0, velocities jump and positions do not. All"
             " rows and all contacts with g = 0 take part; + is just after and - just before."
         )
-        yield from self._jumps()
-        # B v+ + b = 0 of the rows that are equations
+        # M (v+ - v-) = B^T Lambda + G^T Lambda_G
         signs, system = self._signs, self._system
+        for first, number in self._free.items():
+            if terms := self._parts.reaction(first, self._impulses):
+                name = system.table.particles.names[number]
+                jump = _beside(-1, signs.of_particle("r", name, dots=1))
+                left = f.FormulaProduct((signs.node(system.table.mass(number)), jump))
+                yield Line("", (left, f.joined(terms)), kind="jump", family=f.family(name))
+        jumps = tuple(sympy.Symbol(f"jump {name}", real=True) for name in system.names)
+        for i in system.lagrange:
+            signs.show_as(jumps[i], _beside(-1, signs.sign(system.v[i])), system.a[i])
+        for i in system.lagrange:
+            total = sum((system.matrix(i, j) * jumps[j] for j in system.lagrange), ZERO)
+            right = self._parts.simulating(i, self._impulses)
+            yield Line("", (signs.node(total), signs.node(right)), kind="jump")
+        # B v+ + b = 0 of the rows that are equations
         for row in system.rows:
             if row.f is not None:
                 rate = dataclasses.replace(signs.of_row("f", row.name), dots=1, sup="+")
@@ -117,13 +129,18 @@ class OneSided:
             total = row.b
             for i, slope in row.B.items():
                 after = sympy.Symbol(f"after {system.names[i]}", real=True)
-                signs.show_after(after, i)
+                signs.show_as(after, dataclasses.replace(signs.sign(system.v[i]), sup="+"), system.v[i])
                 total += slope * after
             yield Line("", (signs.node(total), NIL), kind="kept", family=row.family)
         for row, impulse, e in zip(
             self._contacts.rows, self._contact_impulses, self._contacts.restitution, strict=True
         ):
-            sides = (NIL, self._signs.node(impulse), self._rebound(row, e), NIL)
+            rebound: f.FormulaNode = self._g(row, 1, "+")  # g'+ + e min(g'-, 0)
+            if e:
+                met = f.Apply("min", (self._g(row, 1, "-"), NIL))
+                given = f.FormulaProduct((self._letters[f"restitution {row.name}"], met))
+                rebound = f.FormulaSum(((1, rebound), (1, given)))
+            sides = (NIL, signs.node(impulse), rebound, NIL)
             yield Line("", sides, kind="impact", family=row.family, signs=COMPLEMENTARY)
         for row, e in zip(self._contacts.rows, self._contacts.restitution, strict=True):
             if e:
@@ -135,50 +152,15 @@ class OneSided:
             " an impulse only where it would be pressed in without."
         )
         if all(row.b == 0 for row in self._every.rows):
-            yield Line("", self._energy(), kind="energy")
+            # T+ - T- = 1/2 sum of Lambda_j (g'_j+ + g'_j-)
+            half = f.Fraction(f.ONE, f.FormulaNumber("2"))
+            factors = half, f.Sign("Σ", ("j",)), f.Sign("Λ", ("j",)), _beside(1, f.Sign("g", ("j",), 1))
+            taken = _beside(-1, signs.energies["T"]), f.FormulaProduct(factors)
+            yield Line("", taken, kind="energy")
             yield Line(
                 note="An impact takes energy or none. With different e at one instant this could be positive, and"
                 " that is refused."
             )
-
-    def _energy(self) -> tuple[f.FormulaNode, ...]:
-        """T+ - T- = 1/2 sum of Lambda_j (g'_j+ + g'_j-)."""
-        T, g = self._signs.energies["T"], f.Sign("g", ("j",), 1)
-        jump = f.FormulaSum(((1, dataclasses.replace(T, sup="+")), (-1, dataclasses.replace(T, sup="-"))))
-        sides = f.FormulaSum(((1, dataclasses.replace(g, sup="+")), (1, dataclasses.replace(g, sup="-"))))
-        half = f.Fraction(f.ONE, f.FormulaNumber("2"))
-        return jump, f.FormulaProduct((half, f.Sign("Σ", ("j",)), f.Sign("Λ", ("j",)), sides))
-
-    def _rebound(self, row: SymbolicRow, e: float) -> f.FormulaNode:
-        """g'+ + e min(g'-, 0)."""
-        after = self._g(row, 1, "+")
-        if not e:
-            return after
-        met = f.Apply("min", (self._g(row, 1, "-"), NIL))
-        return f.FormulaSum(
-            ((1, after), (1, f.FormulaProduct((self._letters[f"restitution {row.name}"], met))))
-        )
-
-    def _jumps(self) -> Iterator[Line]:
-        """M (v+ - v-) = B^T Lambda + G^T Lambda_G."""
-        signs, system = self._signs, self._system
-        for first, number in self._free.items():
-            terms = self._parts.reaction(first, self._impulses)
-            if terms:
-                name = system.table.particles.names[number]
-                m, v = signs.node(system.table.mass(number)), signs.of_particle("r", name, dots=1)
-                jump = f.FormulaSum(
-                    ((1, dataclasses.replace(v, sup="+")), (-1, dataclasses.replace(v, sup="-")))
-                )
-                family = paper_names.family(name)
-                yield Line("", (f.FormulaProduct((m, jump)), joined(terms)), kind="jump", family=family)
-        jumps = tuple(sympy.Symbol(f"jump {name}", real=True) for name in system.names)
-        for i in system.lagrange:
-            signs.show_jump(jumps[i], i)
-        for i in system.lagrange:
-            left = sum((system.matrix(i, j) * jumps[j] for j in system.lagrange), ZERO)
-            right = self._parts.simulating(i, self._impulses)
-            yield Line("", (signs.node(left), signs.node(right)), kind="jump")
 
     def alone(self, j: int, equation: Equation, on: Mapping[sympy.Symbol, sympy.Expr]) -> Iterator[Line]:
         """Lambda of an impact on contact j alone, -(1 + e) g'- / (G P G^T), with what the rows say put in."""
@@ -200,3 +182,8 @@ class OneSided:
         value = f.negative(f.FormulaProduct(factors))
         yield Line(note=f"An impact on {row.name} alone has the impulse")
         yield Line("", (self._signs.node(self._contact_impulses[j]), value), kind="impulse")
+
+
+def _beside(sign: int, node: f.Sign) -> f.FormulaSum:
+    """A value just after an impact plus or minus that just before."""
+    return f.FormulaSum(((1, dataclasses.replace(node, sup="+")), (sign, dataclasses.replace(node, sup="-"))))

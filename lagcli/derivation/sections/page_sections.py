@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator, Mapping, Sequence
 
 import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
-from lagcli.derivation.symbolic import identity
-from lagcli.derivation.symbolic.calculus import Key, Triple
+from lagcli.derivation.symbolic.calculus import NOTHING, Key
 from lagcli.derivation.symbolic.multiplier_equations import part
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
-from lagcli.derivation.symbolic.vectors import NOTHING
 from lagcli.derivation.writing import formula as f
-from lagcli.derivation.writing import paper_names
 from lagcli.pfaffian.forms.notation import ZERO
 
 NIL = f.ZERO
-REST = "Points of rest  F + Bᵀλ = 0"
-# Operations up to which V is multiplied out to find what its terms share.
-MAX_SORTED = 2000
+MAX_SORTED = 2000  # operations up to which V is multiplied out to find what its terms share
+# Above so many operations the identity (D.31) is not expanded but tried with numbers.
+MAX_OPERATIONS = 1500
+POINTS, DIGITS = 2, 30
+AGREED = sympy.Float("1e-20", DIGITS)
 
 
 class Sections:
@@ -52,9 +52,8 @@ class Sections:
                     vector = signs.vector((slope[0], slope[1], slope[2]))
                     if vector != NIL:
                         terms.append((1, f.FormulaProduct((vector, signs.with_prefix("δ", i)))))
-            variation = f.FormulaSum(tuple(terms)) if len(terms) > 1 else terms[0][1] if terms else NIL
             delta = f.Sign("δr", r.sub, vector=True)
-            yield Line("D.28", (delta, variation), kind="δr", family=family)
+            yield Line("D.28", (delta, f.joined(terms)), kind="δr", family=family)
 
     def constraints(self) -> Iterator[Line]:
         """f = 0 (D.2), and the differential rows as they are written (D.3, D.4)."""
@@ -92,7 +91,7 @@ class Sections:
         for row in system.rows:
             if row.f is not None:
                 rate = tidy(self._table.calculus.rate(row.f))
-                left = f.Sign("f", (paper_names.subscript(row.name),), dots=1)
+                left = f.Sign("f", (f.subscript(row.name),), dots=1)
                 yield Line("D.6", (left, signs.node(rate), NIL), kind="rate", family=row.family)
 
     def gradients(self, letter: str, row: SymbolicRow) -> Iterator[tuple[f.FormulaNode, f.FormulaNode]]:
@@ -101,7 +100,7 @@ class Sections:
         for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
             name = self._table.particles.names[self._free[first]]
             yield (
-                signs.of_row(letter, row.name, paper_names.subscript(name)),
+                signs.of_row(letter, row.name, f.subscript(name)),
                 signs.vector(part(row.B, first)),
             )
         for i, slope in row.B.items():
@@ -115,7 +114,7 @@ class Sections:
         signs, system = self.signs, self._every
         for first, number in self._free.items():
             name = self._table.particles.names[number]
-            R = joined(self.reaction(first, system.lam))
+            R = f.joined(self.reaction(first, system.lam))
             yield Line("D.22", (signs.of_particle("R", name), R), kind="R", family=self._families[number])
         for i in system.lagrange:
             if any(i in row.B for row in system.rows):
@@ -163,8 +162,16 @@ class Sections:
         V = sympy.Add(*(tidy(term) for term in system.potentials))
         if V.count_ops() < MAX_SORTED:
             V = shorter(tidy(V), sympy.factor_terms(sympy.expand(V)))
-        grouped = polynomial(T, system.v) if system.general == T else _grouped(T)
         if len(self._table.particles):
+            if system.general == T:
+                grouped = polynomial(T, system.v)
+            else:  # terms of equal coefficients together: m (v_a^2 + v_b^2)/2
+                groups: dict[sympy.Expr, list[sympy.Expr]] = {}
+                for term in sympy.Add.make_args(T):
+                    speeds = [x for x in sympy.Mul.make_args(term) if str(x).startswith("product ")]
+                    speed = speeds[0] if len(speeds) == 1 else sympy.Integer(1)
+                    groups.setdefault(term / speed, []).append(speed)
+                grouped = sympy.Add(*(c * sympy.Add(*members) for c, members in groups.items()))
             yield Line("D.34", (letters["T"], signs.node(grouped)), kind="T")
         if system.potentials:
             yield Line("D.35", (letters["V"], signs.node(V)), kind="V")
@@ -172,8 +179,7 @@ class Sections:
             sides: list[f.FormulaNode] = [letters["L"]]
             if len(self._table.particles) and system.extra == 0 and V != 0:
                 sides.append(f.FormulaSum(((1, letters["T"]), (-1, letters["V"]))))
-            whole = sympy.Add(*(polynomial(term, system.v) for term in (T + system.extra,))) - V
-            yield Line("D.38", (*sides, signs.node(whole)), kind="L")
+            yield Line("D.38", (*sides, signs.node(polynomial(T + system.extra, system.v) - V)), kind="L")
 
     def forces(self) -> Iterator[Line]:
         """Q_j of the forces without a potential (D.30)."""
@@ -192,7 +198,7 @@ class Sections:
             a = signs.of_particle("r", name, dots=2)
             left = a if table.mass(number) == 1 else f.FormulaProduct((m, a))
             terms = self._pulls(self._system.h, first)
-            yield Line("D.23", (left, joined(terms)), kind="newton", family=self._families[number])
+            yield Line("D.23", (left, f.joined(terms)), kind="newton", family=self._families[number])
 
     def inertia(self) -> Iterator[Line]:
         """M_ij of the generalized coordinates."""
@@ -222,16 +228,14 @@ class Sections:
     def identity(self) -> Iterator[Line]:
         """The identity that leads from d'Alembert to Lagrange (D.31), verified for this model."""
         signs = self.signs
-        for verdict in identity.verify(self._system):
-            i = verdict.coordinate
+        for i, holds, method in identity(self._system):
             q, q_dot = signs.sign(self._system.q[i]), signs.sign(self._system.v[i])
             r = f.Sign("r", ("k",), vector=True)
             work = f.Dot(f.Sign("r", ("k",), 2, vector=True), f.Slope(r, q))
             left = f.FormulaProduct((f.Sign("Σ", ("k",)), f.Sign("m", ("k",)), work))
-            note = f"holds {verdict.method}" if verdict.holds else f"DOES NOT HOLD {verdict.method}"
-            yield Line(
-                "D.31", (left, f.lagrange(signs.energies["T"], q, q_dot)), note, "identity", self._kin(i)
-            )
+            note = f"holds {method}" if holds else f"DOES NOT HOLD {method}"
+            sides = left, f.lagrange(signs.energies["T"], q, q_dot)
+            yield Line("D.31", sides, note, "identity", self._kin(i))
 
     def gammas(self) -> Iterator[Line]:
         """gamma_i = -(B' v + b'), what B a must be."""
@@ -240,12 +244,12 @@ class Sections:
             yield Line("D.24", (left, self.signs.node(row.gamma)), kind="gamma", family=row.family)
 
     def _kin(self, i: int) -> str:
-        return paper_names.family(self._system.names[i])
+        return f.family(self._system.names[i])
 
     def _pulls(self, h: Sequence[sympy.Expr], first: int) -> list[tuple[int, f.FormulaNode]]:
         """The terms of F_k + sum_i lambda_i B_ik of a particle, F_k in h from the number of its x on."""
         F = self.signs.vector((h[first], h[first + 1], h[first + 2]))
-        return ([] if F == NIL else terms_of(F)) + self.reaction(first, self._every.lam)
+        return ([] if F == NIL else f.terms_of(F)) + self.reaction(first, self._every.lam)
 
     def points_of_rest(self) -> Iterator[Line]:
         """The equations of motion with q' = q'' = 0, which are the recipe for f = V (D.25).
@@ -261,7 +265,7 @@ class Sections:
         for number in system.newton:
             if terms := self._pulls(h, system.first_index(number)):
                 family = system.table.particles.names[number].partition("[")[0]
-                yield Line("D.25", (joined(terms), NIL), kind="rest", family=family)
+                yield Line("D.25", (f.joined(terms), NIL), kind="rest", family=family)
         for i in system.lagrange:
             total = tidy(h[i] + self.simulating(i))
             if total != 0:
@@ -269,23 +273,6 @@ class Sections:
         for row in system.rows:
             if row.b != 0:
                 yield Line("D.6", (signs.node(tidy(row.b)), NIL), kind="rest row", family=row.family)
-
-
-def triple(values: tuple[sympy.Expr, ...], first: int) -> Triple:
-    """Three neighbours."""
-    return values[first], values[first + 1], values[first + 2]
-
-
-def _grouped(T: sympy.Expr) -> sympy.Expr:
-    """Terms of equal coefficients together: m (v_a^2 + v_b^2)/2."""
-    groups: dict[sympy.Expr, list[sympy.Expr]] = {}
-    for term in sympy.Add.make_args(T):
-        speeds = [x for x in sympy.Mul.make_args(term) if str(x).startswith("product ")]
-        if len(speeds) == 1:
-            groups.setdefault(term / speeds[0], []).append(speeds[0])
-        else:
-            groups.setdefault(term, []).append(sympy.Integer(1))
-    return sympy.Add(*(c * sympy.Add(*members) for c, members in groups.items()))
 
 
 def _times(coefficient: f.FormulaNode, factor: f.FormulaNode) -> tuple[int, f.FormulaNode]:
@@ -300,13 +287,48 @@ def _times(coefficient: f.FormulaNode, factor: f.FormulaNode) -> tuple[int, f.Fo
     return sign, f.FormulaProduct((coefficient, factor))
 
 
-def terms_of(node: f.FormulaNode) -> list[tuple[int, f.FormulaNode]]:
-    """The terms of a sum with their signs; of anything else itself."""
-    return list(node.terms) if isinstance(node, f.FormulaSum) else [(1, node)]
+def identity(system: Symbolic) -> Iterator[tuple[int, bool, str]]:
+    """sum_k m_k a_k . dr_k/dq_j = d/dt dT/dq'_j - dT/dq_j (D.31) for every coordinate j that dependent particles move
+    with: j, whether it holds, and how that is known.
 
+    The left side comes from x_n(q, t) differentiated twice, the right side from the T that is printed.
+    """
+    calculus, table, T = system.table.calculus, system.table, system.general
 
-def joined(terms: list[tuple[int, f.FormulaNode]]) -> f.FormulaNode:
-    """A sum of terms; 0 where there are none."""
-    if not terms:
-        return NIL
-    return terms[0][1] if len(terms) == 1 and terms[0][0] > 0 else f.FormulaSum(tuple(terms))
+    def rate(value: sympy.Expr) -> sympy.Expr:
+        """d/dt of a function of coordinates, rates and time, along the accelerations."""
+        total, present = calculus.rate(value), calculus.symbols(value)
+        for v, a in zip(system.v, system.a, strict=True):
+            if v in present:
+                total += calculus.partial(value, v) * a
+        return total
+
+    left: dict[int, sympy.Expr] = {}
+    for number in filter(table.is_dependent, range(len(table.particles))):
+        position = table.position(number)
+        acceleration = list(map(rate, table.velocity(number)))
+        present = frozenset().union(*map(calculus.symbols, position))
+        for j, q in enumerate(system.q):
+            if q in present:
+                slopes = (calculus.partial(part, q) for part in position)
+                work = sum((a * slope for a, slope in zip(acceleration, slopes, strict=True)), ZERO)
+                left[j] = left.get(j, ZERO) + table.mass(number) * work
+    for j in sorted(left):
+        right = rate(calculus.partial(T, system.v[j])) - calculus.partial(T, system.q[j])
+        apart = calculus.expanded(left[j] - right)
+        if apart.count_ops() <= MAX_OPERATIONS:
+            # As exponentials multiplied out; no answer counts as no
+            waves = apart.rewrite(sympy.exp) if apart.has(sympy.sin, sympy.cos, sympy.tan) else apart
+            if sympy.expand(apart) == 0 or sympy.expand(sympy.powsimp(sympy.expand(waves))) == 0:
+                yield j, True, "identically"
+                continue
+        # As numbers at random points
+        source = random.Random(20060311)
+        sides = calculus.expanded(left[j]), calculus.expanded(right)
+        symbols = sorted(sides[0].free_symbols | sides[1].free_symbols, key=str)
+        holds = True
+        for _ in range(POINTS):
+            point = {s: sympy.Rational(source.randint(200, 1800), 1000) for s in symbols}
+            a, b = (sympy.N(side.xreplace(point), DIGITS) for side in sides)
+            holds = holds and bool(a.is_number and b.is_number and abs(a - b) <= AGREED * (1 + abs(a)))
+        yield j, holds, f"at {POINTS} random points, to 20 digits"

@@ -8,20 +8,17 @@ import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
 from lagcli.derivation.sections.one_sided_sections import TITLE, OneSided
-from lagcli.derivation.sections.page_sections import Sections, joined, triple
+from lagcli.derivation.sections.page_sections import Sections
 from lagcli.derivation.symbolic import multiplier_equations
+from lagcli.derivation.symbolic.calculus import NOTHING
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import polynomial, tidy
-from lagcli.derivation.symbolic.vectors import NOTHING
 from lagcli.derivation.writing import formula as f
 from lagcli.pfaffian.forms.notation import ZERO
 
-# Operations up to which lambda is put into accelerations.
-SHORT = 16
-# Contacts of which each is shown closed alone.
-MOST_CLOSED = 3
-# Operations up to which a component of an acceleration is written with a longer lambda put in.
-COMPONENT = 40
+SHORT = 16  # operations up to which lambda is put into accelerations
+MOST_CLOSED = 3  # contacts of which each is shown closed alone
+COMPONENT = 40  # operations up to which a component of an acceleration has a longer lambda put in
 FREE = multiplier_equations.ClosedForm({}, "", {})  # of a system without rows
 
 
@@ -126,14 +123,14 @@ def _accelerations(
             h[i] += slope * lam
     for number in system.newton:
         first, mass = system.first_index(number), system.table.mass(number)
-        x, y, z = (tidy(value / mass) for value in triple(system.h, first))
+        x, y, z = (tidy(value / mass) for value in system.h[first : first + 3])
         # A long lambda stays a lambda.
         short = {lam for lam in system.lam if lam in put and put[lam].count_ops() <= SHORT}
         factors = [tidy((put[lam] if lam in short else lam) / mass) for lam in system.lam]
         terms = [] if (x, y, z) == NOTHING else signs.scaled(sympy.Integer(1), (x, y, z))
         terms += parts.reaction(first, factors, lengths)
         left = signs.of_particle("r", system.table.particles.names[number], dots=2)
-        yield Line("D.23", (left, joined(terms)), kind="acceleration")
+        yield Line("D.23", (left, f.joined(terms)), kind="acceleration")
         long = set(system.lam) & set().union(*(h[i].free_symbols for i in range(first, first + 3))) - short
         if long and long <= put.keys():
             for i in range(first, first + 3):

@@ -5,6 +5,7 @@ M a + ... + A^T mu' = ... + J^T lambda + mu . (curl of the rows) v, beside (D.53
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import sympy
@@ -14,7 +15,7 @@ from lagcli.derivation.sections.page_sections import Sections
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import polynomial, tidy
-from lagcli.derivation.writing import paper_names
+from lagcli.derivation.writing import formula as f
 from lagcli.pfaffian.forms.notation import ZERO
 
 TITLE = "The other principle: vakonomic motion"
@@ -29,14 +30,6 @@ class Vakonomic:
         self._mu: dict[str, sympy.Symbol] = {}
         self._mu_rate: dict[str, sympy.Symbol] = {}
 
-    @property
-    def _is_driven(self) -> bool:
-        """True if a force without a declared potential depends on more than time, so that it may have none."""
-        system = self._system
-        moving = {*system.q, *system.v}
-        parts = [*system.Q.values(), *(part for force in system.forces.values() for part in force)]
-        return any(not moving.isdisjoint(system.table.calculus.symbols(part)) for part in parts)
-
     def lines(self) -> Iterator[Line]:
         """L + sum mu_i phi_i and its equations, coordinate by coordinate."""
         if not self._rows:
@@ -46,7 +39,10 @@ class Vakonomic:
                 note="Not written out: one-sided constraints push without being equations of the paths."
             )
             return
-        if self._is_driven:
+        # A force without a declared potential that depends on more than time may have none
+        system, moving = self._system, {*self._system.q, *self._system.v}
+        acting = [*system.Q.values(), *(part for force in system.forces.values() for part in force)]
+        if any(not moving.isdisjoint(system.table.calculus.symbols(part)) for part in acting):
             yield Line(
                 note="Not written out: a force that is declared without a potential depends on more than time, and"
                 " may be in no action; `compare --vakonomic` tells whether it has a potential."
@@ -57,17 +53,16 @@ class Vakonomic:
             mu = self._mu[row.name] = sympy.Symbol(f"mu.{row.name}", real=True)
             rate = self._mu_rate[row.name] = sympy.Symbol(f"mu'.{row.name}", real=True)
             signs.show(mu, Signs.of_row("μ", row.name), f"mu.{row.name}")
-            signs.show_rate(rate, mu)
+            signs.show_as(rate, dataclasses.replace(signs.sign(mu), dots=1), mu)
         yield Line(
             note="Stationary action among the paths that satisfy the rows, d'Alembert's motion only where they can be"
             " integrated (`compare --vakonomic`). With L + Σ μᵢ (Aᵢ v + bᵢ) over the differential rows:"
         )
-        for first in map(self._system.first_index, self._system.newton):
-            touched = [row for row in self._rows if any(i in row.B for i in range(first, first + 3))]
-            if touched or any(self._curls(i) != 0 for i in range(first, first + 3)):
-                for axis in range(3):
-                    yield self._equation(first + axis)
-        for i in self._system.lagrange:
+        for first in map(system.first_index, system.newton):
+            own = range(first, first + 3)
+            if any(i in row.B for row in self._rows for i in own) or any(self._curls(i) != 0 for i in own):
+                yield from map(self._equation, own)
+        for i in system.lagrange:
             yield self._equation(i)
         yield Line(
             note="These, with the rows differentiated once, give accelerations, λ of the holonomic rows and μ̇; μ needs"
@@ -88,12 +83,8 @@ class Vakonomic:
         pairs = zip(system.rows, system.lam, strict=True)
         right = sum((row.B[i] * lam for row, lam in pairs if row.f is not None and i in row.B), ZERO)
         number = "D.53" if any(row.f is not None for row in system.rows) else "D.39"
-        return Line(
-            number,
-            (signs.node(left), signs.node(tidy(right))),
-            kind="vakonomic",
-            family=paper_names.family(system.names[i]),
-        )
+        sides = signs.node(left), signs.node(tidy(right))
+        return Line(number, sides, kind="vakonomic", family=f.family(system.names[i]))
 
     def _curls(self, i: int) -> sympy.Expr:
         """sum of mu_r (d(A_r v + b_r)/dq_i - dA_ri/dt)."""

@@ -1,12 +1,14 @@
-"""Derivatives with abbreviations: a distance stays one symbol, and is differentiated by the chain rule.
+"""Derivatives with abbreviations, and vectors: a distance stays one symbol, differentiated by the chain rule.
 
 With d = |U| the derivative is dd = U . dU / d, so that nothing with a square root is ever expanded: equations stay
-as short as they are on paper, and cheap at any number of particles.
+as short as they are on paper, and cheap at any number of particles. Three components are recognized as the vector
+they are: (x_b - x_a, y_b - y_a, z_b - z_a)/d is (r_b - r_a)/d.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 import sympy
 
@@ -16,8 +18,8 @@ from lagcli.pfaffian.forms.notation import TIME, ZERO
 Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
 # A linear combination of vectors: names of vectors with their coefficients, and a rest along the axes.
 Key = tuple[tuple[tuple[str, sympy.Expr], ...], Triple]
-# From so many terms on those of a sum are looked up by the symbols in them.
-MANY = 12
+NOTHING: Triple = (ZERO, ZERO, ZERO)
+MANY = 12  # terms: those of a longer sum are looked up by the symbols in them
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -75,7 +77,14 @@ class Calculus:
         for x in sorted(value.free_symbols & self.moving.keys(), key=str):
             total += self._plain(value, x) * self.moving[x]
         for symbol in sorted(value.free_symbols & self.known.keys(), key=str):
-            total += self._plain(value, symbol) * self._rate_of(symbol)
+            if symbol in self.products:
+                moved = self.products[symbol][0] / symbol
+            elif symbol in self.rates:
+                moved = self.rates[symbol]
+            else:
+                moved = self.rate(self.known[symbol].inner)
+                moved = moved / (2 * symbol) if self.known[symbol].is_root else moved
+            total += self._plain(value, symbol) * moved
         return total
 
     def expanded(self, value: sympy.Expr, only: frozenset[sympy.Symbol] | None = None) -> sympy.Expr:
@@ -94,15 +103,6 @@ class Calculus:
         derivative = slope(value, x)
         # A jump has no slope; where it stands the compiled equations have none either.
         return derivative.replace(sympy.DiracDelta, lambda *_: ZERO) if self.has_jumps else derivative
-
-    def _rate_of(self, symbol: sympy.Symbol) -> sympy.Expr:
-        if symbol in self.products:
-            return self.products[symbol][0] / symbol
-        if symbol in self.rates:
-            return self.rates[symbol]
-        known = self.known[symbol]
-        inner = self.rate(known.inner)
-        return inner / (2 * symbol) if known.is_root else inner
 
 
 def slope(value: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
@@ -134,3 +134,94 @@ def _terms(value: sympy.Expr) -> dict[sympy.Expr, list[sympy.Expr]]:
         for symbol in term.free_symbols:
             terms.setdefault(symbol, []).append(term)
     return terms
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RecognizedVector:
+    """sum of coefficient * vector, plus `rest` along x, y, z."""
+
+    parts: Mapping[str, sympy.Expr]
+    rest: Triple
+
+
+class VectorRecognizer:
+    """Recognizes vectors by the symbols of their components."""
+
+    def __init__(self) -> None:
+        self._axes: tuple[dict[sympy.Symbol, str], ...] = ({}, {}, {})
+        self._components: set[sympy.Symbol] = set()
+        self.triples: dict[str, Triple] = {}
+        self._found: dict[Triple, RecognizedVector | None] = {}
+
+    def know(self, name: str, triple: Sequence[sympy.Symbol]) -> None:
+        """Note that three symbols are the components of the vector of this name."""
+        self.triples[name] = (triple[0], triple[1], triple[2])
+        for known, symbol in zip(self._axes, triple, strict=True):
+            known[symbol] = name
+            self._components.add(symbol)
+
+    def vector(self, triple: Triple) -> RecognizedVector | None:
+        """The vector, or None where the components are no such combination."""
+        if triple in self._found:
+            return self._found[triple]
+        self._found[triple] = None
+        by_axis: list[dict[str, sympy.Expr]] = []
+        rest = []
+        for value, names in zip(triple, self._axes, strict=True):
+            own = [s for s in value.free_symbols if s in names]
+            linear = {s: slope(value, s) for s in own}
+            left = value.xreplace(dict.fromkeys(own, ZERO))
+            if any(c.free_symbols & self._components for c in (*linear.values(), left)):
+                return None
+            rest.append(left)
+            by_axis.append({names[s]: linear[s] for s in own})
+        x, y, z = by_axis
+        if not (x.keys() == y.keys() == z.keys()):
+            return None
+        if any(x[n] != other and sympy.expand(x[n] - other) != 0 for n in x for other in (y[n], z[n])):
+            return None
+        parts = {n: x[n] for n in sorted(x, key=list(self.triples).index)}
+        self._found[triple] = RecognizedVector(parts, (rest[0], rest[1], rest[2]))
+        return self._found[triple]
+
+    def components(self, key: Key) -> Triple:
+        """The components of a combination."""
+        parts, rest = key
+        x, y, z = (sum((c * self.triples[n][axis] for n, c in parts), rest[axis]) for axis in range(3))
+        return x, y, z
+
+
+def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
+    """The vector as a sum of scalar * (plain combination): forces along differences of positions are such sums.
+
+    Where the coefficients cancel these are differences from one vector, else vectors whose coefficients differ by a
+    number share one factor. The rest along the axes, where there is one, is the last piece.
+    """
+    parts = vector.parts
+    combinations: list[tuple[sympy.Expr, list[tuple[str, sympy.Expr]]]] = []
+    if len(parts) >= 3 and sympy.expand(sum(parts.values())) == 0:
+        centre = max(parts, key=lambda n: (parts[n].count_ops(), n))
+        alike: dict[sympy.Expr, list[str]] = {}
+        for name, c in parts.items():
+            if name != centre:
+                alike.setdefault(c, []).append(name)
+        for c, names in alike.items():
+            combination = [*((n, sympy.Integer(1)) for n in names), (centre, sympy.Integer(-len(names)))]
+            combinations.append((c, sorted(combination, key=lambda part: part[0])))
+    else:
+        for name, c in parts.items():
+            for first, members in combinations:
+                ratio = c / first
+                if ratio.is_number:
+                    members.append((name, ratio))
+                    break
+            else:
+                combinations.append((c, [(name, sympy.Integer(1))]))
+    summands: list[tuple[sympy.Expr, Key]] = []
+    for c, members in combinations:
+        # The first vector gets a positive sign, so that r_a - r_b and r_b - r_a are one thing.
+        sign = -1 if members[0][1].is_negative else 1
+        summands.append((sign * c, (tuple((name, sign * weight) for name, weight in members), NOTHING)))
+    if vector.rest != NOTHING:
+        summands.append((sympy.Integer(1), ((), vector.rest)))
+    return summands

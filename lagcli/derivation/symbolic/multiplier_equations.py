@@ -7,10 +7,10 @@ import dataclasses
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Key, Triple
+from lagcli.derivation.symbolic.calculus import Key, Triple, pieces
+from lagcli.derivation.symbolic.symbol_table import SymbolTable
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import by_monomials, tidy, without_squares
-from lagcli.derivation.symbolic.vectors import RecognizedVector, pieces
 from lagcli.pfaffian.forms.notation import TIME, ZERO
 
 # The largest block of M that is inverted in symbols, and the most operations an entry of its inverse may have.
@@ -78,46 +78,35 @@ def components(neighbours: dict[int, set[int]]) -> list[list[int]]:
     return parts
 
 
-class Products:
-    """Scalar products u . w in the vectors of the model, as a person writes them."""
-
-    def __init__(self, system: Symbolic) -> None:
-        self._system, self._table = system, system.table
-        self._known: dict[Triple, list[tuple[sympy.Expr, Key]] | None] = {}
-
-    def dot(self, u: Triple, w: Triple) -> sympy.Expr:
-        """u . w."""
-        one, other = self._pieces(u), self._pieces(w)
-        if one is None or other is None:
-            return self._by_components(u, w)
-        total = ZERO
-        for c, key in one:
-            for e, across in other:
-                if key[0] and across[0]:
-                    product = self._table.product(key, across)
-                else:
-                    a, b = map(self._table.recognizer.components, (key, across))
-                    product = sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
-                total += c * e * product
-        return total
-
-    def _by_components(self, u: Triple, w: Triple) -> sympy.Expr:
-        """The sum of products; 1 where it is the square of a root over itself."""
-        value = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
-        known = self._table.calculus.known
-        for symbol in sorted(value.free_symbols & known.keys(), key=str):
-            inner = known[symbol].inner
-            if known[symbol].is_root and value.count_ops() < 100 and inner.count_ops() < 100:
-                above = tidy(sympy.expand(value * symbol**2) - sympy.expand(inner))
+def _dot(
+    table: SymbolTable, u: Triple, w: Triple, known: dict[Triple, list[tuple[sympy.Expr, Key]] | None]
+) -> sympy.Expr:
+    """u . w in the vectors of the model, as a person writes it; known: the pieces of vectors met before."""
+    for triple in (u, w):
+        if triple not in known:
+            vector = table.recognizer.vector(triple)
+            known[triple] = None if vector is None else pieces(vector)
+    one, other = known[u], known[w]
+    total = ZERO
+    if one is None or other is None:
+        total = sum((a * b for a, b in zip(u, w, strict=True)), ZERO)
+        # 1 where it is the square of a root over itself
+        for symbol in sorted(total.free_symbols & table.calculus.known.keys(), key=str):
+            root = table.calculus.known[symbol]
+            if root.is_root and total.count_ops() < 100 and root.inner.count_ops() < 100:
+                above = tidy(sympy.expand(total * symbol**2) - sympy.expand(root.inner))
                 if above == 0:
                     return sympy.Integer(1)
-        return value
-
-    def _pieces(self, triple: Triple) -> list[tuple[sympy.Expr, Key]] | None:
-        if triple not in self._known:
-            vector: RecognizedVector | None = self._table.recognizer.vector(triple)
-            self._known[triple] = None if vector is None else pieces(vector)
-        return self._known[triple]
+        return total
+    for c, key in one:
+        for e, across in other:
+            if key[0] and across[0]:
+                product = table.product(key, across)
+            else:
+                a, b = map(table.recognizer.components, (key, across))
+                product = sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
+            total += c * e * product
+    return total
 
 
 def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> Equation:
@@ -125,7 +114,21 @@ def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> E
     S: dict[tuple[int, int], sympy.Expr] = {}
     right = [row.gamma for row in system.rows]
     free = {system.first_index(number): number for number in system.newton}
-    _newton(system, free, S, right)
+    # 1/m B_ik . B_jk and 1/m B_ik . F_k of particles that obey Newton's equations
+    touching: dict[int, list[tuple[int, Triple]]] = {}
+    for r, row in enumerate(system.rows):
+        for first in sorted({i - i % 3 for i in row.B if i - i % 3 in free}):
+            touching.setdefault(first, []).append((r, part(row.B, first)))
+    known: dict[Triple, list[tuple[sympy.Expr, Key]] | None] = {}
+    for first, rows in touching.items():
+        mass = system.table.mass(free[first])
+        h = (system.h[first], system.h[first + 1], system.h[first + 2])
+        for r, u in rows:
+            right[r] -= _dot(system.table, u, h, known) / mass
+            for other, w in rows:
+                if other >= r:
+                    S[r, other] = S.get((r, other), ZERO) + _dot(system.table, u, w, known) / mass
+    # B M^-1 B^T and B M^-1 h of the other coordinates
     slopes: dict[int, list[tuple[int, sympy.Expr]]] = {}
     for r, row in enumerate(system.rows):
         for i, slope in row.B.items():
@@ -141,25 +144,6 @@ def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> E
         if other >= r and (entry := tidy(value)) != 0:
             short[r, other] = short[other, r] = entry
     return Equation(short, tuple(tidy(value) for value in right))
-
-
-def _newton(
-    system: Symbolic, free: dict[int, int], S: dict[tuple[int, int], sympy.Expr], right: list[sympy.Expr]
-) -> None:
-    """The terms of particles that obey Newton's equations: 1/m B_ik . B_jk, 1/m B_ik . F_k."""
-    products = Products(system)
-    touching: dict[int, list[tuple[int, Triple]]] = {}
-    for r, row in enumerate(system.rows):
-        for first in sorted({i - i % 3 for i in row.B if i - i % 3 in free}):
-            touching.setdefault(first, []).append((r, part(row.B, first)))
-    for first, rows in touching.items():
-        mass = system.table.mass(free[first])
-        h = (system.h[first], system.h[first + 1], system.h[first + 2])
-        for r, u in rows:
-            right[r] -= products.dot(u, h) / mass
-            for other, w in rows:
-                if other >= r:
-                    S[r, other] = S.get((r, other), ZERO) + products.dot(u, w) / mass
 
 
 def part(values: dict[int, sympy.Expr], first: int) -> Triple:

@@ -1,85 +1,228 @@
-"""The signs of a model's symbols, each quantity its own."""
+"""Expressions of a model as formulas: each symbol its own sign, which factor stands first, how a number is written.
+
+Two things never look alike: where the readable sign is taken, the name of the model itself is printed.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Mapping
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Key, Triple
+from lagcli.derivation.symbolic.calculus import NOTHING, Key, Triple, pieces
 from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import merged, shorter, tidy
-from lagcli.derivation.symbolic.vectors import pieces
 from lagcli.derivation.writing import formula as f
-from lagcli.derivation.writing import layout, paper_names
-from lagcli.derivation.writing.layout import Layout
+from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.notation import TIME
 
+# Kinds of symbols, in the order in which they stand in a product.
+LAMBDA, PARAMETER, COORDINATE, LENGTH, ACCELERATION, RATE, SUM, APPLIED, PRODUCT, VECTOR = range(10)
+LEADING = (ACCELERATION, RATE, LAMBDA, PRODUCT, COORDINATE, LENGTH, VECTOR, PARAMETER)  # in a sum
+
+# Decimal places, and digits of round numbers, that are written out.
+DECIMALS = 8
+_SIMPLE = {(1, 2), (1, 3), (2, 3), (1, 4), (3, 4)}
 # Masses stand first in a product, then g and constants of springs and dampers, then lengths: m g L.
 _FIRST = {"m": 0, "M": 0, "I": 0, "J": 0, "G": 1, "g": 1, "k": 1, "c": 1}
-_SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ"}
 AXES = tuple(sympy.Symbol(f"axis {axis}") for axis in "xyz")
+
+
+Place = tuple[int, int, int]
+
+
+class Layout:
+    """Formulas with the signs of symbols, `shown`, and the places in products of their kinds: kind, group, number."""
+
+    def __init__(
+        self, shown: Mapping[sympy.Symbol, f.FormulaNode], kinds: Mapping[sympy.Symbol, Place]
+    ) -> None:
+        self._shown, self._kinds = shown, kinds
+
+    def node(self, value: sympy.Expr) -> f.FormulaNode:
+        """The formula of an expression."""
+        if value in self._shown:
+            return self._shown[value]
+        if value.is_Add:
+            terms = sorted(sympy.Add.make_args(value), key=self._term_key)
+            signed = [self._signed(term) for term in terms]
+            first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
+            return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
+        if value.is_Rational or value.is_Mul:
+            sign, node = self._signed(value)
+            return node if sign > 0 else f.negative(node)
+        if value.is_Pow and not isinstance(value, sympy.exp):
+            base, exponent = value.as_base_exp()
+            if exponent.could_extract_minus_sign():
+                return self._product(value, sympy.Integer(1))
+            if exponent == sympy.Rational(1, 2):
+                return f.Root(self.node(base))
+            shown = self.node(base)
+            power = self.node(exponent)
+            if isinstance(shown, f.Apply) and shown.power is None and len(shown.arguments) == 1:
+                return f.Apply(shown.name, shown.arguments, power)
+            return f.FormulaPower(shown, power)
+        return self._atom(value)
+
+    def _atom(self, value: sympy.Expr) -> f.FormulaNode:
+        """The formula of a constant or of a function."""
+        if value == sympy.pi:
+            return f.Sign("π")
+        if value == sympy.E:
+            return f.Apply("exp", (f.ONE,))
+        if isinstance(value, sympy.Abs):
+            return f.Bars(self.node(value.args[0]))
+        if isinstance(value, sympy.Heaviside):  # in derivatives of `min` and `max`
+            return f.Apply("step", (self.node(value.args[0]),))
+        if type(value) in notation.ROWS:
+            row = notation.ROWS[type(value)]
+            return f.Apply(row.written or row.name, tuple(map(self.node, value.args)))
+        return f.FormulaText(str(value))
+
+    def _term_key(self, term: sympy.Expr) -> tuple[object, ...]:
+        """Accelerations first, then rates, then positions; each as they are declared."""
+        kinds_of = [self._kinds.get(symbol, (SUM, 0, 0)) for symbol in term.free_symbols]
+        kinds = {kind for kind, *_ in kinds_of}
+        leading = next((i for i, kind in enumerate(LEADING) if kind in kinds), len(LEADING))
+        leads = sorted(place[1:] for place in kinds_of if place[0] in LEADING[leading : leading + 1])
+        power = sum(
+            int(e)
+            for b, e in term.as_coeff_Mul()[1].as_powers_dict().items()
+            if self._kinds.get(b, (SUM, 0, 0))[0] == RATE and e.is_Integer
+        )
+        return leading, -power, leads, sorted(kinds_of), sympy.default_sort_key(term)
+
+    def _signed(self, term: sympy.Expr) -> tuple[int, f.FormulaNode]:
+        """The sign of a term and the term without it."""
+        coefficient, rest = term.as_coeff_Mul()
+        if not coefficient.is_Rational:
+            return 1, self._product(term, sympy.Integer(1))
+        return -1 if coefficient < 0 else 1, self._product(rest, abs(coefficient))
+
+    def _product(self, value: sympy.Expr, coefficient: sympy.Expr) -> f.FormulaNode:
+        above: list[sympy.Expr] = []
+        below: list[sympy.Expr] = []
+        for factor in sympy.Mul.make_args(value):
+            base, exponent = factor.as_base_exp()
+            if factor.is_Pow and base != sympy.E and exponent.could_extract_minus_sign():
+                below.append(sympy.Pow(base, -exponent))
+            elif factor != 1:
+                above.append(factor)
+        top = list(map(self.node, sorted(above, key=self._factor_key)))
+        bottom = list(map(self.node, sorted(below, key=self._factor_key)))
+        p, q = int(coefficient.p), int(coefficient.q)
+        if not bottom and (p, q) in _SIMPLE and value.free_symbols:
+            return f.FormulaProduct((f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q))), *top))
+        decimal = None if q == 1 or (p, q) in _SIMPLE else _decimal(p, q)
+        if decimal is not None:
+            top.insert(0, f.FormulaNumber(decimal))
+        else:
+            if p != 1 or not top:
+                is_round = len(str(p)) > DECIMALS and p % 1000 == 0  # as 6e24
+                top.insert(0, f.FormulaNumber(_scientific(p, 0) if is_round else str(p)))
+            if q != 1:
+                bottom.insert(0, f.FormulaNumber(str(q)))
+        upper = top[0] if len(top) == 1 else f.FormulaProduct(tuple(top))
+        if not bottom:
+            return upper
+        return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.FormulaProduct(tuple(bottom)))
+
+    def _factor_key(self, factor: sympy.Expr) -> tuple[object, ...]:
+        base, _ = factor.as_base_exp()
+        if factor in self._kinds or base in self._kinds:
+            return *self._kinds.get(factor, self._kinds.get(base, (SUM, 0, 0))), ""
+        if base.is_number:
+            return -1, 0, str(base)
+        inner = sorted(self._kinds.get(s, (SUM, 0, 0)) for s in base.free_symbols)
+        if base.is_Add:
+            # A sum of parameters stands with the parameters, one of vectors with the vectors.
+            kinds = {kind for kind, *_ in inner}
+            kind = VECTOR if VECTOR in kinds else PARAMETER if kinds == {PARAMETER} else SUM
+            return kind, *(inner[0][1:] if inner else (0, 0)), str(base)
+        return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)
+
+
+def _scientific(digits: int, exponent: int) -> str:
+    """digits * 10^exponent as 6.674e-11."""
+    plain = str(digits).rstrip("0")
+    exponent += len(str(digits)) - 1
+    return f"{plain[0]}{'.' * (len(plain) > 1)}{plain[1:]}e{exponent}"
+
+
+def _decimal(p: int, q: int) -> str | None:
+    """p/q as a finite decimal, or None where there is none."""
+    rest, twos, fives = q, 0, 0
+    while rest % 2 == 0:
+        rest, twos = rest // 2, twos + 1
+    while rest % 5 == 0:
+        rest, fives = rest // 5, fives + 1
+    decimals = max(twos, fives)
+    if rest != 1:
+        return None
+    if decimals > DECIMALS:
+        return _scientific(p * 10**decimals // q, -decimals)
+    digits = str(p * 10**decimals // q).rjust(decimals + 1, "0")
+    return f"{digits[:-decimals]}.{digits[-decimals:]}" if decimals else digits
 
 
 class Signs:
     """Formulas of expressions, vectors and names of one system."""
 
     def __init__(self, system: Symbolic) -> None:
-        self._system = system
-        self._register = paper_names.Register()
+        self._system, table = system, system.table
+        self._taken: set[tuple[str, bool]] = set()
         self._shown: dict[sympy.Symbol, f.FormulaNode] = {}
-        self._kinds: dict[sympy.Symbol, tuple[int, int]] = {}
+        self._kinds: dict[sympy.Symbol, Place] = {}
         self._vectors: dict[str, sympy.Symbol] = {}
         self._layout = Layout(self._shown, self._kinds)
         self._count = 0
-        self._masses: set[sympy.Symbol] = set()
-        for number in range(len(system.table.particles)):
-            self._masses |= system.table.mass(number).free_symbols
-        self._show(TIME, f.Sign("t"), "t", layout.PARAMETER, 9)
-        self._parameters()
+        self._show(TIME, f.Sign("t"), "t", PARAMETER, 9)
+        masses = set().union(*(table.mass(number).free_symbols for number in range(len(table.particles))))
+        for name, value in table.parameters.items():
+            sign = f.named(name)
+            if not isinstance(value, tuple):
+                if not value.is_number:
+                    group = 0 if value in masses else _FIRST.get(sign.base, 2)
+                    self._show(value, sign, name, PARAMETER, group)
+                continue
+            for axis, part in zip("xyz", value, strict=True):
+                if part.is_Symbol:
+                    self._show(part, f.Sign(sign.base, (*sign.sub, axis)), f"{name}.{axis}", PARAMETER)
         letters = {"length": "ℓ", "weight": "α", "height": "η"}
         for symbol in system.constants:
             kind, body, label = symbol.name.split(" ")
-            sub = ",".join(paper_names.subscript(part) for part in label.split(","))
-            self._show(symbol, f.Sign(letters[kind], (sub,)), f"{body}.{kind}.{label}", layout.PARAMETER)
-        self._coordinates()
+            sub = ",".join(map(f.subscript, label.split(",")))
+            self._show(symbol, f.Sign(letters[kind], (sub,)), f"{body}.{kind}.{label}", PARAMETER)
+        generalized = len(system.names) - len(table.generalized)
+        for i, name in enumerate(system.names):
+            particle, _, axis = name.rpartition(".")
+            wanted = f.Sign(axis, (f.subscript(particle),)) if i < generalized else f.named(name)
+            sign = self._show(system.q[i], wanted, name, COORDINATE)
+            for symbol, dots, of_rate in ((system.v[i], 1, RATE), (system.a[i], 2, ACCELERATION)):
+                self._shown[symbol] = dataclasses.replace(sign, dots=dots)
+                self._kinds[symbol] = of_rate, 0, i
         every = system.all_closed
         for symbol, row in zip(every.lam, every.rows, strict=True):
-            self._show(
-                symbol, f.Sign("λ", (paper_names.subscript(row.name),)), f"lambda.{row.name}", layout.LAMBDA
-            )
+            self.show(symbol, self.of_row("λ", row.name), f"lambda.{row.name}")
         for axis, symbol in zip("xyz", AXES, strict=True):
-            self._show(symbol, f.Sign("e", (axis,), vector=True), f"e_{axis}", layout.VECTOR)
+            self._show(symbol, f.Sign("e", (axis,), vector=True), f"e_{axis}", VECTOR)
         # A script letter where the model calls something else T, V or L
         self.energies = {
-            letter: self._register.take_first((f.Sign(letter), f.Sign(_SCRIPT[letter])), letter)
-            for letter in "TVL"
+            letter: self._free(letter, f.Sign(letter), f.Sign(script))
+            for letter, script in zip("TVL", "𝒯𝒱ℒ", strict=True)
         }
         self._abbreviations()
 
     def show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str) -> f.Sign:
         """The sign of a further symbol that stands beside the multipliers, `name` where that sign is taken."""
-        return self._show(symbol, wanted, name, layout.LAMBDA)
+        return self._show(symbol, wanted, name, LAMBDA)
 
-    def show_rate(self, symbol: sympy.Symbol, of: sympy.Symbol) -> None:
-        """A symbol for the rate of a further symbol, shown with a dot."""
-        self._shown[symbol], self._kinds[symbol] = dataclasses.replace(self.sign(of), dots=1), self._kinds[of]
-
-    def show_deviation(self, symbol: sympy.Symbol, of: sympy.Symbol, dots: int = 0) -> None:
-        """A symbol for the deviation of another one, or for its rates; it stands last in a product."""
-        self._shown[symbol] = f.Sign("δ" + self.sign(of).base, self.sign(of).sub, dots)
-        self._kinds[symbol] = layout.VECTOR, 1_000_000 + len(self._kinds)
-
-    def show_jump(self, symbol: sympy.Symbol, number: int) -> None:
-        """A symbol for the change of a rate, shown as the rate after less the rate before."""
-        after, before = (dataclasses.replace(self.sign(self._system.v[number]), sup=sup) for sup in "+-")
-        self._shown[symbol] = f.FormulaSum(((1, after), (-1, before)))
-        self._kinds[symbol] = layout.ACCELERATION, number
-
-    def show_after(self, symbol: sympy.Symbol, number: int) -> None:
-        """A symbol for a rate just after an impact."""
-        self._shown[symbol] = dataclasses.replace(self.sign(self._system.v[number]), sup="+")
-        self._kinds[symbol] = layout.RATE, number
+    def show_as(self, symbol: sympy.Symbol, node: f.FormulaNode, like: sympy.Symbol | None = None) -> None:
+        """Show a further symbol as a formula; it stands where `like` does, or last in a product."""
+        self._shown[symbol] = node
+        self._kinds[symbol] = (VECTOR, 1, len(self._kinds)) if like is None else self._kinds[like]
 
     def sign(self, symbol: sympy.Symbol) -> f.Sign:
         """The sign of a symbol that has one of its own."""
@@ -116,8 +259,9 @@ class Signs:
             return [(sign, f.FormulaProduct((node, self.vector(triple))))]
         terms: list[tuple[int, f.FormulaNode]] = []
         for own, key in pieces(vector):
-            node = self._layout.node(self._times(shorter(tidy(factor * own), factor * own), key))
-            terms += node.terms if isinstance(node, f.FormulaSum) else [(1, node)]
+            terms += f.terms_of(
+                self._layout.node(self._times(shorter(tidy(factor * own), factor * own), key))
+            )
         return terms
 
     def _times(self, factor: sympy.Expr, key: Key) -> sympy.Expr:
@@ -127,36 +271,31 @@ class Signs:
             return -factor * -combination
         return factor * combination
 
-    def key(self, key: Key) -> f.FormulaNode:
-        """The formula of a combination of vectors."""
-        return self._layout.node(self._combination(key))
-
     def _combination(self, key: Key) -> sympy.Expr:
-        parts, rest = key
-        total = sum((c * self._vector_symbol(n) for n, c in parts), sympy.Integer(0))
-        return total + sum((c * axis for c, axis in zip(rest, AXES, strict=True)), sympy.Integer(0))
-
-    def _vector_symbol(self, name: str) -> sympy.Symbol:
-        if name not in self._vectors:
-            self._vectors[name] = symbol = sympy.Symbol(f"vector {name}")
-            dots = {"r ": 0, "v ": 1, "a ": 2}.get(name[:2])
-            if dots is None:
-                shown = self._register.take(paper_names.sign(name, vector=True), name)
-            else:
-                shown = self.of_particle("r", name[2:], dots)
-            self._shown[symbol] = shown
-            self._kinds[symbol] = layout.VECTOR, len(self._vectors)
-        return self._vectors[name]
+        """A combination in symbols of vectors, each of which gets its sign here."""
+        total = sympy.Integer(0)
+        for name, coefficient in key[0]:
+            if name not in self._vectors:
+                self._vectors[name] = symbol = sympy.Symbol(f"vector {name}")
+                dots = {"r ": 0, "v ": 1, "a ": 2}.get(name[:2])
+                if dots is None:
+                    wanted = f.named(name, vector=True)
+                    self._shown[symbol] = self._free(name, wanted, f.Sign(name, vector=True))
+                else:
+                    self._shown[symbol] = self.of_particle("r", name[2:], dots)
+                self._kinds[symbol] = VECTOR, 0, len(self._vectors)
+            total += coefficient * self._vectors[name]
+        return total + sum((c * axis for c, axis in zip(key[1], AXES, strict=True)), sympy.Integer(0))
 
     @staticmethod
     def of_particle(letter: str, particle: str, dots: int = 0) -> f.Sign:
         """r, R or F of a particle."""
-        return f.Sign(letter, (paper_names.subscript(particle),), dots, vector=True)
+        return f.Sign(letter, (f.subscript(particle),), dots, vector=True)
 
     @staticmethod
     def of_row(letter: str, row: str, *more: str) -> f.Sign:
         """f, gamma or B of a row."""
-        return f.Sign(letter, (paper_names.subscript(row), *more))
+        return f.Sign(letter, (f.subscript(row), *more))
 
     def with_prefix(self, prefix: str, number: int) -> f.Sign:
         """d or δ before a coordinate."""
@@ -171,73 +310,56 @@ class Signs:
     def definitions(self) -> list[tuple[f.FormulaNode, f.FormulaNode]]:
         """The abbreviations for lengths with what they stand for."""
         self._abbreviations()
-        known = self._system.table.calculus.known
+        node = self._layout.node
         definitions: list[tuple[f.FormulaNode, f.FormulaNode]] = []
-        for symbol, abbreviation in known.items():
+        for symbol, abbreviation in self._system.table.calculus.known.items():
             if abbreviation.is_root and abbreviation.left is not None:
-                definitions.append((self._shown[symbol], f.Bars(self.key(abbreviation.left))))
+                definitions.append((self._shown[symbol], f.Bars(node(self._combination(abbreviation.left)))))
             elif abbreviation.is_root:
-                definitions.append((self._shown[symbol], f.Root(self._layout.node(abbreviation.inner))))
+                definitions.append((self._shown[symbol], f.Root(node(abbreviation.inner))))
         return definitions
 
-    def _show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str, kind: int, first: int = 2) -> f.Sign:
-        sign = self._register.take(wanted, name)
+    def _show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str, kind: int, group: int = 2) -> f.Sign:
+        sign = self._free(name, wanted, f.Sign(name, vector=wanted.vector))
         self._shown[symbol] = sign
-        self._kinds[symbol] = kind, first * 1_000_000 + len(self._kinds)
+        self._kinds[symbol] = kind, group, len(self._kinds)
         return sign
 
-    def _parameters(self) -> None:
-        table = self._system.table
-        for name, value in table.parameters.items():
-            sign = paper_names.sign(name)
-            if not isinstance(value, tuple):
-                if not value.is_number:
-                    first = 0 if value in self._masses else _FIRST.get(sign.base, 2)
-                    self._show(value, sign, name, layout.PARAMETER, first)
-                continue
-            for axis, part in zip("xyz", value, strict=True):
-                if part.is_Symbol:
-                    wanted = f.Sign(sign.base, (*sign.sub, axis))
-                    self._show(part, wanted, f"{name}.{axis}", layout.PARAMETER)
-
-    def _coordinates(self) -> None:
-        system = self._system
-        generalized = len(system.names) - len(system.table.generalized)
-        for i, name in enumerate(system.names):
-            particle, _, axis = name.rpartition(".")
-            wanted = paper_names.component(particle, axis) if i < generalized else paper_names.sign(name)
-            sign = self._show(system.q[i], wanted, name, layout.COORDINATE)
-            for symbol, dots, kind in (
-                (system.v[i], 1, layout.RATE),
-                (system.a[i], 2, layout.ACCELERATION),
-            ):
-                self._shown[symbol] = dataclasses.replace(sign, dots=dots)
-                self._kinds[symbol] = kind, i
+    def _free(self, name: str, *wanted: f.Sign) -> f.Sign:
+        """The first of these signs that reads like nothing else, or the name with primes."""
+        primed = (f.Sign(name + "'" * k, vector=wanted[0].vector) for k in itertools.count(1))
+        for candidate in itertools.chain(wanted, primed):
+            key = (candidate.base + "_" + ",".join(candidate.sub)).rstrip("_"), candidate.vector
+            if key not in self._taken:
+                break
+        self._taken.add(key)
+        return candidate
 
     def _abbreviations(self) -> None:
         """Signs for the abbreviations there are by now."""
-        known = self._system.table.calculus.known
-        if len(known) == self._count:
+        known, begin = self._system.table.calculus.known, self._count
+        if len(known) == begin:
             return
-        new = list(known.items())[self._count :]
         self._count = len(known)
-        for number, (symbol, abbreviation) in enumerate(new, self._count - len(new) + 1):
+        for number, (symbol, abbreviation) in enumerate(list(known.items())[begin:], begin + 1):
+            left, right = abbreviation.left, abbreviation.right
             if abbreviation.is_root:
-                self._show(symbol, self._length(abbreviation.left, number), f"d_{number}", layout.LENGTH)
+                sign = f.Sign("d", (str(number),))
+                if left is None:
+                    sign = f.Sign("s", (str(number),))
+                elif (
+                    left[1] == NOTHING
+                    and len(left[0]) <= 2
+                    and not any(n.startswith("v ") for n, _ in left[0])
+                ):
+                    sign = f.Sign("d", tuple(f.subscript(name.removeprefix("r ")) for name, _ in left[0]))
+                self._show(symbol, sign, f"d_{number}", LENGTH)
                 continue
-            assert abbreviation.left is not None
-            assert abbreviation.right is not None
-            self._kinds[symbol] = layout.PRODUCT, number
-            left, right = self.key(abbreviation.left), self.key(abbreviation.right)
-            if abbreviation.left == abbreviation.right:
-                self._shown[symbol] = f.FormulaPower(f.Bars(left), f.FormulaNumber("2"))
+            assert left is not None
+            assert right is not None
+            self._kinds[symbol] = PRODUCT, 0, number
+            one, other = (self._layout.node(self._combination(key)) for key in (left, right))
+            if left == right:
+                self._shown[symbol] = f.FormulaPower(f.Bars(one), f.FormulaNumber("2"))
             else:
-                self._shown[symbol] = f.Dot(left, right)
-
-    def _length(self, key: Key | None, number: int) -> f.Sign:
-        if key is None:
-            return f.Sign("s", (str(number),))
-        plain = all(part == 0 for part in key[1]) and len(key[0]) <= 2
-        if not plain or any(name.startswith("v ") for name, _ in key[0]):
-            return f.Sign("d", (str(number),))
-        return f.Sign("d", tuple(paper_names.subscript(name.removeprefix("r ")) for name, _ in key[0]))
+                self._shown[symbol] = f.Dot(one, other)

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Abbreviation, Calculus, Key, Triple
-from lagcli.derivation.symbolic.vectors import RecognizedVector, VectorRecognizer
+from lagcli.derivation.symbolic.calculus import NOTHING, Abbreviation, Calculus, Key, Triple, VectorRecognizer
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.evaluate import Value
@@ -20,8 +19,7 @@ from lagcli.model.resolve import ModelNames, Resolver
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
 
-# Beyond these an expression is no longer one a person could read, and SymPy needs minutes for it.
-MAX_OPERATIONS = 6000
+MAX_OPERATIONS = 6000  # beyond it no person reads an expression, and SymPy needs minutes for it
 
 _JUMPING = functions.named(lambda row: row.is_piecewise)
 
@@ -52,18 +50,32 @@ class SymbolTable:
         self._velocities: dict[int, Triple] = {}
         self._masses: dict[int, sympy.Expr] = {}
         for parameter in model.parameters:
-            self._declare(parameter, parameter.name in values)
-        # In the model's order each finds what it uses: a chain of any length needs no recursion
+            name, value = parameter.name, parameter.value
+            if name in values:
+                self.parameters[name] = self.substituted[name] = self._number_of(parameter)
+            elif isinstance(value, tuple):
+                parts = notation.parameter(parameter)
+                # A component that is zero is no quantity: it is left out.
+                nonzero = [part if number else ZERO for part, number in zip(parts, value, strict=True)]
+                self.parameters[name] = tuple(nonzero)
+                self.parameter_values |= {s: n for s, n in zip(nonzero, value, strict=True) if s != 0}
+                if all(value):
+                    self.recognizer.know(name, nonzero)
+                else:
+                    self.substituted[name] = tuple(nonzero)
+            else:
+                self.parameters[name] = symbol = notation.parameter(parameter)
+                self.parameter_values[symbol] = value
         for number, name in enumerate(self.particles.names):
-            entry = int(self.particles.entries(np.array([number]))[0])
-            if not self.model.particles[entry].is_dependent:
+            if not self.is_dependent(number):
                 position = tuple(self.coordinates[f"{name}.{axis}"] for axis in "xyz")
                 moving = tuple(self.rates[f"{name}.{axis}"] for axis in "xyz")
                 self._positions[number], self._velocities[number] = position, moving
                 self.recognizer.know(f"r {name}", position)
                 self.recognizer.know(f"v {name}", moving)
                 self.recognizer.know(f"a {name}", [self.accelerations[f"{name}.{axis}"] for axis in "xyz"])
-        for step in self.model.order:
+        # In the model's order each finds what it uses: a chain of any length needs no recursion
+        for step in model.order:
             if isinstance(step, str):
                 # What is too large is met again where a law uses it, and else does no harm.
                 with contextlib.suppress(diagnostics.ModelError):
@@ -71,24 +83,6 @@ class SymbolTable:
                 continue
             for member in step.member_numbers.tolist():
                 self.position(self.particles.first(step.entry) + member)
-
-    def _declare(self, parameter: nouns.Parameter, as_number: bool) -> None:
-        name, value = parameter.name, parameter.value
-        if as_number:
-            self.parameters[name] = self.substituted[name] = self._number_of(parameter)
-        elif isinstance(value, tuple):
-            parts = notation.parameter(parameter)
-            # A component that is zero is no quantity: it is left out.
-            nonzero = [part if number else ZERO for part, number in zip(parts, value, strict=True)]
-            self.parameters[name] = tuple(nonzero)
-            self.parameter_values |= {s: n for s, n in zip(nonzero, value, strict=True) if s != 0}
-            if all(value):
-                self.recognizer.know(name, nonzero)
-            else:
-                self.substituted[name] = tuple(nonzero)
-        else:
-            self.parameters[name] = symbol = notation.parameter(parameter)
-            self.parameter_values[symbol] = value
 
     def _number_of(self, parameter: nouns.Parameter) -> Value[sympy.Expr]:
         """The value of a parameter, pi/3 rather than its decimals where it is written so."""
@@ -175,24 +169,16 @@ class SymbolTable:
         vector = self.recognizer.vector(triple) if triple is not None else None
         if vector is None or any(c.free_symbols for c in vector.parts.values()) or not vector.parts:
             return self._abbreviated(inner, None)
-        return self._length(self.normal(vector))
-
-    @staticmethod
-    def normal(vector: RecognizedVector) -> Key:
-        """The vector up to its sign, the first vector positive."""
-        first = next(iter(vector.parts.values()))
-        sign = -1 if first.is_negative else 1
+        # |U| of the vector up to its sign, the first part positive
+        sign = -1 if next(iter(vector.parts.values())).is_negative else 1
+        parts = tuple((n, sign * c) for n, c in vector.parts.items())
         x, y, z = (sign * part for part in vector.rest)
-        return tuple((n, sign * c) for n, c in vector.parts.items()), (x, y, z)
-
-    def _length(self, key: Key) -> sympy.Expr:
-        """|U| of a combination of vectors."""
-        x, y, z = self.recognizer.components(key)
-        length = self._abbreviated(x**2 + y**2 + z**2, key)
+        key: Key = parts, (x, y, z)
+        u, v, w = self.recognizer.components(key)
+        length = self._abbreviated(u**2 + v**2 + w**2, key)
         at_rest = not any(TIME in part.free_symbols for part in key[1])
-        if at_rest and all(name.startswith("r ") for name, _ in key[0] if name[:2] in ("r ", "v ")):
-            moving = tuple((f"v{n[1:]}", c) for n, c in key[0] if n.startswith("r "))
-            rate: Key = moving, (ZERO, ZERO, ZERO)
+        if at_rest and all(name.startswith("r ") for name, _ in parts if name[:2] in ("r ", "v ")):
+            rate: Key = tuple((f"v{n[1:]}", c) for n, c in parts if n.startswith("r ")), NOTHING
             product, square = self.product(key, rate), self.product(rate, rate)
             self.calculus.products[length] = (product, square)
             self.calculus.rates |= {product: square, square: ZERO}
@@ -270,24 +256,19 @@ class _MemberAlgebra(notation.SympyAlgebra):
         return None
 
     def position(self, numbers: Integers) -> Triple:
-        """r of a particle."""
         return self._table.position(int(numbers[0]))
 
     def velocity(self, numbers: Integers) -> Triple:
-        """v of a particle."""
         return self._table.velocity(int(numbers[0]))
 
     def generalized(self, numbers: Integers, rates: bool) -> sympy.Expr:
-        """A generalized coordinate, or its rate."""
         table = self._table
         return (table.rates if rates else table.coordinates)[table.generalized.names[int(numbers[0])]]
 
     def definition(self, name: str) -> Value[sympy.Expr]:
-        """The value of a definition."""
         return self._table.definition(name)
 
     def differential(self, value: sympy.Expr) -> sympy.Expr:
-        """The rate of change with the motion."""
         return self._table.calculus.rate(value)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import sympy
 
-from lagcli.derivation.symbolic.calculus import Triple
+from lagcli.derivation.symbolic.calculus import NOTHING, Triple
 from lagcli.derivation.symbolic.symbol_table import SymbolTable, view
 from lagcli.derivation.symbolic.tidy import polynomial, shorter, tidy
 from lagcli.equations import rigid
@@ -15,10 +15,8 @@ from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
 from lagcli.pfaffian.forms.notation import TIME, ZERO
 
-# Products dr_k/dq_i . dr_k/dq_j that are written out for T of dependent particles.
-MAX_PRODUCTS = 30_000
-# Operations up to which a force is ordered by rates.
-MAX_EXPANDED = 20_000
+MAX_PRODUCTS = 30_000  # dr_k/dq_i . dr_k/dq_j that are written out for T of dependent particles
+MAX_EXPANDED = 20_000  # operations up to which a force is ordered by rates
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -102,40 +100,47 @@ def symbolic(
 ) -> Symbolic:
     """The system of a model. `values`: parameters to put in as numbers. Raises `diagnostics.ModelError`."""
     table = SymbolTable(model, values)
-    names = tuple(table.coordinates)
-    q, v = tuple(table.coordinates.values()), tuple(table.rates.values())
-    rows, constants = _rows(table, bodies)
+    calculus, names = table.calculus, tuple(table.coordinates)
+    index = {x: i for i, x in enumerate(table.coordinates.values())}
+    constants: dict[sympy.Symbol, float] = {}
+    rows = tuple(_rows(table, bodies, index, constants))
     potentials = tuple(_potentials(table))
-    forces, Q = _forces(table)
+    forces, Q = _forces(table, index)
     general = _kinetic(table)
     extra = ZERO if model.lagrangian is None else table.evaluated(model.lagrangian)
-    through = table.calculus.symbols(general + extra)
-    newton = tuple(
-        number
-        for number, name in enumerate(table.particles.names)
-        if not table.is_dependent(number)
-        and not any({table.coordinates[c], table.rates[c]} & through for c in _components(name))
-    )
-    alone = {names.index(c) for number in newton for c in _components(table.particles.names[number])}
-    M, h = _lagrange(table, general, extra, names)
-    index = {x: i for i, x in enumerate(q)}
-    for number, name in enumerate(table.particles.names):
-        if not table.is_dependent(number):
-            for c in _components(name):
-                i = names.index(c) if number not in newton else index[table.coordinates[c]]
-                M[i, i] = M.get((i, i), ZERO) + table.mass(number)
+    through = calculus.symbols(general + extra)
+    newton: list[int] = []
+    M, h = _lagrange(table, general + extra)
+    free = [number for number in range(len(table.particles)) if not table.is_dependent(number)]
+    for number in free:
+        own = [f"{table.particles.names[number]}.{axis}" for axis in "xyz"]
+        if not any({table.coordinates[c], table.rates[c]} & through for c in own):
+            newton.append(number)
+        for i in map(names.index, own):
+            M[i, i] = M.get((i, i), ZERO) + table.mass(number)
+    alone = {names.index(f"{table.particles.names[number]}.{axis}") for number in newton for axis in "xyz"}
     for i, force in Q.items():
         h[i] += force
     for term in potentials:
-        for x in table.calculus.symbols(term) & index.keys():
-            h[index[x]] -= table.calculus.partial(term, x)
+        for x in calculus.symbols(term) & index.keys():
+            h[index[x]] -= calculus.partial(term, x)
+    contacts = [
+        _holonomic(
+            table,
+            (name, law.members.base),
+            table.difference(law.equation, view(law.members, member))[0],
+            index,
+        )
+        for law in model.inequality
+        for member, name in enumerate(law.rows)
+    ]
     return Symbolic(
         table=table,
         names=names,
-        q=q,
-        v=v,
+        q=tuple(index),
+        v=tuple(table.rates.values()),
         a=tuple(table.accelerations.values()),
-        newton=newton,
+        newton=tuple(newton),
         lagrange=tuple(i for i in range(len(names)) if i not in alone),
         general=general,
         extra=extra,
@@ -147,27 +152,12 @@ def symbolic(
         rows=rows,
         lam=_multipliers(rows),
         constants=constants,
-        contacts=_contacts(table, index),
+        contacts=SymbolicContacts(tuple(contacts), _multipliers(contacts), tuple(model.restitution.tolist())),
     )
 
 
-def _multipliers(rows: tuple[SymbolicRow, ...]) -> tuple[sympy.Symbol, ...]:
+def _multipliers(rows: Sequence[SymbolicRow]) -> tuple[sympy.Symbol, ...]:
     return tuple(sympy.Symbol(f"lambda.{row.name}", real=True) for row in rows)
-
-
-def _contacts(table: SymbolTable, index: dict[sympy.Symbol, int]) -> SymbolicContacts:
-    """The inequalities of a model, each as the row that it is while it is closed."""
-    rows: list[SymbolicRow] = []
-    for law in table.model.inequality:
-        for member, name in enumerate(law.rows):
-            (g,) = table.difference(law.equation, view(law.members, member))
-            rows.append(_holonomic(table, name, law.members.base, g, index))
-    restitution = tuple(table.model.restitution.tolist())
-    return SymbolicContacts(tuple(rows), _multipliers(tuple(rows)), restitution)
-
-
-def _components(name: str) -> tuple[str, ...]:
-    return tuple(f"{name}.{axis}" for axis in "xyz")
 
 
 def _potentials(table: SymbolTable) -> Iterator[sympy.Expr]:
@@ -189,17 +179,18 @@ def _on_particles(table: SymbolTable, force: nouns.ParticleForce) -> Iterator[tu
         yield target, table.triple(force.force, view(force.members, acting, own))
 
 
-def _forces(table: SymbolTable) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
+def _forces(
+    table: SymbolTable, index: dict[sympy.Symbol, int]
+) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
     """F_k of forces without a potential, and Q_j = sum_k F_k . dr_k/dq_j (D.30) with the generalized ones."""
     forces: dict[int, Triple] = {}
     Q: dict[int, sympy.Expr] = {}
-    index = {x: i for i, x in enumerate(table.coordinates.values())}
     first = len(index) - len(table.generalized)
     for force in table.model.forces:
         if isinstance(force, nouns.ParticleForce) and not force.constant:
             for number, F in _on_particles(table, force):
-                old = forces.get(number, (ZERO, ZERO, ZERO))
-                forces[number] = (old[0] + F[0], old[1] + F[1], old[2] + F[2])
+                x, y, z = forces.get(number, NOTHING)
+                forces[number] = (x + F[0], y + F[1], z + F[2])
         elif isinstance(force, nouns.GeneralizedForce):
             action = force.action
             for target, acting in zip(action.targets.tolist(), action.acting.tolist(), strict=True):
@@ -211,14 +202,9 @@ def _forces(table: SymbolTable) -> tuple[dict[int, Triple], dict[int, sympy.Expr
                 i = index[symbol]
                 Q[i] = Q.get(i, ZERO) + f * table.calculus.partial(x, symbol)
     rates = tuple(table.rates.values())
-    return forces, {i: _short(value, rates) for i, value in Q.items()}
-
-
-def _short(value: sympy.Expr, rates: tuple[sympy.Symbol, ...]) -> sympy.Expr:
-    """A force ordered by rates, where that is shorter."""
-    if value.count_ops() > MAX_EXPANDED:
-        return value
-    return shorter(tidy(value), polynomial(value, rates))
+    for i, value in Q.items():  # ordered by rates, where that is shorter
+        Q[i] = value if value.count_ops() > MAX_EXPANDED else shorter(tidy(value), polynomial(value, rates))
+    return forces, Q
 
 
 def _kinetic(table: SymbolTable) -> sympy.Expr:
@@ -254,25 +240,22 @@ def _kinetic(table: SymbolTable) -> sympy.Expr:
 
 
 def _lagrange(
-    table: SymbolTable, general: sympy.Expr, extra: sympy.Expr, names: tuple[str, ...]
+    table: SymbolTable, L: sympy.Expr
 ) -> tuple[dict[tuple[int, int], sympy.Expr], list[sympy.Expr]]:
     """M and h of T + the `lagrangian`: d/dt dL/dv - dL/dq = M a - h."""
     calculus = table.calculus
     moving = list(calculus.moving.items())
     M: dict[tuple[int, int], sympy.Expr] = {}
-    h = [ZERO] * len(names)
-    L = general + extra
+    h = [ZERO] * len(moving)
     present = calculus.symbols(L)
     rates = tuple(v for _, v in moving)
     for i, (x, v) in enumerate(moving):
         if v in present:
             momentum = calculus.partial(L, v)
             inside = calculus.symbols(momentum)
-            for j in range(i, len(moving)):
-                if moving[j][1] in inside:
-                    entry = tidy(calculus.partial(momentum, moving[j][1]))
-                    if entry != 0:
-                        M[i, j] = entry
+            for j, (_, other) in enumerate(moving[i:], i):
+                if other in inside and (entry := tidy(calculus.partial(momentum, other))) != 0:
+                    M[i, j] = entry
             h[i] -= calculus.rate(momentum)
         if x in present:
             h[i] += calculus.partial(L, x)
@@ -282,31 +265,30 @@ def _lagrange(
 
 
 def _rows(
-    table: SymbolTable, bodies: tuple[rigid.Geometry, ...]
-) -> tuple[tuple[SymbolicRow, ...], dict[sympy.Symbol, float]]:
-    """All rows in the order of the multipliers, and the numbers of the constants of rigid bodies."""
-    rows: list[SymbolicRow] = []
-    constants: dict[sympy.Symbol, float] = {}
-    index = {x: i for i, x in enumerate(table.coordinates.values())}
+    table: SymbolTable,
+    bodies: tuple[rigid.Geometry, ...],
+    index: dict[sympy.Symbol, int],
+    constants: dict[sympy.Symbol, float],
+) -> Iterator[SymbolicRow]:
+    """All rows in the order of the multipliers; the constants of rigid bodies are noted with their numbers."""
     rates = {v: i for i, v in enumerate(table.rates.values())}
     for law in table.model.holonomic:
         for name, value in _values(table, law):
-            rows.append(_holonomic(table, name, law.members.base, value, index))
+            yield _holonomic(table, (name, law.members.base), value, index)
     for body, geometry in zip(table.model.rigid, bodies, strict=True):
         for number, value in enumerate(_rigid(table, body, geometry, constants), 1):
-            rows.append(_holonomic(table, f"{body.name}.{number}", body.name, value, index))
+            yield _holonomic(table, (f"{body.name}.{number}", body.name), value, index)
     for rule in table.model.differential:
         for name, value in _values(table, rule):
             B, b = _slopes(table, value, rates), _at_rest(table, value)
-            rows.append(
-                SymbolicRow(name, rule.members.base, None, B, tidy(b), tidy(-table.calculus.rate(value)))
-            )
-    return tuple(rows), constants
+            gamma = tidy(-table.calculus.rate(value))
+            yield SymbolicRow(name, rule.members.base, None, B, tidy(b), gamma)
 
 
 def _values(
     table: SymbolTable, law: nouns.Holonomic | nouns.Differential
 ) -> Iterator[tuple[str, sympy.Expr]]:
+    """The names of the rows of a law with left - right."""
     each = 3 if law.is_vector else 1
     for member in range(law.members.count):
         parts = table.difference(law.equation, view(law.members, member))
@@ -314,11 +296,12 @@ def _values(
 
 
 def _holonomic(
-    table: SymbolTable, name: str, family: str, f: sympy.Expr, index: dict[sympy.Symbol, int]
+    table: SymbolTable, names: tuple[str, str], f: sympy.Expr, index: dict[sympy.Symbol, int]
 ) -> SymbolicRow:
+    """A row f = 0, with its name and that of its family."""
     rate = table.calculus.rate(f)
     B, b = _slopes(table, f, index), _at_rest(table, rate)
-    return SymbolicRow(name, family, f, B, tidy(b), tidy(-table.calculus.rate(rate)))
+    return SymbolicRow(*names, f, B, tidy(b), tidy(-table.calculus.rate(rate)))
 
 
 def _slopes(table: SymbolTable, value: sympy.Expr, index: dict[sympy.Symbol, int]) -> dict[int, sympy.Expr]:

@@ -11,12 +11,9 @@ import sympy
 
 from lagcli import memory
 
-# Beyond this many operations nothing is tried.
-MAX_OPERATIONS = 250
-# Parts of an expanded form beyond which it is not made: what is longer than MAX_OPERATIONS by far becomes no shorter.
-MOST_PARTS = 20_000
-# Without sines and cosines so few operations are as short as they get.
-FEW = 5
+MAX_OPERATIONS = 250  # beyond which nothing is tried
+MOST_PARTS = 20_000  # of an expanded form, beyond which it is not made: it becomes no shorter
+FEW = 5  # operations that are as short as they get, without sines and cosines
 
 
 @memory.remembered(4096)
@@ -32,7 +29,10 @@ def tidy(value: sympy.Expr) -> sympy.Expr:
     if wide.count_ops() <= MAX_OPERATIONS:
         forms += [wide, sympy.factor_terms(wide)]
         if wide.is_Add and wide.has(sympy.sin, sympy.cos):
-            forms += _trigonometric(wide)
+            pairs = (sympy.cos, sympy.sin), (sympy.sin, sympy.cos)
+            for each in dict.fromkeys((wide, *(without_squares(wide, *pair) for pair in pairs))):
+                joined = _of_two_angles(each)
+                forms += [joined, sympy.factor_terms(joined)] if joined != wide else []
     return min(forms, key=_length)
 
 
@@ -78,19 +78,6 @@ def _length(value: sympy.Expr) -> int:
     return int(value.count_ops()) + below
 
 
-def _trigonometric(wide: sympy.Expr) -> list[sympy.Expr]:
-    sums = [wide]
-    for first, second in ((sympy.cos, sympy.sin), (sympy.sin, sympy.cos)):
-        less = without_squares(wide, first, second)
-        if less != wide:
-            sums.append(less)
-    forms = []
-    for value in sums:
-        joined = _of_two_angles(value)
-        forms += [joined, sympy.factor_terms(joined)] if joined != wide else []
-    return forms
-
-
 def _of_two_angles(value: sympy.Expr) -> sympy.Expr:
     """cos a cos b + sin a sin b as cos(a - b), and its three kin, in a sum of products."""
     pairs: dict[tuple[sympy.Expr, sympy.Expr, sympy.Expr], dict[str, sympy.Expr]] = {}
@@ -107,26 +94,23 @@ def _of_two_angles(value: sympy.Expr) -> sympy.Expr:
         kind = "".join("s" if isinstance(wave, sympy.sin) else "c" for wave in (one, other))
         by_kind = pairs.setdefault((others, one.args[0], other.args[0]), {})
         by_kind[kind] = by_kind.get(kind, sympy.Integer(0)) + coefficient
-    for (others, a, b), by_kind in pairs.items():
-        rest.append(others * _added(a, b, by_kind))
-    return sympy.Add(*rest)
-
-
-def _added(a: sympy.Expr, b: sympy.Expr, by_kind: dict[str, sympy.Expr]) -> sympy.Expr:
-    """The four products of two angles with these coefficients, in sums of angles where that is shorter."""
-    cc, ss, sc, cs = (by_kind.get(kind, sympy.Integer(0)) for kind in ("cc", "ss", "sc", "cs"))
     sin, cos = sympy.sin, sympy.cos
-    if cc and cc == ss:
-        even = cc * cos(a - b)
-    elif cc and cc == -ss:
-        even = cc * cos(a + b)
-    else:
-        even = cc * cos(a) * cos(b) + ss * sin(a) * sin(b)
-    if sc and sc == cs:
-        return even + sc * sin(a + b)
-    if sc and sc == -cs:
-        return even + sc * sin(a - b)
-    return even + sc * sin(a) * cos(b) + cs * cos(a) * sin(b)
+    for (others, a, b), by_kind in pairs.items():
+        cc, ss, sc, cs = (by_kind.get(kind, sympy.Integer(0)) for kind in ("cc", "ss", "sc", "cs"))
+        if cc and cc == ss:
+            even = cc * cos(a - b)
+        elif cc and cc == -ss:
+            even = cc * cos(a + b)
+        else:
+            even = cc * cos(a) * cos(b) + ss * sin(a) * sin(b)
+        if sc and sc == cs:
+            odd = sc * sin(a + b)
+        elif sc and sc == -cs:
+            odd = sc * sin(a - b)
+        else:
+            odd = sc * sin(a) * cos(b) + cs * cos(a) * sin(b)
+        rest.append(others * (even + odd))
+    return sympy.Add(*rest)
 
 
 def without_squares(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import unicodedata
 from collections.abc import Callable
 
@@ -28,7 +29,7 @@ def text(node: f.FormulaNode) -> str:
     return _write(node)[0]
 
 
-def sign(node: f.Sign) -> str:
+def _sign(node: f.Sign) -> tuple[str, int]:
     """A sign with dots and subscripts: θ̇₁, ẋ_a."""
     base = node.base
     if node.dots:
@@ -38,12 +39,12 @@ def sign(node: f.Sign) -> str:
             for _ in range(node.dots):
                 base = f"rate({base})"
     after = node.sup.translate(_SUPER)
-    if not node.sub:
-        return base + after
     sub = ",".join(node.sub)
     if sub.replace(",", "").isdecimal() and sub.isascii():
-        return base + sub.translate(_SUB) + after
-    return f"{base}_{sub}{after}"
+        sub = sub.translate(_SUB)
+    elif sub:
+        sub = f"_{sub}"
+    return base + sub + after, ATOM
 
 
 def _write(node: f.FormulaNode) -> tuple[str, int]:
@@ -57,32 +58,30 @@ def _grouped(node: f.FormulaNode, least: int) -> str:
     return written if hold >= least else f"({written})"
 
 
-def _sum(terms: tuple[tuple[int, f.FormulaNode], ...]) -> str:
+def _sum(node: f.FormulaSum) -> tuple[str, int]:
     parts = []
-    for index, (sign_, term) in enumerate(terms):
+    for index, (sign_, term) in enumerate(node.terms):
         written = _grouped(term, PRODUCT)
         if index == 0:
             parts.append(f"−{written}" if sign_ < 0 else written)
         else:
             parts.append(f" {'−' if sign_ < 0 else '+'} {written}")
-    return "".join(parts)
+    return "".join(parts), SUM
 
 
-def _product(factors: tuple[f.FormulaNode, ...]) -> str:
+def _product(node: f.FormulaProduct) -> tuple[str, int]:
     parts = []
-    for index, factor in enumerate(factors):
-        last = index == len(factors) - 1
-        following = None if last else factors[index + 1]
+    for index, (factor, following) in enumerate(itertools.zip_longest(node.factors, node.factors[1:])):
         # A differential: sin θ dφ is read right
         moves = isinstance(following, f.Sign) and len(following.base) == 2 and following.base[0] in "dδ"
-        if isinstance(factor, f.Apply) and not (last or isinstance(following, f.Apply) or moves):
+        if isinstance(factor, f.Apply) and not (following is None or isinstance(following, f.Apply) or moves):
             # "sin θ r" would be read as sin(θ r).
             parts.append(_apply(factor, closed=True)[0])
         elif isinstance(factor, f.Fraction) and index == 0 and _small(factor):
             parts.append(_write(factor)[0])
         else:
             parts.append(_grouped(factor, APPLIED))
-    return " ".join(parts)
+    return " ".join(parts), PRODUCT
 
 
 def _small(node: f.Fraction) -> str | None:
@@ -93,8 +92,8 @@ def _small(node: f.Fraction) -> str | None:
 
 
 # Each part of a formula is written once: written twice at every level, a nested one would take 2^depth steps.
-def _fraction(node: f.Fraction) -> str:
-    return _small(node) or f"{_grouped(node.above, PRODUCT)}/{_grouped(node.below, APPLIED)}"
+def _fraction(node: f.Fraction) -> tuple[str, int]:
+    return _small(node) or f"{_grouped(node.above, PRODUCT)}/{_grouped(node.below, APPLIED)}", PRODUCT
 
 
 def _raised(exponent: f.FormulaNode) -> str:
@@ -103,8 +102,8 @@ def _raised(exponent: f.FormulaNode) -> str:
     return digits.translate(_SUPER) if digits.lstrip("-").isdecimal() and digits.isascii() else ""
 
 
-def _power(node: f.FormulaPower) -> str:
-    return _grouped(node.base, ATOM) + (_raised(node.exponent) or f"^{_grouped(node.exponent, ATOM)}")
+def _power(node: f.FormulaPower) -> tuple[str, int]:
+    return _grouped(node.base, ATOM) + (_raised(node.exponent) or f"^{_grouped(node.exponent, ATOM)}"), ATOM
 
 
 def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
@@ -129,13 +128,13 @@ def _slope(node: f.Slope) -> tuple[str, int]:
 
 
 _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
-    f.Sign: lambda node: (sign(node), ATOM),
+    f.Sign: _sign,
     f.FormulaNumber: _number,
     f.FormulaText: lambda node: (node.text, ATOM),
-    f.FormulaSum: lambda node: (_sum(node.terms), SUM),
-    f.FormulaProduct: lambda node: (_product(node.factors), PRODUCT),
-    f.Fraction: lambda node: (_fraction(node), PRODUCT),
-    f.FormulaPower: lambda node: (_power(node), ATOM),
+    f.FormulaSum: _sum,
+    f.FormulaProduct: _product,
+    f.Fraction: _fraction,
+    f.FormulaPower: _power,
     f.Root: lambda node: (f"√{_grouped(node.inner, ATOM)}", ATOM),
     f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
     f.Apply: _apply,
