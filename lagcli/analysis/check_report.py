@@ -60,9 +60,8 @@ class JointReport:
     """The joint part of the verdict; `derived_flag` is empty and `proof` `none` where it is not decided.
 
     combinations: first integrals with the rows whose combination each integrates; unsolved: forms of the integrable
-    part without a known integral; dimension: of the surface of the holonomic rows in the space of all coordinates,
-    time among them where it occurs (counts_time); remarks: where the flag drops, and for which parameters it may be
-    another.
+    part without a known integral; dimension: of the surface of the holonomic rows in the space of all coordinates, time
+    among them where it occurs (counts_time); remarks: where the flag drops, and for which parameters it may be another.
     """
 
     derived_flag: tuple[int, ...]

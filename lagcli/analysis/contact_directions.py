@@ -158,11 +158,11 @@ def directions(
         found, more = _of_cone(cone, names)
         allowed, reason = _allowed(left, cone, names)
     except UndecidedRows:
-        named = _quoted([names[j] for j in closed])
+        named = initial.quoted([names[j] for j in closed])
         reason = f"the directions beside {named} are not decided: their gradients are too near dependent ones"
         return ContactDirections(contacts, None, None, (*notes, reason))
     if against:
-        named = _quoted([names[j] for j in against])
+        named = initial.quoted([names[j] for j in against])
         allowed, reason = (
             None,
             f"no displacement over dt > 0 is allowed: the rows would have {named} violated",
@@ -231,7 +231,7 @@ def _allowed(left: RowDisplacements, cone: _Cone, names: list[str]) -> tuple[Flo
     try:
         return left.allowed + left.Z @ least_distance.shortest(cone.A, cone.least).x, ""
     except ContradictoryRows as error:
-        named = _quoted([names[cone.numbers[i]] for i in error.rows])
+        named = initial.quoted([names[cone.numbers[i]] for i in error.rows])
         return None, f"no displacement over dt > 0 is allowed: {named} close on each other"
 
 
@@ -252,7 +252,7 @@ def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]
         locked = _locked(part)
         rays, is_complete = _rays(_off(part, locked))
         if not is_complete:
-            shown = _quoted([names[cone.numbers[i]] for i in members])
+            shown = initial.quoted([names[cone.numbers[i]] for i in members])
             notes.append(
                 f"the rays beside {shown} are not listed, as they may be too many: one stands for them"
             )
@@ -343,9 +343,3 @@ def _needed(A: Floats) -> list[int]:
 def _signed(u: Floats) -> Floats:
     """A direction or its opposite, that with the largest component positive."""
     return np.asarray(u if u[np.argmax(np.abs(u))] > 0 else -u)
-
-
-def _quoted(names: list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[: initial.PARAMETERS.most_listed])
-    rest = len(names) - initial.PARAMETERS.most_listed
-    return shown + (f" and {rest} more" if rest > 0 else "")

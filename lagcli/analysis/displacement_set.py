@@ -230,7 +230,12 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     solved = decompositions.least_squares(B[:, dependent] * sizes[dependent], right)
     solved = np.where(np.abs(solved) < doubles.VALUE * np.abs(solved).max(initial=0.0), 0.0, solved)
     solved = solved * sizes[dependent][:, None]
-    numbers = _numbers(model)
+    # n = 3(k - 1) + j of each coordinate, with k among all particles of the file
+    flags = [p.is_dependent for p in model.particles for _ in range(p.members.count)]
+    found: list[int | None] = [
+        3 * k + j for k, is_dependent in enumerate(flags) if not is_dependent for j in (1, 2, 3)
+    ]
+    numbers = (*found, *(None for _ in model.generalized_names))
     return Components(
         model.coordinate_names,
         numbers,
@@ -239,15 +244,6 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
         solved[:, :-1] / sizes[independent] + 0.0,
         solved[:, -1] + 0.0,
     )
-
-
-def _numbers(model: Model) -> tuple[int | None, ...]:
-    """n = 3(k - 1) + j of each coordinate, with k among all particles of the file."""
-    flags = [p.is_dependent for p in model.particles for _ in range(p.members.count)]
-    found: list[int | None] = [
-        3 * k + j for k, is_dependent in enumerate(flags) if not is_dependent for j in (1, 2, 3)
-    ]
-    return (*found, *(None for _ in model.generalized_names))
 
 
 def _pivots(B: Floats, rank: int) -> list[int]:

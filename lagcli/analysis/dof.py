@@ -24,12 +24,10 @@ from lagcli.equations import kinks, size_limits
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import generic_direction, metric_rows, rank
-from lagcli.linear.metric_rows import MetricRows
 from lagcli.model.model import Model, ParticleForce
 from lagcli.smoothness import sides
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
-from lagcli.start.precise_rows import PreciseRows
 
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
@@ -133,11 +131,14 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     effective = [i for i, name in enumerate(names) if name not in found.vanishing]
     holonomic_rows = list(range(system.holonomic_count))
     lost = {i for i, name in enumerate(names) if name in found.lost}
+    looked = holonomic_rows, effective, lost
     points, vanishing = [begin], ""
-    on = _ranks(numeric, points, holonomic_rows, effective, lost)
+    on = _ranks(numeric, points, *looked)
     surface = codimension.examine(system, numeric, begin)
     found = found.doubted(*_beside_deficient(system, surface))
-    exact = _following_by_algebra(found)
+    # Whether differential rows follow from rows before them, where doubles tell another rank than algebra and digits.
+    known = [] if found.undecided else [group for group in found.groups if group.following is not None]
+    exact = {name: name in (group.following or ()) for group in known for name in group.rows}
     is_dependent = any(exact.values()) if exact else on.highest[1] < len(effective)
     if is_dependent:  # rows that are independent at the start are so nearby
         from lagcli.start import conflict  # here, as the rows of most models are independent
@@ -146,14 +147,14 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
             # The time of the start may be special too (t d(y) = 0 at t = 0).
             later = initial.later(system) if found.depends_on_time else 0.0
-            points = _generic(system, numeric, begin, holonomic_rows, 0.0)
-            if surface.kind != "singular":
-                vanishing = _undecided_drop(_ranks(numeric, points, holonomic_rows, effective, lost))
-            if later:
-                points = _generic(system, numeric, begin, holonomic_rows, later)
-        on = _ranks(numeric, points, holonomic_rows, effective, lost)
-        conflict.require_lasting(system, numeric, begin, _proved(found, names))
-    if lost and not vanishing and max(r.low for r in on.everything) <= on.everything[0].high:
+            points, vanishing = _nearby(system, numeric, begin, looked, later, surface.kind == "singular")
+        on = _ranks(numeric, points, *looked)
+        # Of some rows algebra has shown that no combination of them and of others is a multiple of dt.
+        groups = (one for one in found.groups if one.proof == "symbolic" or one.holonomic_rank)
+        proved = {name for group in groups for name in group.rows}
+        proved_rows = frozenset(i for i, name in enumerate(names) if name in proved)
+        conflict.require_lasting(system, numeric, begin, proved_rows)
+    if lost and not vanishing and on.highest[1] <= on.everything[0].high:
         vanishing = (
             f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
         )
@@ -194,6 +195,32 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     return Examined(counted, surface, points, found)
 
 
+def _nearby(
+    system: System,
+    numeric: NumericSystem,
+    begin: State,
+    looked: tuple[list[int], list[int], set[int]],
+    later: float,
+    is_singular: bool,
+) -> tuple[list[State], str]:
+    """Generic points, and why rows that lose rank at the start, and not beside it at the same time, leave the count
+    open: what they say of motions that stay where they do, and of those that come away, differs. From the origin x d(y)
+    = y d(x) leads along every ray. Where they are lost at one time alone, everywhere, all motions leave that.
+
+    looked: the rows that `_ranks` asks for; is_singular: the surface is known to be so at the start.
+    """
+    points, reason = _generic(system, numeric, begin, looked[0], 0.0), ""
+    if not is_singular:
+        on = _ranks(numeric, points, *looked)
+        here, nearby = on.everything[0].high, on.highest[1]
+        if here < nearby:
+            reason = (
+                f"the start is a special configuration: the rows have rank {here} there and {nearby} nearby, and"
+                " motions that stay on such configurations need not be those that leave them"
+            )
+    return _generic(system, numeric, begin, looked[0], later) if later else points, reason
+
+
 def _generic(
     system: System, numeric: NumericSystem, begin: State, holonomic_rows: list[int], later: float
 ) -> list[State]:
@@ -218,27 +245,22 @@ def _generic(
 
 def _redundant(numeric: NumericSystem, point: State, effective: list[int], surface: Codimension) -> list[int]:
     """The rows, in their order, that follow from rows before them, at a generic point."""
-    rows = _normalized_rows(numeric, point)
-    flags = np.ones(rows.count, dtype=bool)
-    flags[effective] = _following(rows.take(effective))
+    from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
+
+    rows = sample_points.plain_rows(numeric, point)
+    flags, among = np.ones(rows.count, dtype=bool), rows.take(effective)
+    found = rank.estimate(among).value if among.is_large else None
+    if found is None:
+        flags[effective] = independent_rows.redundant(among)
+    else:
+        following = independent_rows.dependence(among, found).following()
+        flags[effective] = np.isin(np.arange(among.count), following)
     holonomic_rank = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
     if holonomic_rank < (surface.codimension or 0):
         # Rows whose gradients depend on others there hold the surface all the same.
         flags[list(surface.rows)] = False
         flags[list(surface.follow)] = True
     return [int(i) for i in np.flatnonzero(flags)]
-
-
-def _following(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """The rows that depend on rows before them."""
-    from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
-
-    found = rank.estimate(rows).value if rows.is_large else None
-    if found is None:
-        return independent_rows.redundant(rows)
-    flags = np.zeros(rows.count, dtype=bool)
-    flags[independent_rows.dependence(rows, found).following()] = True
-    return flags
 
 
 def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> tuple[int, int]:
@@ -301,7 +323,7 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
     gradients = metric_rows.LocalRows(numeric.holonomic(state.t, state.q, state.p)[1])
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
-    here = _normalized_rows(numeric, state).take(holonomic_rows)
+    here = sample_points.plain_rows(numeric, state).take(holonomic_rows)
     far = sides.PARAMETERS.farther * doubles.VALUE
     sizes = kinks.coordinate_sizes(state.q, gradients.row, gradients.column, gradients.count)
     beside = [
@@ -309,10 +331,10 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
         for side in (-far, -doubles.VALUE, doubles.VALUE, far)
     ]
     for there in beside[1:3]:
-        if (
-            sample_points.is_finite(numeric, there)
-            and _normalized_rows(numeric, there).take(holonomic_rows).turned_from(here) > TURN
-        ):
+        if not sample_points.is_finite(numeric, there):
+            continue
+        turned = sample_points.plain_rows(numeric, there).take(holonomic_rows).unit - here.unit
+        if np.abs(metric_rows.LocalRows(turned).values).max(initial=0.0) > TURN:
             rows = [metric_rows.LocalRows(numeric.holonomic(at.t, at.q, at.p)[1]) for at in beside]
             what = "jumps at the start"
             if not sides.Sides(tuple(each.values for each in rows)).jumps().any():
@@ -329,37 +351,6 @@ def _is_lost(found: Classification, on: _Ranks) -> bool:
     if found.undecided or here is None or holonomic is None:
         return bool(found.groups)
     return found.flag[0] != here - holonomic
-
-
-def _undecided_drop(on: _Ranks) -> str:
-    """Say that rows lose rank at the start and not beside it at the same time, or nothing.
-
-    What such rows say of motions that stay where they are lost, and of those that come away, differs: from the origin
-    x d(y) = y d(x) leads along every ray. Where they are lost at one time alone, everywhere, all motions leave that.
-    """
-    here, nearby = on.everything[0].high, max(r.low for r in on.everything)
-    if here >= nearby:
-        return ""
-    return (
-        f"the start is a special configuration: the rows have rank {here} there and {nearby} nearby, and motions that"
-        " stay on such configurations need not be those that leave them"
-    )
-
-
-def _following_by_algebra(found: Classification) -> dict[str, bool]:
-    """Whether differential rows follow from rows before them, of groups where doubles tell another rank than exact
-    algebra and digits."""
-    if found.undecided:
-        return {}
-    known = ((group.rows, group.following) for group in found.groups)
-    return {name: name in following for rows, following in known if following is not None for name in rows}
-
-
-def _proved(found: Classification, names: list[str]) -> frozenset[int]:
-    """Rows of which algebra has shown that no combination of them and of others is a multiple of dt."""
-    groups = (one for one in found.groups if one.proof == "symbolic" or one.holonomic_rank)
-    rows = {name for group in groups for name in group.rows}
-    return frozenset(i for i, name in enumerate(names) if name in rows)
 
 
 def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool, exact: dict[str, bool]) -> str:
@@ -386,7 +377,7 @@ def _ranks(
     found = _Ranks([], [])
     for k, point in enumerate(points):
         if sample_points.is_finite(numeric, point):
-            rows = _normalized_rows(numeric, point)
+            rows = sample_points.plain_rows(numeric, point)
             some = [i for i in effective if k or i not in lost]
             rows = rows if len(some) == rows.count else rows.take(some)
             found.everything.append(rank.estimate(rows))
@@ -395,11 +386,6 @@ def _ranks(
                 found.everything[-1] if complete else rank.estimate(rows.take(holonomic_rows))
             )
     return found
-
-
-def _normalized_rows(numeric: NumericSystem, point: State) -> MetricRows:
-    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-    return MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))
 
 
 def are_free_particles(model: Model) -> bool:

@@ -118,16 +118,12 @@ def _require_far(system: System, rows: MetricRows, among: Sequence[int]) -> None
         return
     least, vector = rank.nearest_dependence(part)
     near = [among[k] for k in rank.participants(vector)]
-    raise diagnostics.ModelError(
-        [
-            diagnostics.Diagnostic(
-                "dependent-constraints",
-                f"the rows {initial.names_of(system, near)} are independent at the start, but within {least:.2g} of"
-                " dependent ones: their multipliers would have no right digit",
-                system.rows.rows[near[-1]].location,
-                "move the start a little, or leave out a row that nearly follows from the others",
-            )
-        ]
+    raise diagnostics.error(
+        "dependent-constraints",
+        f"the rows {initial.names_of(system, near)} are independent at the start, but within {least:.2g} of dependent"
+        " ones: their multipliers would have no right digit",
+        system.rows.rows[near[-1]].location,
+        "move the start a little, or leave out a row that nearly follows from the others",
     )
 
 
@@ -178,7 +174,7 @@ def _at_rest(system: System, found: rank.Rank) -> diagnostics.ModelError:
     )
     hint = "give velocities along one branch, or start a little aside"
     at = system.rows.rows[rows[-1]].location
-    return diagnostics.ModelError([diagnostics.Diagnostic("singular-start", message, at, hint)])
+    return diagnostics.error("singular-start", message, at, hint)
 
 
 def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:

@@ -16,13 +16,11 @@ import numpy.typing as npt
 from lagcli import progress
 from lagcli.analysis.codimension import Codimension
 from lagcli.compiled import NumericSystem
-from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, sample_points
 from lagcli.start.initial import State
-from lagcli.start.precise_rows import PreciseRows
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,78 +51,52 @@ def multipliers(
     system: System, numeric: NumericSystem, points: Sequence[State], surface: Codimension
 ) -> Multipliers:
     """The multipliers of all rows; `points` of the surface, the start first, `surface` what is known of it there."""
-    count = len(system.rows.rows)
+    count, holonomic = len(system.rows.rows), list(range(system.holonomic_count))
     found = _ranks(numeric, points)
     if max(one.low for one, _ in found) < count and len(points) == 1:
-        found = _ranks(numeric, _along(system, numeric, points[0]))
+        # Of many rows a walk takes long.
+        most = 1 if count > metric_rows.PARAMETERS.dense else sample_points.PARAMETERS.points
+        later = initial.later(system)
+        found = _ranks(numeric, sample_points.along(numeric, points[0], holonomic, later, most))
     best, rows = max(found, key=lambda one: one[0].low)
-    unsure = _unsure(best, rows, surface, system.holonomic_count)
+    # Rows of which no null vector is known, and none excluded.
+    unsure: set[int] = set()
+    if best.value is None:
+        unsure.update(i for vector in best.dependences for i in rank.participants(vector))
+    is_special = surface.kind == "singular" and rank.estimate(rows.take(holonomic)).low < (
+        surface.codimension or 0
+    )
+    if surface.kind == "undecided" or is_special:  # no walk came to a generic point
+        unsure.update(surface.rows)
     if best.value is None or best.value == count:
         return Multipliers(tuple(None if i in unsure else True for i in range(count)), ())
     chosen = independent_rows.dependence(rows, best.value)
-    selection = independent_rows.joined(chosen.selection, _elsewhere(found, chosen.independent))
-    shared = {row for dependency in selection.dependencies for row in dependency}
+    independent = chosen.independent
+    # Dependencies over the same rows at other points too, where these are independent.
+    others = (
+        independent_rows.over(there, independent).selection
+        for one, there in found
+        if one.value == len(independent)
+        and rank.estimate(there.take(list(independent))).value == len(independent)
+    )
+    dependencies = independent_rows.joined(chosen.selection, others).dependencies
+    shared = {row for dependency in dependencies for row in dependency}
     flags = tuple(False if i in shared else None if i in unsure else True for i in range(count))
-    return Multipliers(flags, _null_vectors(system, rows, chosen, selection))
+    vectors = {}
+    for dependency, weights in zip(dependencies, chosen.weights, strict=True):
+        least = rows.lengths[list(dependency)].min()  # 1 / length may be beyond the range of numbers
+        of = {dependency[0]: -least / rows.lengths[dependency[0]]}
+        of |= {row: weights.get(row, 0.0) * (least / rows.lengths[row]) for row in dependency[1:]}
+        members = tuple(sorted(dependency))
+        vector = np.array([of[row] for row in members])
+        largest = np.abs(vector).max()
+        lead = vector[np.abs(vector) > rank.PARAMETERS.small * largest][0]
+        names = tuple(system.rows.rows[row].name for row in members)
+        vectors[members] = NullVector(names, tuple((vector / (largest * np.sign(lead))).tolist()))
+    return Multipliers(flags, tuple(vectors[members] for members in sorted(vectors)))
 
 
 def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.Rank, MetricRows]]:
     """Ranks of all rows at points, with the rows; the first point is known to be finite."""
-    found = []
-    for point in points:
-        if sample_points.is_finite(numeric, point):
-            B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-            rows = MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))
-            found.append((rank.estimate(rows), rows))
-    return found
-
-
-def _along(system: System, numeric: NumericSystem, start: State) -> list[State]:
-    later = initial.later(system)
-    points = (
-        1 if len(system.rows.rows) > metric_rows.PARAMETERS.dense else sample_points.PARAMETERS.points
-    )  # of many rows a walk takes long
-    return sample_points.along(numeric, start, list(range(system.holonomic_count)), later, points)
-
-
-def _unsure(best: rank.Rank, rows: MetricRows, surface: Codimension, holonomic: int) -> set[int]:
-    """Rows of which no null vector is known, and none excluded."""
-    unsure: set[int] = set()
-    if best.value is None:
-        unsure.update(i for vector in best.dependences for i in rank.participants(vector))
-    if surface.kind == "undecided":
-        unsure.update(surface.rows)
-    if surface.kind == "singular" and rank.estimate(rows.take(list(range(holonomic)))).low < (
-        surface.codimension or 0
-    ):
-        unsure.update(surface.rows)  # no walk came to a generic point
-    return unsure
-
-
-def _elsewhere(
-    found: Sequence[tuple[rank.Rank, MetricRows]], independent: tuple[int, ...]
-) -> list[Selection]:
-    """Dependencies over the same independent rows at other points, where these are independent too."""
-    return [
-        independent_rows.over(rows, independent).selection
-        for one, rows in found
-        if one.value == len(independent)
-        and rank.estimate(rows.take(list(independent))).value == len(independent)
-    ]
-
-
-def _null_vectors(
-    system: System, rows: MetricRows, chosen: independent_rows.Dependence, selection: Selection
-) -> tuple[NullVector, ...]:
-    names = [row.name for row in system.rows.rows]
-    found = []
-    for dependency, weights in zip(selection.dependencies, chosen.weights, strict=True):
-        least = rows.lengths[list(dependency)].min()  # 1 / length may be beyond the range of numbers
-        of = {dependency[0]: -least / rows.lengths[dependency[0]]}
-        of |= {row: weights.get(row, 0.0) * (least / rows.lengths[row]) for row in dependency[1:]}
-        vector = np.array([of[row] for row in sorted(dependency)])
-        largest = np.abs(vector).max()
-        lead = vector[np.abs(vector) > rank.PARAMETERS.small * largest][0]
-        vector = vector / (largest * np.sign(lead))
-        found.append(NullVector(tuple(names[row] for row in sorted(dependency)), tuple(vector.tolist())))
-    return tuple(sorted(found, key=lambda one: [names.index(name) for name in one.rows]))
+    there = (point for point in points if sample_points.is_finite(numeric, point))
+    return [(rank.estimate(rows), rows) for rows in (sample_points.plain_rows(numeric, one) for one in there)]

@@ -132,6 +132,11 @@ class ModelError(Exception):
         return type(self), (self.diagnostics,)
 
 
+def error(code: str, message: str, location: Location, hint: str = "") -> ModelError:
+    """The error of one message."""
+    return ModelError([Diagnostic(code, message, location, hint)])
+
+
 MAX_ERRORS = 1000  # of one file: nobody reads more, and each costs a look at its line
 
 

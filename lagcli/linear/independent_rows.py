@@ -31,9 +31,8 @@ class IndependentRowsParameters:
     __slots__ = ()
 
     early: float = 0.3
-    """The next independent row is the first in the file's order that is this part as far from the others as
-    the farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest` fails at 0.03 and
-    3."""
+    """The next independent row is the first in the file's order that is this part as far from the others as the
+    farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest` fails at 0.03 and 3."""
     better: float = 4.0
     """Other rows are taken where their angle is this many times as large, or, of many, where one that follows from
     the independent ones has a larger weight than this: each time the volume that they span grows by so much.
@@ -78,7 +77,11 @@ class Dependence:
         ends: dict[int, dict[int, float]] = {}
         for row, of in zip(self.rest, self.weights, strict=True):
             vector = {row: -1.0} | dict(of)
-            while vector := _without_rounding(vector):
+            while True:
+                least = rank.PARAMETERS.small * max(map(abs, vector.values()), default=0.0)
+                vector = {i: weight for i, weight in vector.items() if abs(weight) > least}
+                if not vector:
+                    break
                 last = max(vector)
                 if last not in ends:
                     ends[last] = vector
@@ -88,11 +91,6 @@ class Dependence:
                     if i != last:
                         vector[i] = vector.get(i, 0.0) - factor * weight
         return sorted(ends)
-
-
-def _without_rounding(vector: Mapping[int, float]) -> dict[int, float]:
-    least = rank.PARAMETERS.small * max(map(abs, vector.values()), default=0.0)
-    return {i: weight for i, weight in vector.items() if abs(weight) > least}
 
 
 def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
@@ -113,10 +111,8 @@ def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
 
 
 def _exchanged(found: Dependence, holonomic: int) -> Dependence:
-    """The dependence on rows of many of which the others are combinations with small weights: pivots tell that rows
-    are independent, and not how far. A row of more weight than `swapped` changes places with the one that depends on
-    it.
-    """
+    """The dependence on rows of many of which the others are combinations with small weights: pivots tell that rows are
+    independent, and not how far. A row of more weight than `better` changes places with the one that depends on it."""
     vectors = {row: dict(of) for row, of in zip(found.rest, found.weights, strict=True)}
     waiting = list(found.rest)
     while waiting:
@@ -147,11 +143,11 @@ def elsewhere(selection: Selection, rows: MetricRows, holonomic: int) -> Selecti
     if not selection.dependencies or rows.is_large:
         return None
     independent = dependence(rows, len(selection.independent), holonomic).independent
-    if _smallest_singular_value(rows, independent) < PARAMETERS.better * _smallest_singular_value(
-        rows, selection.independent
-    ):
-        return None
-    return rebased(selection, independent)
+    found, before = (
+        float(decompositions.singular_values(rows.dense[list(chosen)]).min(initial=1.0))
+        for chosen in (independent, selection.independent)
+    )
+    return None if found < PARAMETERS.better * before else rebased(selection, independent)
 
 
 def rebased(selection: Selection, independent: tuple[int, ...]) -> Selection | None:
@@ -173,15 +169,22 @@ def rebased(selection: Selection, independent: tuple[int, ...]) -> Selection | N
     return found if found.present == selection.present else None
 
 
-def _smallest_singular_value(rows: MetricRows, independent: tuple[int, ...]) -> float:
-    return float(decompositions.singular_values(rows.dense[list(independent)]).min(initial=1.0))
-
-
 def independent(rows: MetricRows, count: int, first: Sequence[int] = ()) -> list[int]:
     """`count` independent rows, those in `first` among them."""
     if not rows.is_large:
         return sorted(farthest(rows.dense, count, first, PARAMETERS.early))
-    return _farther(rows, count, first) if first else _pivots(rows, count)
+    if first:  # the choice of `farthest` in what is left of the other rows after the first ones
+        others = sorted(set(range(rows.count)) - set(first))
+        weights = _combinations(rows, list(first), others)
+        unit = rows.unit
+        left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
+        more = farthest(left, count - len(first), (), PARAMETERS.early)
+        return sorted([*first, *(others[k] for k in more)])
+    # Those with the largest pivots in the sparse factors of the Gram matrix: the others are left what is added to its
+    # diagonal, times the squared length of their null vectors.
+    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + doubles.SUM * ca.DM.eye(rows.count))
+    largest = np.argsort(-np.array(D).ravel(), kind="stable")[:count]
+    return sorted(np.asarray(order)[largest].tolist())
 
 
 def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
@@ -210,11 +213,10 @@ def _near_weights(
     with them, or with rows that do. Others of many rows are found with the factors of all of them."""
     entries = LocalRows(rows.unit)
     by_row: list[dict[int, float]] = [{} for _ in range(rows.count)]
-    for i, j, value in zip(
-        entries.row.tolist(), entries.column.tolist(), entries.values.tolist(), strict=True
-    ):
-        if value:
-            by_row[i][j] = value
+    there = np.flatnonzero(entries.values)
+    parts = (each[there].tolist() for each in (entries.row, entries.column, entries.values))
+    for i, j, value in zip(*parts, strict=True):
+        by_row[i][j] = value
     holding: dict[int, list[int]] = {}
     for i in independent:
         for j in by_row[i]:
@@ -262,22 +264,20 @@ def joined(first: Selection, others: Iterable[Selection]) -> Selection:
 
 def shares(dependencies: Sequence[Sequence[str]]) -> list[str]:
     """The dependencies in words, by the names of their rows."""
-    shares = [_share(names) for names in dependencies[: PARAMETERS.most_listed]]
-    return (
-        [*shares, f"and {len(dependencies) - PARAMETERS.most_listed} more"]
-        if len(dependencies) > PARAMETERS.most_listed
-        else shares
-    )
-
-
-def _share(names: Sequence[str]) -> str:
-    quoted = [f"`{name}`" for name in names]
-    if len(quoted) == 1:
-        return f"{quoted[0]} makes no force, and any multiplier will do"
-    if len(quoted) == 2:
-        return f"{quoted[0]} and {quoted[1]} share one force"
-    shown = quoted if len(quoted) <= PARAMETERS.most_named else [*quoted[: PARAMETERS.most_named], "..."]
-    return f"{', '.join(shown)}: a force in one can be passed to the others"
+    shares = []
+    for names in dependencies[: PARAMETERS.most_listed]:
+        quoted = [f"`{name}`" for name in names]
+        if len(quoted) == 1:
+            shares.append(f"{quoted[0]} makes no force, and any multiplier will do")
+        elif len(quoted) == 2:
+            shares.append(f"{quoted[0]} and {quoted[1]} share one force")
+        else:
+            more = ["..."] if len(quoted) > PARAMETERS.most_named else []
+            shown = ", ".join([*quoted[: PARAMETERS.most_named], *more])
+            shares.append(f"{shown}: a force in one can be passed to the others")
+    if len(dependencies) > PARAMETERS.most_listed:
+        shares.append(f"and {len(dependencies) - PARAMETERS.most_listed} more")
+    return shares
 
 
 def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> Floats:
@@ -288,24 +288,6 @@ def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> 
     gram = ca.mtimes(among, among.T)
     factors = ca.Linsol("among", "ldl", gram.sparsity())
     return np.array(factors.solve(gram, ca.densify(ca.mtimes(among, others.T)))).T
-
-
-def _farther(rows: MetricRows, count: int, first: Sequence[int]) -> list[int]:
-    """The choice of `farthest` for many rows: what is left of the other rows after the first ones, by its Gram
-    matrix."""
-    others = sorted(set(range(rows.count)) - set(first))
-    weights = _combinations(rows, list(first), others)
-    unit = rows.unit
-    left = np.array(ca.densify(unit[others, :])) - weights @ np.array(ca.densify(unit[first, :]))
-    return sorted([*first, *(others[k] for k in farthest(left, count - len(first), (), PARAMETERS.early))])
-
-
-def _pivots(rows: MetricRows, count: int) -> list[int]:
-    """`count` independent rows of many: those with the largest pivots in the sparse factors of the Gram matrix. The
-    others are left what is added to its diagonal, times the squared length of their null vectors."""
-    D, _, order = ca.ldl(ca.mtimes(rows.unit, rows.unit.T) + doubles.SUM * ca.DM.eye(rows.count))
-    largest = np.argsort(-np.array(D).ravel(), kind="stable")[:count]
-    return sorted(np.asarray(order)[largest].tolist())
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:

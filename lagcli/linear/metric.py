@@ -42,7 +42,10 @@ class Metric:
         whole = is_plain and pattern.nnz() == n
         diagonal = np.array(M.nonzeros() if whole else ca.diag(M), dtype=float).ravel()
         if not is_plain:
-            _require_finite(M)
+            values = np.array(M.nonzeros(), dtype=float)
+            if not np.isfinite(values).all():
+                rows = np.asarray(M.sparsity().row(), dtype=np.intp)
+                raise NotDefiniteError(int(rows[~np.isfinite(values)].min()), float("nan"))
         worst = int(np.argmin(diagonal)) if n else 0
         if n and not diagonal[worst] > 0:
             raise NotDefiniteError(worst, float(diagonal[worst]))
@@ -71,10 +74,8 @@ class Metric:
             with np.errstate(over="ignore"):  # rows are asked for their lengths
                 return ca.DM(fixed.sparsity(), ca.DM(values * scale[columns]))
         rows = np.asarray(fixed.sparsity().row(), dtype=np.intp)
-        return self._turned(_Entries(rows, columns, values), scale, fixed.shape)
-
-    def _turned(self, entries: _Entries, scale: Floats, shape: tuple[int, int]) -> ca.DM:
-        """B M^-1/2 where coordinates are coupled: entries of a block fill it in the rows that touch it."""
+        # Where coordinates are coupled entries of a block fill it in the rows that touch it.
+        entries = _Entries(rows, columns, values)
         number = np.full(scale.size, -1)
         for i, block in enumerate(self._blocks):
             number[block.indices] = i
@@ -88,7 +89,7 @@ class Metric:
         row, column, value = (
             np.concatenate([getattr(part, field) for part in parts]) for field in ("row", "column", "value")
         )
-        return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *shape)
+        return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *fixed.shape)
 
     def unwhitened(self, u: Floats) -> Floats:
         """M^-1/2 u (n,) for u (free,); zero where a coordinate is fixed."""
@@ -147,13 +148,6 @@ class _MassBlock:
         dense[here, np.searchsorted(self.indices, entries.column)] = entries.value
         turned = np.asarray(np.linalg.solve(self.lower, dense.T).T, dtype=float)
         return _Entries(np.repeat(rows, self.indices.size), np.tile(self.indices, rows.size), turned.ravel())
-
-
-def _require_finite(M: ca.DM) -> None:
-    values = np.array(M.nonzeros(), dtype=float)
-    if not np.isfinite(values).all():
-        rows = np.asarray(M.sparsity().row(), dtype=np.intp)
-        raise NotDefiniteError(int(rows[~np.isfinite(values)].min()), float("nan"))
 
 
 def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:

@@ -45,8 +45,7 @@ class MetricRowsParameters:
     """A Gram matrix with this part of its entries is factored faster as a dense one.
     `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 0.01 and 1."""
     most_filled: int = 4000
-    """Up to so many rows (128 MB). `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 400 and
-    40000."""
+    """Up to so many rows (128 MB). `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 400 and 40000."""
     few: int = 40
     """The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
     `test_the_gram_matrix_of_forty_rows_is_inverted` fails at 4 and 400."""
@@ -69,11 +68,6 @@ class LocalRows:
         self.column = np.asarray(columns, dtype=np.intp)
         self.values = np.array(B.nonzeros(), dtype=float)
 
-    @classmethod
-    def difference(cls, one: LocalRows, other: LocalRows) -> LocalRows:
-        """The rows one - other, of one pattern."""
-        return cls(one.B - other.B)
-
     def finite(self) -> LocalRows:
         """The rows with 0 for entries that are not finite."""
         if np.isfinite(self.values).all():
@@ -83,10 +77,6 @@ class LocalRows:
     def with_values(self, values: Floats) -> LocalRows:
         """Rows of the same pattern with other entries, in the order of `values`."""
         return LocalRows(ca.DM(self.B.sparsity(), ca.DM(values)))
-
-    def columns(self, numbers: list[int]) -> LocalRows:
-        """The rows on some of the coordinates."""
-        return LocalRows(self.B[:, numbers])
 
     @property
     def count(self) -> int:
@@ -207,11 +197,6 @@ class MetricRows:
             return None
         return self._precise.rank(self, self._numbers)
 
-    def turned_from(self, other: MetricRows) -> float:
-        """The largest change of an entry between these unit rows and others of one pattern."""
-        change = LocalRows(self.unit - other.unit).values
-        return float(np.abs(change).max(initial=0.0))
-
     @cached_property
     def dense(self) -> Floats:
         """The rows as an array (C, free)."""
@@ -235,7 +220,7 @@ class MetricRows:
         """True if the smallest singular value is certainly far above rounding."""
         if self.count == 0:
             return True
-        if self.count > self.unit.shape[1] or 0 in self._norms_of_units():
+        if self.count > self.unit.shape[1] or 0 in self._entries.norms:
             return False
         if self.is_large and self._least_with_hanging() ** 2 > doubles.ZERO:
             return True
@@ -309,11 +294,7 @@ class MetricRows:
         return lambda y: self._solved(y, shift)
 
     def _shifted(self, shift: float) -> ca.DM:
-        return self._gram + shift * self._identity if shift else self._gram
-
-    @cached_property
-    def _identity(self) -> ca.DM:
-        return ca.DM.eye(self.count)
+        return self._gram + shift * ca.DM.eye(self.count) if shift else self._gram
 
     def above(self, size: float) -> int:
         """The number of singular values above a size: by Sylvester's law of inertia, from sparse factors."""
@@ -336,14 +317,10 @@ class MetricRows:
         """True if the rows are too many to be looked at densely."""
         return are_many(self.count, self.unit.shape[1])
 
-    def _norms_of_units(self) -> Floats:
-        return self._entries.norms
-
     def correction(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The smallest step (n,) in the metric that solves B step = -residual, by least squares if it must.
 
-        Damped it is shorter: that which makes |B step + residual|^2 / damping + |step|^2 least, for rows of length
-        one.
+        Damped it is shorter: that which makes |B step + residual|^2 / damping + |step|^2 least, for rows of length one.
         """
         weights, rows = self.weights(residual, damping), self._entries
         # Summed in the order of CasADi's product, without its conversions, which cost several times the sum.
@@ -358,9 +335,8 @@ class MetricRows:
 
     def weights(self, residual: Floats, damping: float = 0.0) -> Floats:
         """The weights (C,) of the rows of length one in -M^1/2 step, for the step of `correction`."""
-        sizes, in_metric = (
-            self._length_factors
-        )  # one by one: their product may be beyond the range of numbers
+        # One by one: their product may be beyond the range of numbers.
+        sizes, in_metric = self._length_factors
         scaled = residual / sizes / in_metric
         if not scaled.any():
             return scaled  # nothing to solve: an exact start asks for no step, and an empty system needs no solver
@@ -370,8 +346,7 @@ class MetricRows:
             return self._solved(scaled, 0.0 if self.are_independent else doubles.SUM)
         if self.count > self.unit.shape[1]:
             sigma, left = decompositions.column_axes(self.dense)
-            limit = doubles.ROOT
-            fixed = left[:, sigma > limit * sigma.max(initial=0.0)]
+            fixed = left[:, sigma > doubles.ROOT * sigma.max(initial=0.0)]
             return np.asarray(fixed @ ((fixed.T @ scaled) / sigma[: fixed.shape[1]] ** 2))
         return decompositions.least_squares(np.array(self._gram), scaled)
 

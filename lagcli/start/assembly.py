@@ -21,7 +21,7 @@ from lagcli.linear import surface as road
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.start import initial, projection
 from lagcli.start.configuration_search import PARAMETERS as SEARCH
-from lagcli.start.configuration_search import ConfigurationResult, Search, tangential
+from lagcli.start.configuration_search import ConfigurationResult, Search, of_size, tangential
 from lagcli.start.initial import Residuals, State
 
 Floats = npt.NDArray[np.float64]
@@ -44,16 +44,11 @@ class AssemblyParameters:
     and Gauss-Newton finds it. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at
     0.0001 and 0.01."""
     curved: float = 0.5
-    """The smallest second derivative of the squared distance along the surface: it is less beyond half the
-    radius of curvature. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 0.05 and
-    5."""
-    starts_of_few: int = 16
-    """Starts aside for the nearest point, where Gauss-Newton ends at a feasible one.
-    `test_starts_aside_are_fewer_of_many_coordinates` fails at 1 and 160."""
-    starts_of_more: int = 3
-    """The same of more coordinates. `test_starts_aside_are_fewer_of_many_coordinates` fails at 0 and 30."""
-    starts_of_many: int = 1
-    """The same of many. `test_starts_aside_are_fewer_of_many_coordinates` fails at 0 and 10."""
+    """The smallest second derivative of the squared distance along the surface: it is less beyond half the radius of
+    curvature. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 0.05 and 5."""
+    starts: tuple[int, int, int] = (16, 3, 1)
+    """Starts aside for the nearest point, where Gauss-Newton ends at a feasible one: of few coordinates, of more, of
+    many. `test_starts_aside_are_fewer_of_many_coordinates` fails for a tenth and ten times of them."""
     briefly: int = 4
     """Steps towards the nearest point that show which start leads to it.
     `test_a_start_goes_four_steps_towards_the_nearest_point_to_show_where_it_leads` fails at 0 and 40."""
@@ -125,7 +120,10 @@ def _assembled(
     there, is_consistent = projection.consistent(system, numeric, there, metric)
     stuck = _stuck(MetricRows(rows.B, metric), MetricRows(rows.B, full_metric))
     if stuck.any() and search.fixed.any():
-        raise _nothing_left(system, np.flatnonzero(stuck).tolist())
+        left = np.flatnonzero(stuck).tolist()
+        message = f"with the coordinates that `keep` holds, nothing is left to satisfy {initial.names_of(system, left)}"
+        location, hint = system.rows.rows[left[0]].location, "let `keep` hold fewer coordinates"
+        raise diagnostics.error("no-consistent-start", message, location, hint)
     if not is_consistent:
         raise _no_velocity(search, there, rows, b)
     return Assembly(there, full_metric.length(q - state.q), full_metric.length(there.v - state.v), state)
@@ -182,14 +180,7 @@ def _configuration(search: Search) -> Floats:
 
 
 def _neighbours(search: Search) -> list[Floats]:
-    count = int((~search.fixed).sum())
-    most = (
-        PARAMETERS.starts_of_few
-        if count <= SEARCH.few
-        else PARAMETERS.starts_of_more
-        if count <= SEARCH.many
-        else PARAMETERS.starts_of_many
-    )
+    most = of_size(int((~search.fixed).sum()), PARAMETERS.starts)
     starts = list(search.neighbours(search.state.q, range(search.system.holonomic_count)))
     return starts[:: max(1, len(starts) // most)][:most] if most < len(starts) else starts
 
@@ -222,7 +213,11 @@ def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
 def _feasible(search: Search) -> Floats:
     """Some point of the surface. Raises `diagnostics.ModelError`."""
     labels, parts = search.components()
-    q = _beside_poles(search)
+    q = search.state.q
+    B = LocalRows(search.numeric.holonomic(search.state.t, q, search.state.p)[1])
+    poles = np.flatnonzero(~B.are_finite())
+    if poles.size:  # a little aside where a gradient is not finite: of rods of no length
+        q = next(search.neighbours(q, poles.tolist()))
     for is_last in (False, True):
         reached = search.descend(q)
         if reached.is_on:
@@ -255,14 +250,6 @@ def _no_configuration(search: Search, failed: list[ConfigurationResult]) -> diag
     from lagcli.start import conflict  # here, as most starts are found
 
     return diagnostics.ModelError(conflict.position(search, found) for found in failed)
-
-
-def _beside_poles(search: Search) -> Floats:
-    """The declared configuration, a little aside where a gradient is not finite: of rods of no length."""
-    q = search.state.q
-    B = LocalRows(search.numeric.holonomic(search.state.t, q, search.state.p)[1])
-    poles = np.flatnonzero(~B.are_finite())
-    return next(search.neighbours(q, poles.tolist())) if poles.size else q
 
 
 def _is_clearly_nearest(search: Search, q: Floats) -> bool:
@@ -342,15 +329,6 @@ def _polished(search: Search, q: Floats) -> Floats:
     return q if end is None else end.x
 
 
-def _nothing_left(system: System, rows: list[int]) -> diagnostics.ModelError:
-    """The error for rows that no coordinate which may move can satisfy."""
-    names = initial.names_of(system, rows)
-    message = f"with the coordinates that `keep` holds, nothing is left to satisfy {names}"
-    location = system.rows.rows[rows[0]].location
-    hint = "let `keep` hold fewer coordinates"
-    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location, hint)])
-
-
 def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> diagnostics.ModelError:
     """The error for rows that no velocity satisfies at the nearest configuration, or none with the rates fixed."""
     from lagcli.start import conflict
@@ -362,7 +340,7 @@ def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> di
     if search.fixed.any():
         free = ~search.fixed
         fixed_rates = rows.times(np.where(free, 0.0, there.v)) + b
-        parting = conflict.least(rows.columns(np.flatnonzero(free).tolist()), fixed_rates)
+        parting = conflict.least(LocalRows(rows.B[:, np.flatnonzero(free).tolist()]), fixed_rates)
         if parting:
             message = (
                 f"with the rates of the coordinates that `keep` holds, no velocity satisfies"
@@ -370,10 +348,7 @@ def _no_velocity(search: Search, there: State, rows: LocalRows, b: Floats) -> di
             )
             hint = "let `keep` hold fewer coordinates, or give them rates that fit"
             location = system.rows.rows[parting[0]].location
-            return diagnostics.ModelError(
-                [diagnostics.Diagnostic("no-consistent-start", message, location, hint)]
-            )
+            return diagnostics.error("no-consistent-start", message, location, hint)
     broken = initial.residuals(system, search.numeric, there).violated
     message = f"no velocities that satisfy {initial.names_of(system, broken)} were found"
-    location = system.rows.rows[broken[0]].location
-    return diagnostics.ModelError([diagnostics.Diagnostic("no-consistent-start", message, location)])
+    return diagnostics.error("no-consistent-start", message, system.rows.rows[broken[0]].location)

@@ -49,15 +49,9 @@ class ConfigurationSearchParameters:
     many: int = 400
     """Coordinates from which on a search takes seconds, and every other offset is left out.
     `test_of_more_coordinates_there_are_fewer_other_starts` fails at 40 and 4000."""
-    each_of_few: int = 4
-    """Starts of each offset of few coordinates.
-    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 40."""
-    each_of_more: int = 2
-    """Starts of each offset of more coordinates.
-    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 20."""
-    each_of_many: int = 1
-    """Starts of each offset of many coordinates.
-    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 0 and 10."""
+    each: tuple[int, int, int] = (4, 2, 1)
+    """Starts of each offset: of few coordinates, of more, of many.
+    `test_of_more_coordinates_there_are_fewer_other_starts` fails for a tenth and ten times of them."""
     moved: float = 1e-2
     """A configuration that lies off the start by less than this part of its size is near it.
     `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 100."""
@@ -145,16 +139,9 @@ class Search:
         random = np.random.default_rng(SEED)
         touched = self.touched(rows)
         count = int(touched.sum())
-        each = (
-            PARAMETERS.each_of_few
-            if count <= PARAMETERS.few
-            else PARAMETERS.each_of_more
-            if count <= PARAMETERS.many
-            else PARAMETERS.each_of_many
-        )
         size = self.size(q, touched)
         for part in PARAMETERS.offsets if count <= PARAMETERS.many else PARAMETERS.offsets[::2]:
-            for _ in range(each):
+            for _ in range(of_size(count, PARAMETERS.each)):
                 yield q + np.where(touched, part * size, 0.0) * random.standard_normal(q.size)
 
     def reach(self, rows: Sequence[int], begins: Sequence[Floats]) -> ConfigurationResult:
@@ -256,6 +243,12 @@ class Search:
             label = label[label]
             if (label == before).all():
                 return first, label
+
+
+def of_size(count: int, values: tuple[int, int, int]) -> int:
+    """The value of few coordinates, of more, or of many, for so many."""
+    few, more, many = values
+    return few if count <= PARAMETERS.few else more if count <= PARAMETERS.many else many
 
 
 def _better(one: Reached, other: Reached) -> Reached:

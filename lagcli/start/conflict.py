@@ -6,7 +6,6 @@ The rows that are named are the smallest set that was found: none of them can be
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -42,9 +41,8 @@ class ConflictParameters:
     """The part of b that is left of many rows, above rounding. `test_many_rows_are_apart_by_five_digits`
     fails at 1e-6 and 0.0001."""
     taking_part: tuple[float, ...] = (1e-2, 1e-4, 1e-6)
-    """Rows that have this part of the least residual, or that, take part in the conflict at that
-    configuration. `test_rows_take_part_in_a_conflict_with_a_hundredth_of_what_remains` fails at a tenth and
-    at ten times of it."""
+    """Rows that have this part of the least residual, or that, take part in the conflict at that configuration.
+    `test_rows_take_part_in_a_conflict_with_a_hundredth_of_what_remains` fails at a tenth and at ten times of it."""
     budget: int = 1500
     """Sets of rows that are tried, times their number of rows; the set that is left then is named.
     `test_sets_of_rows_are_tried_until_the_budget_is_spent` fails at 150 and 15000."""
@@ -67,7 +65,9 @@ def least(rows: LocalRows, b: Floats) -> list[int]:
     among = list(range(len(involved)))
     for i in reversed(range(len(involved))):
         fewer = [k for k in among if k != i]
-        if np.abs(_rest(B[fewer], b[fewer])).max(initial=0.0) > rank.PARAMETERS.small * scale:
+        # What no velocity takes away is a combination y of the rows with y B = 0.
+        rest = np.abs(decompositions.residual(B[fewer], b[fewer]))
+        if rest.max(initial=0.0) > rank.PARAMETERS.small * scale:
             among = fewer
     return [involved[i] for i in among]
 
@@ -77,7 +77,7 @@ def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
     scaled = b / lengths
     scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
     if rows.count <= metric_rows.PARAMETERS.dense:
-        rest = _rest(np.array(rows.B) / lengths[:, None], scaled)
+        rest = decompositions.residual(np.array(rows.B) / lengths[:, None], scaled)
         return [int(i) for i in np.flatnonzero(np.abs(rest) > rank.PARAMETERS.small * scale)]
     unit = MetricRows(rows.B, Metric.unit(rows.B.shape[1]))
     rest = scaled
@@ -85,11 +85,6 @@ def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
         # What a velocity takes away shrinks at every pass, the rest of it stays.
         rest = PARAMETERS.shift * unit.weights(rest * unit.lengths, PARAMETERS.shift)
     return [int(i) for i in np.flatnonzero(np.abs(rest) > PARAMETERS.apart_of_many * scale)]
-
-
-def _rest(B: Floats, b: Floats) -> Floats:
-    """The part of b that no velocity takes away: a combination y of the rows with y B = 0."""
-    return decompositions.residual(B, b)
 
 
 def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnostic:
@@ -136,7 +131,9 @@ def smallest(search: Search, failed: ConfigurationResult) -> ConfigurationResult
     begins = (search.state.q, found.best.q)
     length = max(1, len(found.rows) // 2)
     while True:
-        for chunk in _chunks(found.rows, length):
+        rows = found.rows
+        for end in range(len(rows), 0, -length):
+            chunk = rows[max(0, end - length) : end]
             fewer_rows = [i for i in found.rows if i not in chunk]
             left -= len(found.rows)
             if not fewer_rows or left < 0 or not set(chunk) <= set(found.rows):
@@ -162,12 +159,6 @@ def _violated(search: Search, failed: ConfigurationResult) -> ConfigurationResul
         if not found.is_on:
             return found
     return failed
-
-
-def _chunks(rows: Sequence[int], length: int) -> Iterator[frozenset[int]]:
-    """The rows in parts, the last first."""
-    for end in range(len(rows), 0, -length):
-        yield frozenset(rows[max(0, end - length) : end])
 
 
 def _follow_each_other(search: Search, rows: list[int]) -> bool:
@@ -203,13 +194,11 @@ def require_lasting(
         if parting and proved.isdisjoint(parting):
             names = initial.names_of(system, parting)
             message = (
-                f"{names} contradict each other: they agree at the start and part later; at t = {later.t:.6g}"
+                f"{names} contradict each other: they agree at the start and part later; at t = {later.t:.6g} no motion"
+                " satisfies them together"
             )
-            message += " no motion satisfies them together"
             location = system.rows.rows[parting[-1]].location
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("contradictory-constraints", message, location)]
-            )
+            raise diagnostics.error("contradictory-constraints", message, location)
 
 
 def _parting(system: System, numeric: NumericSystem, state: State, later: State) -> list[int]:

@@ -72,8 +72,7 @@ def find(system: System, numeric: NumericSystem) -> ConsistentStart:
 
 def nearest(system: System, numeric: NumericSystem) -> Assembly:
     """The consistent state nearest to the declared one, without the coordinates that the settings keep, also on the
-    allowed side of the one-sided constraints. Raises `diagnostics.ModelError`.
-    """
+    allowed side of the one-sided constraints. Raises `diagnostics.ModelError`."""
     from lagcli.start import assembly
 
     declared, keep = initial.declared(system), system.model.simulation.keep

@@ -63,10 +63,10 @@ class Gaps:
     @property
     def sides(self) -> tuple[Side, ...]:
         """For each constraint on which side of it the state is."""
-        return tuple("violated" if low else "open" if high else "closed" for low, high in self._sides())
-
-    def _sides(self) -> list[tuple[bool, bool]]:
-        return list(zip((self.g < -self.limit).tolist(), (self.g > self.limit).tolist(), strict=True))
+        return tuple(
+            "violated" if low else "open" if high else "closed"
+            for low, high in zip(self.g < -self.limit, self.g > self.limit, strict=True)
+        )
 
     @property
     def depth(self) -> float:
@@ -78,17 +78,14 @@ class Gaps:
 def at_state(system: System, numeric: NumericSystem, state: State) -> Gaps:
     """The gaps at a state. Raises `diagnostics.ModelError` naming one that is not finite."""
     if not system.contacts.count:
-        nothing = np.zeros(0)
-        return Gaps(nothing, nothing, nothing.astype(bool), nothing)
+        return Gaps(np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0))
     g = np.array(numeric.contacts(state.t, state.q, state.v, state.p)[0]).ravel()
     bad = np.flatnonzero(~np.isfinite(g))
     if bad.size:
         row = system.contacts.rows[int(bad[0])]
         message = f"the one-sided constraint `{row.name}` is not finite at the start"
         hint = "move the start off the pole, or write the condition without it (for example squared)"
-        raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
-        )
+        raise diagnostics.error("not-finite-at-start", message, row.location, hint)
 
     def rows_at(q: Floats) -> LocalRows:
         return LocalRows(numeric.contacts(state.t, q, state.v, state.p)[1])
@@ -100,29 +97,18 @@ def at_state(system: System, numeric: NumericSystem, state: State) -> Gaps:
 
 def penetrations(system: System, found: Gaps) -> list[diagnostics.Diagnostic]:
     """One diagnostic for each constraint that the start violates; of a family some, and one for the rest of it."""
-    by_location: dict[diagnostics.Location, list[int]] = {}
-    for j in found.violated:
-        by_location.setdefault(system.contacts.rows[j].location, []).append(j)
-    report = []
-    for location, broken in by_location.items():
-        report += [_penetration(system, found, j) for j in broken[: initial.PARAMETERS.most_listed]]
-        rest = broken[initial.PARAMETERS.most_listed :]
-        if rest:
-            worst = _penetration(system, found, min(rest, key=lambda j: float(found.g[j])))
-            message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
-            report.append(diagnostics.Diagnostic("start-penetrates", message, location, worst.hint))
-    return report
+    unit = f" {system.model.units.length}" if not system.model.coordinates else ""
 
+    def penetration(j: int) -> diagnostics.Diagnostic:
+        row = system.contacts.rows[j]
+        by = initial.violated(-float(found.g[j]), float(found.norms[j]), unit, bool(found.flat[j]))
+        message = f"the initial positions violate `{row.name}` by {by}: the start is on its forbidden side"
+        hint = (
+            "correct the initial positions, or use `--assemble` to move them to the nearest consistent state"
+        )
+        return diagnostics.Diagnostic("start-penetrates", message, row.location, hint)
 
-def _penetration(system: System, found: Gaps, j: int) -> diagnostics.Diagnostic:
-    row, units = system.contacts.rows[j], system.model.units
-    unit = f" {units.length}" if not system.model.coordinates else ""
-    by = initial.violated(-float(found.g[j]), float(found.norms[j]), unit)
-    if found.flat[j]:
-        by = f"{-found.g[j]:.6g} of its own unit (its gradient vanishes or has no value there)"
-    message = f"the initial positions violate `{row.name}` by {by}: the start is on its forbidden side"
-    hint = "correct the initial positions, or use `--assemble` to move them to the nearest consistent state"
-    return diagnostics.Diagnostic("start-penetrates", message, row.location, hint)
+    return initial.by_family(found.violated, lambda j: -float(found.g[j]), penetration)
 
 
 def require_outside(system: System, numeric: NumericSystem, state: State) -> None:
@@ -165,7 +151,7 @@ def nearest(search: Search, q: Floats) -> Floats:
     """
     active: list[int] = []
     for _ in range(PARAMETERS.rounds):
-        found = at_state(search.system, search.numeric, _at(search, q))
+        found = at_state(search.system, search.numeric, dataclasses.replace(search.state, q=q))
         new = [j for j in found.violated if j not in active]
         worst = [min(new, key=lambda j: float(found.g[j]))] if new else []
         pulling = None if new else _to_release(search, active, q)
@@ -180,7 +166,9 @@ def nearest(search: Search, q: Floats) -> Floats:
         if reached is None:
             break
         active, q = chosen, reached
-    raise _none_found(search, at_state(search.system, search.numeric, _at(search, q)), active)
+    raise _none_found(
+        search, at_state(search.system, search.numeric, dataclasses.replace(search.state, q=q)), active
+    )
 
 
 def settled(system: System, numeric: NumericSystem, state: State) -> State:
@@ -193,20 +181,14 @@ def settled(system: System, numeric: NumericSystem, state: State) -> State:
     return dataclasses.replace(state, q=reached.q) if reached.is_on else state
 
 
-def _at(search: Search, q: Floats) -> State:
-    state = search.state
-    return State(state.t, q, state.v, state.p)
-
-
 def _reached(search: Search, active: list[int], q: Floats) -> Floats | None:
     """The nearest point of the boundary that is found, or None."""
-    surface, best = BoundarySurface(search, active), None
+    surface = BoundarySurface(search, active)
     for begin in _begins(search, active, q):
         reached = surface.descend(begin)
         if reached.is_on:
-            best = surface.nearest(reached.q, search.state.q)
-            break
-    return best
+            return surface.nearest(reached.q, search.state.q)
+    return None
 
 
 def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
@@ -245,6 +227,4 @@ def _none_found(search: Search, found: Gaps, active: list[int]) -> diagnostics.M
     names = ", ".join(f"`{row.name}`" for row in named)
     message = f"no configuration on the allowed side of {names} was found near the start"
     hint = "a conclusion of a search, not a proof: start nearer to where the conditions hold"
-    return diagnostics.ModelError(
-        [diagnostics.Diagnostic("no-consistent-start", message, named[0].location, hint)]
-    )
+    return diagnostics.error("no-consistent-start", message, named[0].location, hint)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -134,24 +134,19 @@ def inertia(
     rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)
     for i in rows[~np.isfinite(values)][:1]:
         raise _not_finite(system.model.location(names[i]), f"the inertia of `{names[i]}`")
-    faults = singular_inertia.without_inertia(M, names)
+    faults = singular_inertia.without_inertia(M, system.model)
     if not faults:
         try:
             return Metric(M, fixed)
         except NotDefiniteError:
-            faults = [singular_inertia.indefinite(np.array(M), names)]
-    raise diagnostics.ModelError(
-        diagnostics.Diagnostic(
-            fault.code, fault.message, system.model.location(names[fault.along]), fault.hint
-        )
-        for fault in faults
-    )
+            faults = [singular_inertia.indefinite(np.array(M), system.model)]
+    raise diagnostics.ModelError(faults)
 
 
 def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelError:
     message = f"{what} is not finite at the start"
     hint = "a function of the model has a pole or is not defined there"
-    return diagnostics.ModelError([diagnostics.Diagnostic("not-finite-at-start", message, location, hint)])
+    return diagnostics.error("not-finite-at-start", message, location, hint)
 
 
 def require_finite(system: System, numeric: NumericSystem, state: State) -> None:
@@ -167,22 +162,14 @@ def require_finite(system: System, numeric: NumericSystem, state: State) -> None
     row = np.array(numeric.record(state.t, np.concatenate([state.q, state.v, [0.0]]), state.p)[1]).ravel()
     bad = np.flatnonzero(~np.isfinite(row))
     if bad.size:
-        column = system.columns[int(bad[0])]
-        raise _not_finite(_column_location(system, column), f"the column `{column}`")
-
-
-def _column_location(system: System, column: str) -> diagnostics.Location:
-    """The location where the quantity of a column was declared, or what the energy is made of."""
-    model = system.model
-    for output in model.outputs:
-        if column in output.columns:
-            return output.expression.location
-    energies = [force.expression for force in model.forces if isinstance(force, nouns.Potential)]
-    if model.lagrangian is not None:
-        energies.append(model.lagrangian)
-    if column == "energy" and energies:
-        return energies[0].location
-    return diagnostics.Location(model.path, 1, 1)
+        # Where its quantity was declared, or what the energy is made of.
+        model, column = system.model, system.columns[int(bad[0])]
+        made_of = [output.expression for output in model.outputs if column in output.columns]
+        if column == "energy":
+            made_of += (force.expression for force in model.forces if isinstance(force, nouns.Potential))
+            made_of += [] if model.lagrangian is None else [model.lagrangian]
+        location = made_of[0].location if made_of else diagnostics.Location(model.path, 1, 1)
+        raise _not_finite(location, f"the column `{column}`")
 
 
 def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals:
@@ -247,9 +234,7 @@ def finite_rows(
         row = system.rows.rows[int(np.argmin(good))]
         message = f"the constraint `{row.name}` or its gradient is not finite at the start"
         hint = "move the start off the pole, or write the constraint without it (for example squared)"
-        raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
-        )
+        raise diagnostics.error("not-finite-at-start", message, row.location, hint)
     return f, rows, b
 
 
@@ -267,16 +252,10 @@ def require_squares(system: System, numeric: NumericSystem, state: State, metric
         is_beyond = (squares < doubles.TINY / doubles.EPS) | ~np.isfinite(squares)
         for i in np.flatnonzero(is_beyond & (lengths != 0))[:1]:
             row = system.multiplier_rows[int(i)]
-            size = (
-                f"{rows.norms[i]:.3g}"
-                if lengths is rows.norms
-                else f"{lengths[i]:.3g} in units of the inertia"
-            )
+            size = f"{lengths[i]:.3g}" + ("" if lengths is rows.norms else " in units of the inertia")
             message = f"the gradient of `{row.name}` is {size}: its square is beyond the range of numbers"
             hint = "divide the equation by its size, or choose units in which it and the inertia are near 1"
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("not-finite-at-start", message, row.location, hint)]
-            )
+            raise diagnostics.error("not-finite-at-start", message, row.location, hint)
 
 
 def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: LocalRows) -> Floats:
@@ -293,7 +272,7 @@ def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: Local
         step = largest * 10.0**-k
         there = rows_at(state.q + step * direction)
         with np.errstate(all="ignore"):  # a row may have no value there, or not change
-            estimate = step * rows.norms / LocalRows.difference(rows, there).norms
+            estimate = step * rows.norms / LocalRows(rows.B - there.B).norms
         radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
     return np.asarray(doubles.ZERO * np.minimum(sizes, radius))
 
@@ -307,40 +286,47 @@ def _sizes(rows: LocalRows, values: Floats) -> Floats:
 
 def inconsistencies(system: System, found: Residuals) -> list[diagnostics.Diagnostic]:
     """One diagnostic for each row that the start violates; of a family the first few, and one for the rest of it."""
+    units = system.model.units
+
+    def violation(i: int) -> diagnostics.Diagnostic:
+        row, is_position = system.rows.rows[i], found.in_position(i)
+        kind, unit = (
+            ("positions", units.length) if is_position else ("velocities", f"{units.length}/{units.time}")
+        )
+        unit = f" {unit}" if not system.model.coordinates else ""
+        by = violated(found.size(i), float(found.norms[i]), unit, is_position and bool(found.flat[i]))
+        message = f"the initial {kind} violate `{row.name}` by {by}"
+        hint = "correct the initial values, or use `--assemble` to move them to the nearest consistent state"
+        return diagnostics.Diagnostic("inconsistent-start", message, row.location, hint)
+
+    return by_family(found.violated, found.size, violation)
+
+
+def by_family(
+    broken: list[int], size: Callable[[int], float], shown: Callable[[int], diagnostics.Diagnostic]
+) -> list[diagnostics.Diagnostic]:
+    """The diagnostics of rows, as they are `shown`; of a family the first few, and that of the largest of the
+    others."""
     report: list[diagnostics.Diagnostic] = []
     by_location: dict[diagnostics.Location, list[int]] = {}
-    for i in found.violated:
-        by_location.setdefault(system.rows.rows[i].location, []).append(i)
-    for location, broken in by_location.items():
-        report += (_violation(system, found, i) for i in broken[: PARAMETERS.most_listed])
-        rest = broken[PARAMETERS.most_listed :]
+    for i in broken:
+        by_location.setdefault(shown(i).location, []).append(i)
+    for family in by_location.values():
+        report += map(shown, family[: PARAMETERS.most_listed])
+        rest = family[PARAMETERS.most_listed :]
         if rest:
-            worst = _violation(system, found, max(rest, key=found.size))
+            worst = shown(max(rest, key=size))
             message = f"so do {len(rest)} more rows of this family; of them the most: {worst.message}"
-            report.append(diagnostics.Diagnostic("inconsistent-start", message, location, worst.hint))
+            report.append(dataclasses.replace(worst, message=message))
     return report
 
 
-def _violation(system: System, found: Residuals, i: int) -> diagnostics.Diagnostic:
-    """The violation of a row by the start."""
-    row, units = system.rows.rows[i], system.model.units
-    is_position = found.in_position(i)
-    kind, unit = (
-        ("positions", units.length) if is_position else ("velocities", f"{units.length}/{units.time}")
-    )
-    unit = f" {unit}" if not system.model.coordinates else ""
-    by = violated(found.size(i), float(found.norms[i]), unit)
-    if is_position and found.flat[i]:
-        by = f"{found.position[i]:.6g} of its own unit (its gradient vanishes or has no value there)"
-    message = f"the initial {kind} violate `{row.name}` by {by}"
-    hint = "correct the initial values, or use `--assemble` to move them to the nearest consistent state"
-    return diagnostics.Diagnostic("inconsistent-start", message, row.location, hint)
-
-
-def violated(scaled: float, norm: float, unit: str) -> str:
-    """A residual of an equation as it is written, with that for a gradient of length one, which has a `unit`."""
-    residual = f"{scaled * norm:.6g}"
-    shown = f"{scaled:.6g}"
+def violated(scaled: float, norm: float, unit: str, is_flat: bool) -> str:
+    """A residual of an equation as it is written, with that for a gradient of length one, which has a `unit`; is_flat:
+    the gradient vanishes there, or has no value."""
+    residual, shown = f"{scaled * norm:.6g}", f"{scaled:.6g}"
+    if is_flat:
+        return f"{shown} of its own unit (its gradient vanishes or has no value there)"
     if residual == shown:
         return f"{shown}{unit}"
     return f"{residual} ({shown}{unit} per unit of its gradient)"
@@ -358,19 +344,22 @@ def metric_at(numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_]
 def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.ModelError:
     """The error for rows of which a combination says dt = 0: no velocity satisfies them together, or only none `at`
     some configurations, in words."""
-    message = f"{names_of(system, rows)} contradict each other: a combination of them says dt = 0"
+    names = names_of(system, rows)
+    message = f"{names} contradict each other: a combination of them says dt = 0"
     if len(rows) == 1:
-        message = f"{names_of(system, rows)} can never hold: it says dt = 0"
+        message = f"{names} can never hold: it says dt = 0"
     if at:
         verb = "satisfies it" if len(rows) == 1 else "satisfies them together"
-        message = f"{names_of(system, rows)}: no velocity {verb} {at}"
-    location = system.rows.rows[rows[-1]].location
-    return diagnostics.ModelError([diagnostics.Diagnostic("contradictory-constraints", message, location)])
+        message = f"{names}: no velocity {verb} {at}"
+    return diagnostics.error("contradictory-constraints", message, system.rows.rows[rows[-1]].location)
 
 
 def names_of(system: System, rows: list[int]) -> str:
     """The names of rows, the first of them where they are many."""
-    names = ", ".join(f"`{system.multiplier_rows[i].name}`" for i in rows[: PARAMETERS.most_listed])
-    return names + (
-        f" and {len(rows) - PARAMETERS.most_listed} more" if len(rows) > PARAMETERS.most_listed else ""
-    )
+    return quoted([system.multiplier_rows[i].name for i in rows])
+
+
+def quoted(names: Sequence[str], most: int = PARAMETERS.most_listed) -> str:
+    """Names in a sentence, the first of them where they are many."""
+    shown = ", ".join(f"`{name}`" for name in names[:most])
+    return shown + (f" and {len(names) - most} more" if len(names) > most else "")

@@ -38,8 +38,7 @@ class PreciseRowsParameters:
     __slots__ = ()
 
     digits: int = 60
-    """Digits of the arithmetic.
-    `test_a_sum_that_differs_from_one_in_the_ninth_digit_has_more_than_six` fails at 6."""
+    """Digits of the arithmetic. `test_a_sum_that_differs_from_one_in_the_ninth_digit_has_more_than_six` fails at 6."""
     zero: Decimal = Decimal("1e-40")
     """What is left below this of a row of length one, or of f as a part of the coordinates, vanishes.
     `test_a_state_is_on_the_surface_to_forty_digits` fails at 1e-41 and 1e-39."""
@@ -84,20 +83,18 @@ class PreciseRows:
                 point = _RowsAtPoint(
                     self._program, self._state, numbers, self._numeric.holonomic.size1_out(0)
                 )
-                B = (
-                    point.rows()  # the same everywhere
-                    if is_constant
-                    else point.rows_on_surface(rows, clear.size, float(clear.min()))
-                )
+                if is_constant:
+                    B: list[Numbers] | None = point.at(point.q)[1]  # the same everywhere
+                else:
+                    B = point.rows_on_surface(rows, clear.size, float(clear.min()))
             except multiprecision.NotFinite:
                 return None
-            return None if B is None else min(_rank(B), clear.size)
+            return None if B is None else min(len(_eliminated(B, len(B[0]) if B else 0)[0]), clear.size)
 
     def solved(self) -> tuple[Sparse, Floats] | None:
         """Rows R (r, n) and c (r,) with R v + c = 0 where all rows hold, B v + b = 0, each solved for a rate of its
-        own: what sets nearly dependent rows apart has all its digits. None where no velocity satisfies them, where
-        it would be another beside the state by the rounding of its coordinates, and where digits are not known.
-        """
+        own: what sets nearly dependent rows apart has all its digits. None where no velocity satisfies them, where it
+        would be another beside the state by the rounding of its coordinates, and where digits are not known."""
         if self._program is None:
             return None
         q = self._state.q
@@ -175,20 +172,16 @@ class _RowsAtPoint:
 
     def __init__(self, written: Program, state: State, numbers: Sequence[int], s: int) -> None:
         self._program, self._numbers, self._s = written, numbers, s
-        self._t, self._q, self._v, self._p = (
+        self._t, self.q, self._v, self._p = (
             [multiprecision.decimal_of(float(value)) for value in np.atleast_1d(values)]
             for values in (state.t, state.q, state.v, state.p)
         )
 
-    def rows(self) -> list[Numbers]:
-        """The rows at the point as it is written. Raises `multiprecision.NotFinite`."""
-        return self._at(self._q)[1]
-
     def with_bias(self) -> list[Numbers]:
         """The rows at the point as it is written, each with its b last. Raises `multiprecision.NotFinite`."""
-        values, n = self._values(self._q), len(self._q)
+        values, n = self._values(self.q), len(self.q)
         biases = values[len(values) - (len(values) - self._s) // (n + 1) :]
-        return [[*row, b] for row, b in zip(self._at(self._q)[1], biases, strict=True)]
+        return [[*row, b] for row, b in zip(self.at(self.q)[1], biases, strict=True)]
 
     def rows_on_surface(self, rows: MetricRows, independent: int, least: float) -> list[Numbers] | None:
         """The rows at the point, if it is one of the surface; else at the point of it next to that, if it is so near
@@ -196,8 +189,8 @@ class _RowsAtPoint:
 
         independent: how many rows are in doubles, least: how far they are from dependent ones.
         """
-        size = max(map(abs, self._q), default=ZERO) or Decimal(1)
-        written = self._at(self._q)[1]
+        size = max(map(abs, self.q), default=ZERO) or Decimal(1)
+        written = self.at(self.q)[1]
         holonomic = [k for k, i in enumerate(self._numbers) if i < self._s]
         lengths = np.array([float(max(map(abs, written[k]))) or 1.0 for k in holonomic])
         chosen = independent_rows.dependence(rows, independent, len(holonomic)).independent
@@ -206,19 +199,19 @@ class _RowsAtPoint:
         clear_rows = rows.take(moving)
 
         def at(q: Point) -> InDigits:
-            f = self._at(list(q))[0]
+            f = self.at(list(q))[0]
             return InDigits(f, clear_rows, moving, lengths, PARAMETERS.zero * size)
 
-        q = surface.nearby(at, np.array(self._q))
+        q = surface.nearby(at, np.array(self.q))
         if q is None:
             return None
-        far = max((abs(a - b) for a, b in zip(q, self._q, strict=True)), default=ZERO)
+        far = max((abs(a - b) for a, b in zip(q, self.q, strict=True)), default=ZERO)
         if not far:
             return written
         is_clear = least >= PARAMETERS.movable and far <= Decimal(PARAMETERS.clear * least) * size
-        return self._at(list(q))[1] if is_clear else None
+        return self.at(list(q))[1] if is_clear else None
 
-    def _at(self, q: Numbers) -> tuple[Numbers, list[Numbers]]:
+    def at(self, q: Numbers) -> tuple[Numbers, list[Numbers]]:
         """f of the holonomic ones, which come first, and all rows. Raises `multiprecision.NotFinite`."""
         values = self._values(q)
         s, n = self._s, len(q)
@@ -229,11 +222,6 @@ class _RowsAtPoint:
     def _values(self, q: Numbers) -> Numbers:
         inputs = [self._t, q, self._v, self._p]
         return multiprecision.run(self._program, inputs, multiprecision.decimal_of)
-
-
-def _rank(rows: list[Numbers]) -> int:
-    """The rank of rows."""
-    return len(_eliminated(rows, len(rows[0]) if rows else 0)[0])
 
 
 def _solved(rows: list[Numbers], n: int) -> dict[int, Numbers] | None:

@@ -95,16 +95,13 @@ def along(
             here = None if here is None else _tangent_step(numeric, here, rows, step, random)
         if here is None:
             break
-        found.append(_later(numeric, here, later * random.random()) if later else here)
+        if later:
+            there = dataclasses.replace(here, t=here.t + later * random.random())
+            q = surface(numeric, there).nearby(here.q)
+            if q is not None and is_finite(numeric, there := dataclasses.replace(there, q=q)):
+                here = there
+        found.append(here)
     return found
-
-
-def _later(numeric: NumericSystem, here: State, step: float) -> State:
-    there = dataclasses.replace(here, t=here.t + step)
-    q = surface(numeric, there).nearby(here.q)
-    if q is not None and is_finite(numeric, dataclasses.replace(there, q=q)):
-        return dataclasses.replace(there, q=q)
-    return here
 
 
 def _tangent_step(
@@ -136,6 +133,12 @@ def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.ra
     return np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
 
 
+def plain_rows(numeric: NumericSystem, point: State) -> MetricRows:
+    """All rows at a point as doubles have them, and their digits for a rank that these do not tell."""
+    B = numeric.rows(point.t, point.q, point.v, point.p)[0]
+    return MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))
+
+
 def rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point of the surface; one whose gradient vanishes on it is zero, whatever rounding leaves of it."""
 
@@ -143,11 +146,10 @@ def rows(numeric: NumericSystem, point: State) -> MetricRows:
         return LocalRows(numeric.rows(point.t, q, point.v, point.p)[0])
 
     B, flat = rows_at(point.q).B, vanishing(rows_at, point)
+    if not flat.any():
+        return plain_rows(numeric, point)
     keep = ca.DM(np.where(flat, 0.0, 1.0))
-    precise = None if flat.any() else PreciseRows(numeric, point)
-    return MetricRows(
-        ca.mtimes(ca.diag(keep), B) if flat.any() else B, initial.metric_at(numeric, point), precise
-    )
+    return MetricRows(ca.mtimes(ca.diag(keep), B), initial.metric_at(numeric, point))
 
 
 def vanishing(rows_at: Callable[[Floats], LocalRows], point: State) -> npt.NDArray[np.bool_]:

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.frozen import frozen_value
+from lagcli.errors.diagnostics import Diagnostic
 from lagcli.linear.metric_rows import Sparse
+from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 
@@ -41,18 +42,9 @@ _SINGULAR_HINT = (
 )
 
 
-@frozen_value
-class Fault:
-    """A code, a sentence, the coordinate at which to show it, and what to do."""
-
-    code: str
-    message: str
-    along: int
-    hint: str
-
-
-def without_inertia(M: Sparse, names: Sequence[str]) -> list[Fault]:
+def without_inertia(M: Sparse, model: Model) -> list[Diagnostic]:
     """The coordinates whose row of M (n, n; sparse, finite) is zero: there is no acceleration in their equations."""
+    names = model.coordinate_names
     rows = np.asarray(M.sparsity().row(), dtype=int)
     sizes = np.bincount(rows, weights=np.abs(np.array(M.nonzeros(), dtype=float)), minlength=len(names))
     entered = np.bincount(rows, minlength=len(names)) > 0
@@ -73,17 +65,17 @@ def without_inertia(M: Sparse, names: Sequence[str]) -> list[Fault]:
                 "give it a mass, or write it as a function of other coordinates, from the constraint if one fixes it;"
                 " equations of first order, from a Lagrangian linear in the rate, are not solved"
             )
-        found.append(Fault("no-inertia", message, i, hint))
+        found.append(Diagnostic("no-inertia", message, model.location(names[i]), hint))
     return found
 
 
-def indefinite(M: Floats, names: Sequence[str]) -> Fault:
+def indefinite(M: Floats, model: Model) -> Diagnostic:
     """The motion for which v^T M v is smallest, for an M (n, n) without zero rows that is not positive definite."""
     scale = 1.0 / np.sqrt(np.abs(M).max(axis=1))  # so that the answer does not depend on units
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     motion = scale * vectors[:, 0]
-    along = int(np.argmax(np.abs(vectors[:, 0])))
-    shown = _motion(motion, names)
+    names = model.coordinate_names
+    along, shown = names[int(np.argmax(np.abs(vectors[:, 0])))], _motion(motion, names)
     if values[0] > -doubles.ZERO * values[-1]:
         message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
         hint = (
@@ -92,11 +84,11 @@ def indefinite(M: Floats, names: Sequence[str]) -> Fault:
         )
     else:
         message = (
-            f"the kinetic energy of the motion {shown} is negative at the start: the inertia matrix is not"
+            f"the kinetic energy of the motion {shown} is negative at the start: the inertia matrix is not positive"
+            " definite"
         )
-        message += " positive definite"
         hint = "correct the sign in the Lagrangian: kinetic energy must grow with every motion"
-    return Fault("indefinite-inertia", message, along, hint)
+    return Diagnostic("indefinite-inertia", message, model.location(along), hint)
 
 
 def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
@@ -120,16 +112,14 @@ def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
 
 
 def _motion(motion: Floats, names: Sequence[str]) -> str:
-    """A motion as its rates, the largest 1 in size: `rate(x) = 1, rate(y) = -1`."""
+    """A motion as its rates, the largest 1 in size: `rate(x) = 1, a.vx = -1`."""
     largest = np.abs(motion).max()
     part = motion / motion[int(np.argmax(np.abs(motion) > 0.999 * largest))]
     moved = np.flatnonzero(np.abs(part) > doubles.ROOT).tolist()
-    named = [f"{_rate(names[i])} = {part[i]:.4g}" for i in moved[: PARAMETERS.most_named]]
+    named = []
+    for i in moved[: PARAMETERS.most_named]:
+        owner, dot, axis = names[i].rpartition(".")
+        rate = f"{owner}.v{axis}" if dot else f"rate({names[i]})"
+        named.append(f"{rate} = {part[i]:.4g}")
     more = len(moved) - len(named)
     return f"({', '.join(named)}{f' and {more} more' if more else ''})"
-
-
-def _rate(name: str) -> str:
-    """`rate(theta)`; `a.vx` of a component of a Cartesian particle."""
-    owner, dot, axis = name.rpartition(".")
-    return f"{owner}.v{axis}" if dot else f"rate({name})"

@@ -139,11 +139,9 @@ def test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_on
 ):
     monkeypatch.setattr(independent_rows, "dependence", lambda *_: SimpleNamespace(independent=(1,)))
     monkeypatch.setattr(independent_rows, "rebased", lambda *_: "others")
-    monkeypatch.setattr(
-        independent_rows, "_smallest_singular_value", lambda rows, chosen: times if chosen == (1,) else 1.0
-    )
     selection = SimpleNamespace(dependencies=((1, 0),), independent=(0,))
-    found = independent_rows.elsewhere(selection, SimpleNamespace(is_large=False), 0)
+    rows = SimpleNamespace(is_large=False, dense=np.array([[1.0], [times]]))
+    found = independent_rows.elsewhere(selection, rows, 0)
     assert (found == "others") is are_taken
 
 

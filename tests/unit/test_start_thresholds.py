@@ -66,8 +66,8 @@ def test_an_inertia_has_fallen_below_a_thousandth(ratio: float, told: bool) -> N
 
 @pytest.mark.parametrize(("below", "said"), [(1.2e-9, "singular"), (1.2e-8, "negative")])
 def test_an_inertia_is_negative_beyond_rounding(below: float, said: str) -> None:
-    M = np.array([[1.0, 1.0], [1.0, 1.0 - below]])
-    assert said in singular_inertia.indefinite(M, ["x", "y"]).message
+    M, model = np.array([[1.0, 1.0], [1.0, 1.0 - below]]), ready("x=1 y=1").system.model
+    assert said in singular_inertia.indefinite(M, model).message
 
 
 @pytest.mark.parametrize(("slope", "stuck"), [(1e-6, True), (1e-4, False)])

@@ -63,7 +63,11 @@ class Classifier:
                 block, flagged = self._flagged(group, block, PATIENT)
                 settled = self._settled(group, block, flagged)
         if block is not None and settled is not None:
-            together = self._by_algebra(block, settled, single)
+            if settled.is_general:
+                together = self._exact(block, settled.flagged, single)
+            else:
+                alone = self._integrals_alone(block.names, single)
+                together = self._locality.on_place(block, settled, alone, single)
             if self._case.rank(group) != settled.rank:
                 following = self._locality.following(block, settled)
                 together = dataclasses.replace(together, following=following)
@@ -86,17 +90,6 @@ class Classifier:
             self._demand(group, found.flagged)
         return found
 
-    def _by_algebra(
-        self,
-        block: PfaffianBlock,
-        settled: locality.Settled,
-        single: list[frobenius.FormVerdict | None],
-    ) -> JointVerdict:
-        """The joint verdict where algebra says where motions from the start stay."""
-        if settled.is_general:
-            return self._exact(block, settled.flagged, single)
-        return self._locality.on_place(block, settled, self._integrals_alone(block.names, single), single)
-
     def _by_numbers(
         self,
         names: tuple[str, ...],
@@ -112,39 +105,28 @@ class Classifier:
         if flagged is not None:
             if locality.agree(flagged, numbers):
                 return self._exact(block, flagged, single)
-            return JointVerdict(
-                names, (), (), frozenset(), (), (), "none", reason=self._locality.open_reason(flagged)
-            )
+            return JointVerdict(names, reason=self._locality.open_reason(flagged))
         together = self._numeric(names, numbers, single, solved)
-        return locality.of_motions(together, block, numbers, single, self._locality, self._deadline)
+        return self._locality.of_motions(together, block, numbers, single)
 
     def _alone(self, name: str) -> frobenius.FormVerdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""
         form = self._forms[name]
         if isinstance(form, notation.TooLarge):
             return None
-        found = self._alike.classify(form, self._deadline)
-        is_exceptional = any(self._translation.vanishes(e) for e in found.exceptional)
-        if is_exceptional or self._is_unseen(found) or self._has_unreal_root(found):
-            return self._alike.classify(form.with_values(self._translation.values), self._deadline)
-        return found
-
-    def _has_unreal_root(self, found: frobenius.FormVerdict) -> bool:
-        """True if the integral holds a root of a parameter that is negative."""
-        values = self._translation.values
-        below = () if found.integral is None else {p.base for p in translate.roots(found.integral)}
-        constant = (e for e in below if e.free_symbols and e.free_symbols <= values.keys())
-        return any(not e.xreplace(values).evalf() >= 0 for e in constant)
-
-    def _is_unseen(self, found: frobenius.FormVerdict) -> bool:
-        """True if the witness that no integrating factor exists may be nothing for the values of the parameters."""
-        if (
-            found.witness is None
-            or not found.witness.component.free_symbols & self._translation.values.keys()
-        ):
-            return False
-        component = found.witness.component.xreplace(self._translation.values)
-        return zero_test.is_zero(component, self._deadline).truth is not zero_test.Truth.NO
+        found, values = self._alike.classify(form, self._deadline), self._translation.values
+        is_special = any(self._translation.vanishes(e) for e in found.exceptional)
+        witness = None if found.witness is None else found.witness.component
+        if not is_special and witness is not None and witness.free_symbols & values.keys():
+            # The witness that no integrating factor exists may be nothing for these values.
+            is_zero = zero_test.is_zero(witness.xreplace(values), self._deadline)
+            is_special = is_zero.truth is not zero_test.Truth.NO
+        if not is_special and found.integral is not None:
+            # A root of a parameter that is negative is none.
+            below = {p.base for p in translate.roots(found.integral)}
+            constant = (e for e in below if e.free_symbols and e.free_symbols <= values.keys())
+            is_special = any(not e.xreplace(values).evalf() >= 0 for e in constant)
+        return self._alike.classify(form.with_values(values), self._deadline) if is_special else found
 
     def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
         return tuple(self._case.system.rows.rows[i].name for i in rows)
@@ -239,20 +221,17 @@ class Classifier:
             for e in found.special
             if notation.written(e) in special and self._locality.is_beside(e)
         ]
-        proof: Proof = "symbolic" if found.is_exact else "numeric"
-        vanishing = frozenset(names[i] for i in found.vanishing)
-        inside = _picked(names, found.inside)
         return JointVerdict(
             names,
             found.dims,
             found.growth,
-            inside,
+            _picked(names, found.inside),
             integrals,
             unsolved,
-            proof,
+            "symbolic" if found.is_exact else "numeric",
             remarks=tuple(remarks),
             notes=tuple(notes),
-            vanishing=vanishing,
+            vanishing=frozenset(names[i] for i in found.vanishing),
             holonomic_rank=len(flagged.values) + found.holonomic_rank,
         )
 
@@ -281,9 +260,7 @@ class Classifier:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
         if not numbers.is_certain:
             may_demand = numbers.has_time and (numbers.dimension is None or numbers.contradiction)
-            return JointVerdict(
-                names, (), (), frozenset(), (), (), "none", reason=numbers.reason, may_demand=may_demand
-            )
+            return JointVerdict(names, reason=numbers.reason, may_demand=may_demand)
         inside = _picked(names, numbers.inside)
         integrals = solved or tuple(
             one for one in self._integrals_alone(names, single) if inside.issuperset(one.rows)
@@ -335,7 +312,9 @@ def _verdict(name: str, one: frobenius.FormVerdict | None, together: JointVerdic
             kind, proof = "undecided", "none"
         return Verdict(name, "differential", kind, None, None, method, proof)
     if name in together.inside:
-        found = _integral_of(name, together)
+        # An integral in which the row takes part, one of as few rows as there are.
+        own = [one for one in (*together.integrals, *together.passing) if name in one.rows]
+        found = min(own, key=lambda one: len(one.rows)).text if own else None
         where = "It lies in the integrable part of all rows together (derived flag)."
         text = (
             f"{where} Alone it does not: {method[0].lower()}{method[1:]}" if kind == "nonholonomic" else where
@@ -347,9 +326,3 @@ def _verdict(name: str, one: frobenius.FormVerdict | None, together: JointVerdic
         )
         return Verdict(name, "differential", "nonholonomic", None, None, method, together.proof)
     return Verdict(name, "differential", "nonholonomic", None, None, method, proof)
-
-
-def _integral_of(name: str, together: JointVerdict) -> str | None:
-    """An integral in which the row takes part, one of as few rows as there are."""
-    own = [one for one in (*together.integrals, *together.passing) if name in one.rows]
-    return min(own, key=lambda one: len(one.rows)).text if own else None

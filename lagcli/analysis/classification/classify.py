@@ -8,7 +8,7 @@ differentials are rows too. Only a g that vanishes nowhere, or only at single ti
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from lagcli import compiled, progress
 from lagcli.analysis.classification.case import Case
@@ -94,7 +94,7 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
             raise conflict
         return Classified(case, found, conditions)
     names = tuple(row.name for row in system.rows.rows[system.holonomic_count :])
-    nothing = JointVerdict(names, (), (), frozenset(), (), (), "none", reason=AGAIN, may_demand=True)
+    nothing = JointVerdict(names, reason=AGAIN, may_demand=True)
     return Classified(case, Classification((), (nothing,), True), conditions)
 
 
@@ -208,14 +208,10 @@ def _searched(case: Case, built: System, numeric: NumericSystem, limit: float) -
 def _by_algebra(built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
     whole = classified(built, numeric, limit)
     orbits = whole.case.orbits(progress.after(limit)) if not whole.conditions else ()
-    return KnownIntegrals(whole.found.integrals, _notes(whole.found), whole.conditions, orbits)
-
-
-def _notes(found: Classification) -> tuple[str, ...]:
-    """A note on all rows with integrals that were not found, and one on those of which nothing was decided."""
+    # A note on all rows with integrals that were not found, and one on those of which nothing was decided
     unknown: list[str] = []
     undecided: list[str] = []
-    for group in found.groups:
+    for group in whole.found.groups:
         if not group.is_decided:
             undecided += group.rows
         elif len(group.integrals) + len(group.passing) < group.flag[-1]:
@@ -223,16 +219,17 @@ def _notes(found: Classification) -> tuple[str, ...]:
             unknown += [row for row in group.rows if row in group.inside] or group.rows
     unknown_parts = []
     if unknown:
-        unknown_parts.append(f"not all integrals of {_named(unknown)} were found")
+        unknown_parts.append(f"not all integrals of {initial.quoted(unknown, MOST_NAMES)} were found")
     if undecided:
-        unknown_parts.append(f"it is undecided whether {_named(undecided)} can be integrated")
-    return tuple(
-        f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
-        for what in unknown_parts
+        unknown_parts.append(
+            f"it is undecided whether {initial.quoted(undecided, MOST_NAMES)} can be integrated"
+        )
+    return KnownIntegrals(
+        whole.found.integrals,
+        tuple(
+            f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
+            for what in unknown_parts
+        ),
+        whole.conditions,
+        orbits,
     )
-
-
-def _named(rows: Iterable[str]) -> str:
-    names = [f"`{row}`" for row in rows]
-    more = len(names) - MOST_NAMES
-    return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"

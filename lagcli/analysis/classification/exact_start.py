@@ -108,21 +108,18 @@ class ExactStart:
             return None
         touched = set().union(*(f.free_symbols for f in surface))
         moving = [x for x in here if x in touched]
-        inertia = self._inertia([self._numbers[x.name] for x in moving])
-        begun, written = {x: here[x] for x in moving}, {x: origin[x] for x in moving}
-        found = enclosure.nearest(begun, written, surface, inertia)
-        return None if found is None else dict(found)
-
-    def _inertia(self, numbers: list[int]) -> list[list[Fraction]]:
-        """The inertia of some coordinates at the declared start, and of those that it couples to them, which follow; of
-        a model without it unit masses."""
+        # The inertia of these at the declared start, and of those that it couples to them, which follow; of a model
+        # without it unit masses.
         start = self._declared
         M = self._case.numeric.inertia(start.t, start.q, start.v, start.p)
         coupled = LocalRows(M)
-        among = list(numbers)
+        among = [self._numbers[x.name] for x in moving]
         for k in among:  # it grows
             others = coupled.column[(coupled.row == k) & (coupled.values != 0)].tolist()
             among += [i for i in others if i not in among]
-        found = [[Fraction(repr(float(M[i, k]))) for k in among] for i in among]
-        is_massive = all(found[i][i] for i in range(len(among)))
-        return found if is_massive else [[Fraction(int(i == k)) for k in among] for i in among]
+        inertia = [[Fraction(repr(float(M[i, k]))) for k in among] for i in among]
+        if not all(inertia[i][i] for i in range(len(among))):
+            inertia = [[Fraction(int(i == k)) for k in among] for i in among]
+        begun, written = {x: here[x] for x in moving}, {x: origin[x] for x in moving}
+        found = enclosure.nearest(begun, written, surface, inertia)
+        return None if found is None else dict(found)

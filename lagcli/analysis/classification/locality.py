@@ -13,7 +13,8 @@ import decimal
 import functools
 import itertools
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from lagcli.analysis.classification import exact_start
 from lagcli.analysis.classification.case import Case, CoupledGroup
@@ -33,6 +34,7 @@ BUDGET = 60_000
 # No answer of algebra about a place.
 OPEN: tuple[type[Exception], ...] = (function_field.NotDecidedError, *time_limit.NO_ANSWER)
 MOST_LISTED = 3  # equations that are named
+Answer = TypeVar("Answer")
 
 
 def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
@@ -114,7 +116,12 @@ class Locality:
             if [one.factors for one in found.flag.conditions] != conditions:
                 return False
             places[frozenset(place)] = found
-            more = [tuple(special_points.distinct(place, some)) for some in _choices(own)]
+            # One of the factors or more of them, in all ways.
+            more = [
+                tuple(special_points.distinct(place, some))
+                for k in range(1, len(own) + 1)
+                for some in itertools.combinations(own, k)
+            ]
             ahead += [
                 there
                 for there in more
@@ -144,7 +151,7 @@ class Locality:
             if kept is None:
                 return None
             if not kept:
-                return self._settled(block, equations, flagged, found, is_sided)
+                break
             equations = kept
             there = self._flagged(block, equations)
             if there is None:
@@ -152,24 +159,13 @@ class Locality:
             found, own = there, self._own_factors(there.flag.divisors)
             if found.flag.contradiction:
                 return Settled(equations, found, 0, frozenset(), is_sided) if own == [] else None
-        return None
-
-    def _settled(
-        self,
-        block: PfaffianBlock,
-        equations: tuple[Expression, ...],
-        flagged: joint.Flagged,
-        found: joint.Flagged,
-        is_sided: bool,
-    ) -> Settled | None:
+        else:
+            return None
         if not equations and not is_sided:
             return Settled((), found, 0, frozenset(), False)
         plain = block.with_values(self._translation.values)
-        try:
-            vanishing = time_limit.run(
-                self._deadline, lambda: kept_places.vanishing(plain, equations), BUDGET
-            )
-        except OPEN:
+        vanishing = self._asked(lambda: kept_places.vanishing(plain, equations))
+        if vanishing is None:
             return None
         return Settled(equations, found, _surface_rank(found) - _surface_rank(flagged), vanishing, is_sided)
 
@@ -190,13 +186,10 @@ class Locality:
         for e in own:
             if e.free_symbols <= {TIME}:
                 continue  # time goes on
-            try:
-                kept = time_limit.run(self._deadline, functools.partial(asked, e), BUDGET)
-            except OPEN:
-                is_open = True
-                continue
+            kept = self._asked(functools.partial(asked, e))
             if kept:
                 return kept
+            is_open |= kept is None
         return None if is_open else ()
 
     def following(self, block: PfaffianBlock, settled: Settled) -> frozenset[str] | None:
@@ -266,7 +259,12 @@ class Locality:
         of_rows = [
             None if name in settled.vanishing else one for name, one in zip(names, single, strict=True)
         ]
-        passing = self._integrals(settled.flagged, of_rows)
+        solved = None
+        if flag.dims[-1]:
+            solved = self._asked(
+                lambda: joint.solution(settled.flagged, of_rows, self._deadline), time_limit.NO_ANSWER
+            )
+        passing = () if solved is None else solved.integrals
         return self.with_passing(together, block, settled.equations, passing, settled.vanishing)
 
     def with_passing(
@@ -301,14 +299,14 @@ class Locality:
         """
         vanishing = [e for e in divisors if e is None or self.is_at_start(e)]
 
+        if not vanishing:
+            return []
+
         def work() -> list[Expression]:
             return special_points.distinct(special_points.of(vanishing, [self._start.point]))
 
-        try:
-            own = time_limit.run(self._deadline, work, BUDGET) if vanishing else []
-        except time_limit.NO_ANSWER:
-            return None
-        return None if None in vanishing or (vanishing and not own) else own
+        own = self._asked(work, time_limit.NO_ANSWER)
+        return None if None in vanishing else own or None
 
     def is_at_start(self, expression: Expression) -> bool:
         """True if an expression is zero at the start to all digits, or has no value there."""
@@ -327,9 +325,50 @@ class Locality:
         """True if an expression that is not zero at the start is so near to zero that doubles cannot tell."""
         return special_points.beside(expression, self._start.point)
 
-    def points(self, numbers: NumericFlag) -> list[special_points.SpecialPoint]:
-        """The start, and the other points of its motions that numbers have met."""
-        return [self._start.point, *map(self._start.reached, numbers.states[1:])]
+    def of_motions(
+        self,
+        together: JointVerdict,
+        block: PfaffianBlock,
+        numbers: NumericFlag,
+        single: Sequence[frobenius.FormVerdict | None],
+    ) -> JointVerdict:
+        """The verdict of numbers that are certain on rows whose flag algebra did not find: of the motions from the
+        start alone, with what need not hold elsewhere told as such."""
+        points = [self._start.point, *map(self._start.reached, numbers.states[1:])]
+        sheets: list[Expression] = []
+        if numbers.on_piece or numbers.extra[-1]:
+            # The factors that vanish along the motions, of holonomic rows that have others.
+            found = self._asked(lambda: special_points.sheets(block, points), time_limit.NO_ANSWER)
+            sheets = special_points.distinct(found or ())
+        vanishing = vanishing_rows(block, points)
+        if numbers.on_piece or sheets:
+            # Numbers that took values for zero prove nothing against exact algebra on a row alone.
+            alone = any(
+                name in together.inside and one is not None and one.kind == "nonholonomic"
+                for name, one in zip(together.rows, single, strict=True)
+            )
+            is_rounded = numbers.digits > sys.float_info.dig + 1 or len(single) == 1
+            if together.inside and numbers.error > special_points.PARAMETERS.zero and alone and is_rounded:
+                reason = (
+                    f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and exact algebra did"
+                    " not find the derived flag"
+                )
+                return JointVerdict(block.names, reason=reason)
+            return self.with_passing(together, block, sheets, (), vanishing)
+        if len(points) == 1:
+            return together  # the start alone may be special
+        # Rows that vanish on all motions have no integrals.
+        lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
+        return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | vanishing)
+
+    def _asked(
+        self, work: Callable[[], Answer], refusals: tuple[type[Exception], ...] = OPEN
+    ) -> Answer | None:
+        """The answer of algebra within the budget, None where there is none."""
+        try:
+            return time_limit.run(self._deadline, work, BUDGET)
+        except refusals:
+            return None
 
     def own_factor(self, factors: Sequence[Expression]) -> Expression:
         """The factor that vanishes at the start, if one alone does, or is all but zero there; else the product."""
@@ -343,30 +382,7 @@ class Locality:
         plain = block.with_values(self._translation.values)
         surface = (*plain.surface, *(e.xreplace(self._translation.values) for e in equations))
         there = dataclasses.replace(plain, surface=surface)
-        try:
-            return time_limit.run(
-                self._deadline, lambda: joint.flagged(there, TIME, {}, self._deadline), BUDGET
-            )
-        except OPEN:
-            return None
-
-    def _integrals(
-        self, found: joint.Flagged, single: Sequence[frobenius.FormVerdict | None]
-    ) -> Sequence[joint.JointIntegral]:
-        if not found.flag.dims[-1]:
-            return ()
-        try:
-            return time_limit.run(
-                self._deadline, lambda: joint.solution(found, single, self._deadline).integrals, BUDGET
-            )
-        except time_limit.NO_ANSWER:
-            return ()
-
-
-def _choices(several: Sequence[Expression]) -> Iterator[tuple[Expression, ...]]:
-    """One of some expressions or more of them, in all ways."""
-    counts = range(1, len(several) + 1)
-    return itertools.chain.from_iterable(itertools.combinations(several, k) for k in counts)
+        return self._asked(lambda: joint.flagged(there, TIME, {}, self._deadline))
 
 
 def _surface_rank(found: joint.Flagged) -> int:
@@ -381,56 +397,3 @@ def vanishing_rows(block: PfaffianBlock, points: Sequence[special_points.Special
         for name, row in zip(block.names, block.rows, strict=True)
         if all(special_points.is_nothing(form.plain(a), points) for a in row if a != 0)
     )
-
-
-def of_motions(
-    together: JointVerdict,
-    block: PfaffianBlock,
-    numbers: NumericFlag,
-    single: Sequence[frobenius.FormVerdict | None],
-    where: Locality,
-    deadline: float,
-) -> JointVerdict:
-    """The verdict of numbers that are certain, with what need not hold elsewhere told as such."""
-    points = where.points(numbers)
-    sheets = _sheets(block, points, deadline) if numbers.on_piece or numbers.extra[-1] else []
-    if numbers.on_piece or sheets:
-        doubt = _doubt(numbers, together, single)
-        if doubt:
-            return JointVerdict(block.names, (), (), frozenset(), (), (), "none", reason=doubt)
-        return where.with_passing(together, block, sheets, (), vanishing_rows(block, points))
-    if len(points) == 1:
-        return together  # the start alone may be special
-    # Rows that vanish on all motions have no integrals.
-    vanishing = vanishing_rows(block, points)
-    lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
-    return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | vanishing)
-
-
-def _sheets(
-    block: PfaffianBlock, points: Sequence[special_points.SpecialPoint], deadline: float
-) -> list[Expression]:
-    """The factors that vanish along the motions from the start, of holonomic rows that have others."""
-    try:
-        return special_points.distinct(
-            time_limit.run(deadline, lambda: special_points.sheets(block, points), BUDGET)
-        )
-    except time_limit.NO_ANSWER:
-        return []
-
-
-def _doubt(
-    numbers: NumericFlag, together: JointVerdict, single: Sequence[frobenius.FormVerdict | None]
-) -> str:
-    """Say why numbers that took values for zero prove nothing against exact algebra on a row alone, or nothing."""
-    alone = any(
-        name in together.inside and one is not None and one.kind == "nonholonomic"
-        for name, one in zip(together.rows, single, strict=True)
-    )
-    is_rounded = numbers.digits > sys.float_info.dig + 1 or len(single) == 1
-    if together.inside and numbers.error > special_points.PARAMETERS.zero and alone and is_rounded:
-        return (
-            f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and exact algebra did not find"
-            " the derived flag"
-        )
-    return ""

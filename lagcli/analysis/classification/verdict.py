@@ -66,12 +66,12 @@ class JointVerdict:
     """
 
     rows: tuple[str, ...]
-    flag: tuple[int, ...]
-    growth: tuple[int, ...]
-    inside: frozenset[str]
-    integrals: tuple[FirstIntegral, ...]
-    unsolved: tuple[str, ...]
-    proof: Proof
+    flag: tuple[int, ...] = ()
+    growth: tuple[int, ...] = ()
+    inside: frozenset[str] = frozenset()
+    integrals: tuple[FirstIntegral, ...] = ()
+    unsolved: tuple[str, ...] = ()
+    proof: Proof = "none"
     reason: str = ""
     remarks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -143,25 +143,20 @@ class Classification:
 
     def doubted(self, rows: frozenset[str], reason: str) -> Classification:
         """The classification with the groups of some rows undecided: all that was found of them together is open."""
-        groups, open_rows = [], set[str]()
-        for group in self.groups:
-            if rows.isdisjoint(group.rows):
-                groups.append(group)
-                continue
-            open_rows |= set(group.rows)
-            groups.append(
-                JointVerdict(group.rows, (), (), frozenset(), group.integrals, (), "none", reason=reason)
-            )
-        verdicts = tuple(_opened(one, reason) if one.row in open_rows else one for one in self.verdicts)
-        return Classification(verdicts, tuple(groups), self.depends_on_time)
-
-
-def _opened(one: Verdict, reason: str) -> Verdict:
-    """The verdict without what was said of the row together with others."""
-    if one.kind in ("exact", "integrable"):
-        return one
-    method = f"Whether it is integrable together with the rows it meets is open: {reason}."
-    return dataclasses.replace(one, kind="undecided", integral=None, method=method, proof="none")
+        doubted = [group for group in self.groups if not rows.isdisjoint(group.rows)]
+        groups = tuple(
+            JointVerdict(one.rows, integrals=one.integrals, reason=reason) if one in doubted else one
+            for one in self.groups
+        )
+        open_rows = {name for group in doubted for name in group.rows}
+        method = f"Whether it is integrable together with the rows it meets is open: {reason}."
+        verdicts = tuple(
+            dataclasses.replace(one, kind="undecided", integral=None, method=method, proof="none")
+            if one.row in open_rows and one.kind not in ("exact", "integrable")
+            else one
+            for one in self.verdicts
+        )
+        return Classification(verdicts, groups, self.depends_on_time)
 
 
 def _summed(sequences: list[tuple[int, ...]]) -> tuple[int, ...]:

@@ -104,7 +104,8 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     from lagcli.linear import independent_rows
 
     chosen = independent_rows.dependence(rows, found.value).selection
-    case = _Case(system, numeric, state, _times(system, state))
+    later = initial.later(system)
+    case = _Case(system, numeric, state, ((state.t + later / 10, state.t + later) if later else ()))
     independent = set(chosen.independent)
     parts = [among for among in _around(B, set()) if not independent.issuperset(among)]
     follow, failing = _followed(case, [parts] if rows.is_large else _batches(parts), independent)
@@ -147,11 +148,6 @@ def _around(B: Sparse, without: set[int]) -> list[Rows]:
     alone = [(i,) for i in range(rows.count) if i not in without]
     parts = connected([*alone, *(pair for pair in pairs if pair[0] not in without)])
     return [among for part in parts if (among := [i for i in part if i < rows.count])]
-
-
-def _times(system: System, state: State) -> tuple[float, ...]:
-    later = initial.later(system)
-    return (state.t + later / 10, state.t + later) if later else ()
 
 
 def connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
@@ -297,7 +293,7 @@ def multiplier_rule(system: System, found: Codimension) -> diagnostics.ModelErro
         else "write the constraint so that its gradient does not vanish where it holds"
     )
     location = system.rows.rows[rows[-1]].location
-    return diagnostics.ModelError([diagnostics.Diagnostic("multiplier-rule-fails", message, location, hint)])
+    return diagnostics.error("multiplier-rule-fails", message, location, hint)
 
 
 def _particles(system: System, rows: Rows) -> list[str]:
@@ -321,31 +317,15 @@ def undecided_start(
     rows = list(surface.rows)
     location = system.rows.rows[rows[-1]].location
     hint = _hint(system, numeric, state, rows)
-    return diagnostics.ModelError(
-        [diagnostics.Diagnostic("dependent-constraints", surface.reason, location, hint)]
-    )
+    return diagnostics.error("dependent-constraints", surface.reason, location, hint)
 
 
 def _hint(system: System, numeric: NumericSystem, state: State, rows: list[int]) -> str:
     if len(rows) == 1:
         return "start where the gradient of this row does not vanish, or write the row so that it vanishes nowhere"
-    follow = _dependent_beside(numeric, state, rows)
-    if not follow:
-        return (
-            "beside the start these rows are independent, so none of them can be left out: this is a singular"
-            " configuration, where branches of the motion may meet; start at a configuration aside of it"
-        )
-    verb = "depends" if len(follow) == 1 else "depend"
-    return (
-        f"{initial.names_of(system, follow)} {verb} on the others beside the start too: leave out what follows from"
-        " the others"
-    )
-
-
-def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> list[int]:
-    """The rows that depend on the others of them at points beside the surface, where most are independent."""
+    # The rows that depend on the others of them at points beside the surface, where most are independent
     random = np.random.default_rng(SEED)
-    best: list[int] = rows
+    follow: list[int] = rows
     for _ in range(POINTS):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
@@ -356,6 +336,15 @@ def _dependent_beside(numeric: NumericSystem, state: State, rows: list[int]) -> 
         B = numeric.rows(there.t, there.q, there.v, there.p)[0][rows, :]
         beside = MetricRows(B, initial.metric_at(numeric, there))
         chosen = independent_rows.dependence(beside, rank.estimate(beside).high)
-        if len(chosen.rest) < len(best):
-            best = [rows[i] for i in chosen.rest]
-    return best
+        if len(chosen.rest) < len(follow):
+            follow = [rows[i] for i in chosen.rest]
+    if not follow:
+        return (
+            "beside the start these rows are independent, so none of them can be left out: this is a singular"
+            " configuration, where branches of the motion may meet; start at a configuration aside of it"
+        )
+    verb = "depends" if len(follow) == 1 else "depend"
+    return (
+        f"{initial.names_of(system, follow)} {verb} on the others beside the start too: leave out what follows from"
+        " the others"
+    )

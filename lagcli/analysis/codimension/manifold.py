@@ -51,14 +51,12 @@ class ManifoldParameters:
     """Far steps where the manifold is as flat: what is small over a unit is not over many.
     `test_a_row_that_follows_does_so_far_along_a_straight_line` fails without the last."""
     branch_points: int = 16
-    """Points sought. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 1 and
-    160."""
+    """Points sought. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 1 and 160."""
     branch_walks: int = 4
     """Those of them that are reached by walks of several steps.
     `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 40."""
     branch_steps: int = 3
-    """Steps of these. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0
-    and 30."""
+    """Steps of these. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 30."""
     closer: int = 4
     """Steps are 1, 1/2, ... of it by turns, in so many sizes: a branch that bends away is seen close by only.
     `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 40."""

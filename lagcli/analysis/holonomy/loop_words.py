@@ -50,11 +50,9 @@ class LoopWordParameters:
     """A start that misses by more of what it missed before is left.
     `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0.07 and 7."""
     free_turns: int = 3
-    """After so many turns. `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0 and
-    30."""
+    """After so many turns. `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0 and 30."""
     starts: int = 4
-    """Starts for a path of any shape. `test_a_path_of_any_shape_is_solved_for_from_four_starts` fails at 0
-    and 40."""
+    """Starts for a path of any shape. `test_a_path_of_any_shape_is_solved_for_from_four_starts` fails at 0 and 40."""
     at_random: int = 12
     """Trials where all combinations would be too many.
     `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random` fails at 1 and 120."""

@@ -36,20 +36,16 @@ class WitnessParameters:
     """The least amount worth showing. `test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size` fails
     at 0.004 and 0.4."""
     shown: int = 12
-    """Points of a segment that are kept. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at
-    120."""
+    """Points of a segment that are kept. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at 120."""
     coarsest: int = 48
     """Steps in a segment from which on a path that still changes by more than `hopeless` is given up.
     `test_a_path_that_still_changes_at_forty_eight_steps_is_given_up` fails at 4 and 480."""
     finest: int = 96
-    """The most steps in a segment. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at 9 and
-    960."""
+    """The most steps in a segment. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at 9 and 960."""
     far: float = 25.0
-    """The farthest that a loop may reach. `test_a_loop_reaches_twenty_five_sizes_at_most` fails at 2.5 and
-    250."""
+    """The farthest that a loop may reach. `test_a_loop_reaches_twenty_five_sizes_at_most` fails at 2.5 and 250."""
     near: int = 8
-    """Words whose lengths are solved for. `test_the_lengths_of_eight_words_are_solved_for` fails at 0 and
-    80."""
+    """Words whose lengths are solved for. `test_the_lengths_of_eight_words_are_solved_for` fails at 0 and 80."""
     near_miss: float = 1.5
     """The most that they miss by, of the amount they move.
     `test_words_that_miss_by_what_they_move_are_solved_for` fails at 0.15 and 15."""
@@ -78,13 +74,12 @@ class Path:
 class Witness:
     """`coordinate` has moved by `amount`, known to `error`, and `back` have come back.
 
-    One path is a closed loop with t fixed; of two the second is the one on which the coordinates rest, and the
-    amount is the difference of their ends. `follow` are coordinates that constraints tie to the one that moved.
-    `row_residual`: the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure`
-    the largest distance of a coordinate in `back` from where it should be. `is_drawn`: each move changes one free
-    coordinate. `is_shifted`: the base is not the declared start; `is_bent`: nor is the
-    `configuration` (n,) of the whole system, of which what is not in `names` rests. `holds_time`: the rows depend
-    on t, which a closed loop holds.
+    One path is a closed loop with t fixed; of two the second is the one on which the coordinates rest, and the amount
+    is the difference of their ends. `follow` are coordinates that constraints tie to the one that moved.
+    `row_residual`: the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure` the
+    largest distance of a coordinate in `back` from where it should be. `is_drawn`: each move changes one free
+    coordinate. `is_shifted`: the base is not the declared start; `is_bent`: nor is the `configuration` (n,) of the
+    whole system, of which what is not in `names` rests. `holds_time`: the rows depend on t, which a closed loop holds.
     """
 
     row: str
@@ -155,7 +150,11 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
         names=names,
         back=tuple(names[i] for i in np.flatnonzero(~moved[:-1]) if i != goal.along),
         follow=tuple(names[i] for i in np.flatnonzero(moved)),
-        free=_free_names(words.frame, names),
+        free=(
+            tuple(names[i] for i in words.frame.free)
+            if isinstance(words.frame, controlled_paths.Axes)
+            else ()
+        ),
         paths=tuple(
             Path(p[::n], p[:: max(1, n // PARAMETERS.shown)]) for p, n in zip(points, steps, strict=True)
         ),
@@ -212,10 +211,6 @@ def _row_residual(frame: controlled_paths.ControlledFrame, points: Floats, contr
     return float(found.max(initial=0.0))
 
 
-def _free_names(frame: controlled_paths.ControlledFrame, names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(names[i] for i in frame.free) if isinstance(frame, controlled_paths.Axes) else ()
-
-
 @dataclasses.dataclass(frozen=True)
 class LoopTrial:
     """Words of one kind with trial lengths (N, q), for one goal."""
@@ -254,7 +249,10 @@ class LoopTrial:
         near = near[np.argsort(miss[near] / np.abs(amount[near]), kind="stable")][: PARAMETERS.near]
         if not near.size:
             return None
-        subsets = _subsets(self.lengths.shape[1], self.extra)
+        # The lengths to solve for: each by itself where one condition is to be met, and all
+        count = self.lengths.shape[1]
+        each = np.eye(count, dtype=bool) if self.extra == 1 else np.zeros((0, count), dtype=bool)
+        subsets = np.concatenate([each, np.ones((1, count), dtype=bool)])
         X = np.repeat(self.lengths[near], len(subsets), axis=0)
         varied = np.tile(subsets, (len(near), 1))
         return self.first(loop_words.solved(self.words, self.goal, X, varied), is_drawn=True)
@@ -309,9 +307,3 @@ def _effort(words: LoopWords, x: Floats, amount: float, size: float) -> tuple[fl
         round(float(np.abs(controls).sum()), 6),
         abs(math.log(abs(amount) / size)),
     )
-
-
-def _subsets(count: int, conditions: int) -> npt.NDArray[np.bool_]:
-    """The lengths to solve for: each by itself where one condition is to be met, and all."""
-    each = np.eye(count, dtype=bool) if conditions == 1 else np.zeros((0, count), dtype=bool)
-    return np.concatenate([each, np.ones((1, count), dtype=bool)])

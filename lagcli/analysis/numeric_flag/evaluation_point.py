@@ -6,7 +6,7 @@ Where these brackets, in doubles, are certainly as many as there are rows, no lo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -149,7 +149,13 @@ class EvaluationPoint:
         free = random.standard_normal((2 * len(differential) + 2, self.block.size))
         projected = np.array([self.in_kernel(u) for u in free]) * self.sizes
         pairs = [(a, b) for i, a in enumerate(projected) for b in projected[:i]]
-        values, size = self._of(self.block.curl, pairs)[differential], self.terms[differential]
+        # A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)
+        values, size = (
+            np.array([np.array(self.block.curl(self.x, self.p, *pair)).ravel() for pair in pairs]).T[
+                differential
+            ],
+            self.terms[differential],
+        )
         with np.errstate(invalid="ignore"):  # looked for in the next line
             values = values / np.where(size > 0, size, 1.0)[:, None]
         if not np.isfinite(values).all():
@@ -163,10 +169,6 @@ class EvaluationPoint:
         fields = random.standard_normal((PARAMETERS.looked_at, 2, self.block.size)) * self.sizes
         sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
         return np.asarray(np.max(sizes, axis=0))
-
-    def _of(self, function: Callable[..., object], pairs: list[tuple[Floats, Floats]]) -> Floats:
-        """A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)."""
-        return np.array([np.array(function(self.x, self.p, *pair)).ravel() for pair in pairs]).T
 
 
 class _RowsAsKnown:

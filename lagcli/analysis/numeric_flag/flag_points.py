@@ -49,8 +49,7 @@ class FlowParameters:
     fails at 0.01 and 1."""
     later: float = 0.01
     """Its length in time, as a part of the duration.
-    `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration` fails at 0.001 and
-    0.1."""
+    `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration` fails at 0.001 and 0.1."""
     shorter: int = 8
     """The times it is shortened. `test_a_flow_is_made_shorter_eight_times_by_four` fails at 0 and 80."""
     factor: int = 4

@@ -47,17 +47,16 @@ NEARLY = "whether rows depend on each other or only nearly do is not certain"
 class NumericFlag:
     """The derived flag of `rows` (m,), differential rows of the system, on the surface of those they came with.
 
-    dimension: of the kernel D at generic points, over coordinates and, with `has_time`, time.
-    extra: dimensions of I, I', ... beyond the df, to zero or to the first that repeats; growth: dim D grows by
-    these in the growth vector, (0, ...). inside (m,): which rows lie in I^(oo). combinations (k, m): a basis of
-    the k combinations of rows that stay, at the start, or where that is special at a generic point.
-    contradiction: a multiple of dt lies in the rows. special: ranks or growth at the start are not those nearby
-    (None: brackets were too large to look there too). states: states of the orbit that were looked at, the start
-    first; surface: the rank of the holonomic rows on it. on_piece: abs, min, max or sign switch in the rows, so that
-    the flag is that of the start's side.
-    digits: the precision of the proof; error: the largest value that counted as zero, least: the smallest that
-    did not, both relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and
-    of extra, growth, inside and combinations what is not known is empty or None.
+    dimension: of the kernel D at generic points, over coordinates and, with `has_time`, time. extra: dimensions of I,
+    I', ... beyond the df, to zero or to the first that repeats; growth: dim D grows by these in the growth vector, (0,
+    ...). inside (m,): which rows lie in I^(oo). combinations (k, m): a basis of the k combinations of rows that stay,
+    at the start, or where that is special at a generic point. contradiction: a multiple of dt lies in the rows.
+    special: ranks or growth at the start are not those nearby (None: brackets were too large to look there too).
+    states: states of the orbit that were looked at, the start first; surface: the rank of the holonomic rows on it.
+    on_piece: abs, min, max or sign switch in the rows, so that the flag is that of the start's side. digits: the
+    precision of the proof; error: the largest value that counted as zero, least: the smallest that did not, both
+    relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and of extra, growth,
+    inside and combinations what is not known is empty or None.
     """
 
     rows: tuple[int, ...]
@@ -113,46 +112,41 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         surface=generic.surface.low,
         is_certain=True,
     )
-    _require_one_branch(generic, start)
+    # Raise `undecided.Undecided` where what holds at a point need not hold elsewhere around the start
+    if start.surface.low < generic.surface.low:
+        raise spans.Undecided("the surface is singular at the start, and its branches may differ")
     if known.contradiction:
         return dataclasses.replace(known, is_certain=False, reason=CONDITION)
     if generic.first == len(generic.differential):
         if not points.both_sides_turn():
             raise spans.Undecided(SIDES_DIFFER)
-        return _open(known, start, generic)
+        # The flag where brackets of two fields, in doubles, certainly show that no combination stays
+        m = len(generic.differential)
+        exact = None if generic.are_independent else bracket_values.in_digits(generic, is_decimal=True)
+        return dataclasses.replace(
+            known,
+            extra=(m, 0) if m else (0,),
+            growth=(0, m) if m else (0,),
+            inside=tuple(not any(weights) for weights in _weights(generic, exact)),
+            combinations=np.zeros((0, len(generic.block.differential))),
+            special=known.special or start.first != m,
+            least=float(generic.turning[m - 1]) if m else math.inf,
+        )
     if len(points.visited) == 1 and generic.dimension > 1:  # one field has no brackets
         raise spans.Undecided("no other point of the surface was found, and the start may be special")
     for is_decimal, limits in ATTEMPTS:
         try:
             given = BracketValues(generic, deadline, is_decimal, limits)
-            return _on_piece(_searched(known, start, given), points, generic)
+            # The flag, with what kinks (abs, sign, min, max) mean for combinations that stay
+            found = _searched(known, start, given)
+            if not found.is_certain or not found.extra[-1] or not points.has_switches:
+                return found
+            if generic.block.has_kinks:
+                raise spans.Undecided(SIDES_DIFFER)
+            return dataclasses.replace(found, on_piece=True)
         except spans.AmbiguousRank as why:
             failed = why
     raise failed
-
-
-def _on_piece(found: NumericFlag, points: Points, point: EvaluationPoint) -> NumericFlag:
-    """The flag, with what kinks (abs, sign, min, max) mean for combinations that stay."""
-    if not found.is_certain or not found.extra[-1] or not points.has_switches:
-        return found
-    if point.block.has_kinks:
-        raise spans.Undecided(SIDES_DIFFER)
-    return dataclasses.replace(found, on_piece=True)
-
-
-def _open(known: NumericFlag, start: EvaluationPoint, point: EvaluationPoint) -> NumericFlag:
-    """The flag where brackets of two fields, in doubles, certainly show that no combination stays."""
-    m = len(point.differential)
-    exact = None if point.are_independent else bracket_values.in_digits(point, is_decimal=True)
-    return dataclasses.replace(
-        known,
-        extra=(m, 0) if m else (0,),
-        growth=(0, m) if m else (0,),
-        inside=tuple(not any(weights) for weights in _weights(point, exact)),
-        combinations=np.zeros((0, len(point.block.differential))),
-        special=known.special or start.first != m,
-        least=float(point.turning[m - 1]) if m else math.inf,
-    )
 
 
 def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) -> NumericFlag:
@@ -181,12 +175,6 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         return dataclasses.replace(result, is_certain=False, reason=str(why))
     error, least = max(result.error, float(span.error)), min(result.least, float(span.least))
     return dataclasses.replace(result, extra=extra, error=error, least=least)
-
-
-def _require_one_branch(point: EvaluationPoint, start: EvaluationPoint) -> None:
-    """Raise `undecided.Undecided` where what holds at a point need not hold elsewhere around the start."""
-    if start.surface.low < point.surface.low:
-        raise spans.Undecided("the surface is singular at the start, and its branches may differ")
 
 
 def _at_start(start: EvaluationPoint, grown: Growth, given: BracketValues) -> Growth | None:
