@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection
-from typing import Generic, NoReturn, Protocol, Self, TypeAlias, TypeVar
+from typing import Generic, Protocol, Self, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
 from lagcli.expression import functions, hints, messages, tree
@@ -34,34 +34,30 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Algebra(Protocol[S]):
-    """A set of scalars with their operations. Each is told its node, so that errors can be located."""
+    """A set of scalars with their operations. Each is told its node, so that errors can be located.
 
-    def number(self, node: tree.Number) -> S:
-        """The value of a literal."""
+    atom: the scalar or vector a name stands for; special: `rate`, `d`, `multiplier`, `reaction`, functions of what is
+    written and not of a value; add: left + sign right; power: base ** exponent; function: by its name in the model
+    format.
+    """
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value[S]:
-        """The scalar or vector a name stands for."""
+    def number(self, node: tree.Number) -> S: ...
 
-    def special(self, node: tree.Call) -> Value[S]:
-        """`rate`, `d`, `multiplier`, `reaction`: functions of what is written, not of a value."""
+    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value[S]: ...
 
-    def add(self, node: tree.Node, left: S, sign: int, right: S) -> S:
-        """left + sign right."""
+    def special(self, node: tree.Call) -> Value[S]: ...
 
-    def negate(self, node: tree.Node, value: S) -> S:
-        """-value."""
+    def add(self, node: tree.Node, left: S, sign: int, right: S) -> S: ...
 
-    def multiply(self, node: tree.Node, left: S, right: S) -> S:
-        """left right."""
+    def negate(self, node: tree.Node, value: S) -> S: ...
 
-    def divide(self, node: tree.Node, left: S, right: S) -> S:
-        """left / right."""
+    def multiply(self, node: tree.Node, left: S, right: S) -> S: ...
 
-    def power(self, node: tree.Node, base: S, exponent: S) -> S:
-        """base ** exponent."""
+    def divide(self, node: tree.Node, left: S, right: S) -> S: ...
 
-    def function(self, node: tree.Node, name: str, arguments: tuple[S, ...]) -> S:
-        """A scalar function, by its name in the model format."""
+    def power(self, node: tree.Node, base: S, exponent: S) -> S: ...
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[S, ...]) -> S: ...
 
 
 def value(node: tree.Node, algebra: Algebra[S]) -> Value[S]:
@@ -107,46 +103,36 @@ def _is_zero(node: tree.Node) -> bool:
     return isinstance(node, tree.Number) and float(node.text) == 0.0
 
 
-# What a walk does at a node, by name: its own methods in a table of its own would hold it until garbage is collected.
-_RULES: dict[type[tree.Node], str] = {
-    tree.Number: "_number",
-    tree.Name: "_atom",
-    tree.Member: "_atom",
-    tree.Index: "_atom",
-    tree.Sum: "_sum",
-    tree.Product: "_product",
-    tree.Power: "_power",
-    tree.Component: "_component",
-    tree.Vector: "_vector_literal",
-    tree.Call: "_call",
-    tree.Relation: "_relation",
-}
-
-
 class _Walk(Generic[S]):
     def __init__(self, algebra: Algebra[S], own: Collection[str] = ()) -> None:
         self._algebra, self._own = algebra, own
 
     def value(self, node: tree.Node) -> Value[S]:
-        value: Value[S] = getattr(self, _RULES[type(node)])(node)
-        return value
-
-    def _number(self, node: tree.Number) -> Value[S]:
-        return self._algebra.number(node)
-
-    def _atom(self, node: tree.Name | tree.Member | tree.Index) -> Value[S]:
-        return self._algebra.atom(node)
-
-    def _relation(self, node: tree.Relation) -> NoReturn:
+        match node:
+            case tree.Name() | tree.Member() | tree.Index():
+                return self._algebra.atom(node)
+            case tree.Product():
+                return self._product(node)
+            case tree.Number():
+                return self._algebra.number(node)
+            case tree.Sum():
+                return self._sum(node)
+            case tree.Call():
+                return self._call(node)
+            case tree.Power():
+                return self._algebra.power(node, self.scalar(node.base), self.scalar(node.exponent))
+            case tree.Component():
+                vector = node.vector
+                owner = f"{vector.function}(...)" if isinstance(vector, tree.Call) else "(...)"
+                return component(node, self.value(vector), node.member, owner)
+            case tree.Vector():
+                if len(node.components) != 3:
+                    message = f"a vector has three components, and this one has {len(node.components)}"
+                    hint = hints.vector(len(node.components))
+                    raise ExpressionError("vector-length", message, node.start, node.end, hint)
+                x, y, z = map(self.scalar, node.components)
+                return x, y, z
         raise ExpressionError("syntax", "an equation has no value", node.start, node.end)
-
-    def _component(self, node: tree.Component) -> S:
-        vector = node.vector
-        owner = f"{vector.function}(...)" if isinstance(vector, tree.Call) else "(...)"
-        return component(node, self.value(vector), node.member, owner)
-
-    def _power(self, node: tree.Power) -> S:
-        return self._algebra.power(node, self.scalar(node.base), self.scalar(node.exponent))
 
     def scalar(self, node: tree.Node) -> S:
         value = self.value(node)
@@ -222,14 +208,6 @@ class _Walk(Generic[S]):
             x, y, z = (operation(node, u, by) for u in value)
             return x, y, z
         return operation(node, value, by)
-
-    def _vector_literal(self, node: tree.Vector) -> Triple[S]:
-        if len(node.components) != 3:
-            message = f"a vector has three components, and this one has {len(node.components)}"
-            hint = hints.vector(len(node.components))
-            raise ExpressionError("vector-length", message, node.start, node.end, hint)
-        x, y, z = map(self.scalar, node.components)
-        return x, y, z
 
     def _call(self, node: tree.Call) -> Value[S]:
         name = node.function

@@ -100,9 +100,16 @@ class FactsAlgebra:
         return self._leaf(node, self._lookup(node))
 
     def special(self, node: tree.Call) -> Either:
-        if node.function == "d":
-            return self._differential(node)
-        return self._leaf(node, self._lookup(node))
+        if node.function != "d":
+            return self._leaf(node, self._lookup(node))
+        if "differential" not in self._allowed:
+            self._refuse(node, _differential_of(Facts()))
+        inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
+        value = evaluate.value(node.arguments[0], inner)
+        if isinstance(value, tuple):
+            x, y, z = map(_differential_of, value)
+            return self._leaf(node, (x, y, z))
+        return self._leaf(node, _differential_of(value))
 
     def _leaf(self, node: tree.Node, value: Either) -> Either:
         for part in value if isinstance(value, tuple) else (value,):
@@ -126,17 +133,6 @@ class FactsAlgebra:
         term = self._text[node.start : node.end]
         message, hint = messages.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
-
-    def _differential(self, node: tree.Call) -> Either:
-        if "differential" not in self._allowed:
-            self._refuse(node, _differential_of(Facts()))
-        argument = node.arguments[0]
-        inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
-        value = evaluate.value(argument, inner)
-        if isinstance(value, tuple):
-            x, y, z = map(_differential_of, value)
-            return self._leaf(node, (x, y, z))
-        return self._leaf(node, _differential_of(value))
 
     def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:
         one, other = left.value, right.value
@@ -185,17 +181,19 @@ class FactsAlgebra:
         one, other = base.value, exponent.value
         if one is not None and other is not None:
             if isinstance(one, float) and isinstance(other, float):
-                return Facts(
-                    self._product(node, self._constant(node, "**", math.pow, one, other), one, other)
-                )
+                power = self._constant(node, "**", math.pow, one, other)
+                return Facts(self._product(node, power, one, other))
             return self._each(node, np.power, lambda u, w: self.power(node, u, w), one, other)
         reads = base.reads | exponent.reads
         if not base.high and not exponent.high:
             return Facts(None, reads)
-        times = _integer_range(other)
-        if times is None:
-            return self._checked(node, Facts(None, reads, 0, NONLINEAR))
-        low, high = base.low * times[0], min(NONLINEAR, base.high * times[1])
+        low, high = 0, NONLINEAR
+        every = np.array(math.nan) if other is None else np.asarray(other)
+        if np.all((every == np.floor(every)) & (every >= 0.0)):
+            # Exponents 0, 1, 2, ..., up to `NONLINEAR`.
+            capped = np.minimum(every, NONLINEAR)
+            low = base.low * int(np.min(capped, initial=NONLINEAR))
+            high = min(NONLINEAR, base.high * int(np.max(capped, initial=0)))
         return self._checked(node, Facts(None, reads, low, high))
 
     def function(self, node: tree.Node, name: str, arguments: tuple[Facts, ...]) -> Facts:
@@ -265,17 +263,6 @@ def constant(fact: Facts) -> Value:
     """The value of what depends on parameters and indices only."""
     assert fact.value is not None
     return fact.value
-
-
-def _integer_range(exponent: Value | None) -> tuple[int, int] | None:
-    """The least and the most of exponents 0, 1, 2, ..., up to `NONLINEAR`; None where one is none of these."""
-    if exponent is None:
-        return None
-    every = np.asarray(exponent)
-    if not np.all((every == np.floor(every)) & (every >= 0.0)):
-        return None
-    capped = np.minimum(every, NONLINEAR)
-    return int(np.min(capped, initial=NONLINEAR)), int(np.max(capped, initial=0))
 
 
 def _written(node: tree.Node) -> str:

@@ -81,7 +81,12 @@ def character(text: str, at: int) -> str:
         if function and function[1] in _common_functions():
             return f"a power of a function is written `{function[1]}(x)**2`"
     if sign in "'′’":
-        return _prime(before)
+        found = _LAST_NAME.search(before)
+        if found is None:
+            return "a time derivative is written `rate(x)`; a formula has no quoted texts inside"
+        if found[0] != found[1]:
+            return f"a time derivative is written with `v`: `{found[1]}.v{found[2]}`"
+        return f"a time derivative is written `rate({found[1]})`, of a particle `{found[1]}.v`"
     if sign == ":" and text[at + 1 : at + 2] == "=":
         return "write `=`"
     if sign in "µμ" or unicodedata.combining(sign):
@@ -95,16 +100,6 @@ def _common_functions() -> frozenset[str]:
     from lagcli.expression import functions  # here, as what loads no numbers reads formulas too
 
     return functions.named(lambda row: row.arguments == 1)
-
-
-def _prime(before: str) -> str:
-    found = _LAST_NAME.search(before)
-    if found is None:
-        return "a time derivative is written `rate(x)`; a formula has no quoted texts inside"
-    if found[0] != found[1]:
-        owner, axis = found[1], found[2]
-        return f"a time derivative is written with `v`: `{owner}.v{axis}`"
-    return f"a time derivative is written `rate({found[1]})`, of a particle `{found[1]}.v`"
 
 
 def between(before: tuple[str, str], token: tuple[str, str], earlier: tuple[str, str]) -> str:
@@ -280,8 +275,8 @@ ARGUMENTS = {
 }
 
 
-def vector(count: int, text: str = "") -> str:
-    """For a vector of another number of components than three, each as it is written."""
+def vector(count: int) -> str:
+    """For a vector of another number of components than three."""
     if count == 2:
         return "in a plane add a third component `0`, and a constraint such as `a.z = 0` if the particle can leave it"
     if count > 3:
@@ -319,7 +314,10 @@ def part_of(name: str, particles: Collection[str], laws: Collection[str] = ()) -
         return f"a differential is written `d({name[1:]}.x)`, a velocity `{name[1:]}.vx`"
     if name in ("dx", "dy", "dz") and particles:
         return f"a differential is written `d({min(particles)}.{name[1]})`"
-    for owner, part in _splits(name):
+    after, before = _PART_AFTER.match(name), _PART_BEFORE.match(name)
+    splits = [(after[1], after[2])] if after else []
+    splits += [(before[2], before[1])] if before else []
+    for owner, part in splits:
         if owner in particles:
             return f"write `{owner}`" if part == "r" else f"write `{owner}.{part}`"
     for prefix in ("R_", "R", "reaction_", "F_"):
@@ -329,13 +327,6 @@ def part_of(name: str, particles: Collection[str], laws: Collection[str] = ()) -
         if name.startswith(prefix) and name[len(prefix) :] in laws:
             return f"write `multiplier({name[len(prefix) :]})`, under `outputs` or `events` only"
     return ""
-
-
-def _splits(name: str) -> list[tuple[str, str]]:
-    """(owner, part) as which a name may be read."""
-    found = [(m[1], m[2]) for m in [_PART_AFTER.match(name)] if m]
-    found += [(m[2], m[1]) for m in [_PART_BEFORE.match(name)] if m]
-    return found
 
 
 def second_dot(owner: str, member: str, further: str) -> str:

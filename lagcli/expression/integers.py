@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections.abc import Callable
 
 import numpy as np
@@ -24,6 +25,7 @@ Lookup = Callable[[tree.Name], object]  # an int, a float, an array (K,), or wha
 
 LIMIT = 2**53  # above it not every whole number is a double
 _FUNCTIONS = ("min", "max", "abs")
+_LARGE, _ZERO = "this is beyond the whole numbers up to 2**53", "this divides by zero"
 _RULE = "bounds and indices are integer expressions of parameters and earlier indices"
 
 
@@ -62,18 +64,18 @@ def holds(node: tree.Node, lookup: Lookup) -> Truth:
         case tree.ComparisonNode():
             values = [_fraction(operand, lookup) for operand in node.operands]
             pairs = zip(values, node.relations, values[1:], strict=False)
-            return _all([_RELATIONS[relation](_order(node, u, w)) for u, relation, w in pairs])
+            return _all([_RELATIONS[relation](_order(node, u, w), 0) for u, relation, w in pairs])
         case _:
             raise TypeError(node)
 
 
-_RELATIONS: dict[str, Callable[[Integers], Truth]] = {
-    "==": lambda order: order == 0,
-    "!=": lambda order: order != 0,
-    "<": lambda order: order < 0,
-    "<=": lambda order: order <= 0,
-    ">": lambda order: order > 0,
-    ">=": lambda order: order >= 0,
+_RELATIONS: dict[str, Callable[[Integers, int], Truth]] = {
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
 }
 
 
@@ -139,7 +141,7 @@ class _Fractions:
         _refuse(node, exponent.bottom != 1, "the exponent must be a whole number", exponent)
         negative = exponent.top < 0
         if np.any(negative):
-            _refuse_zero(node, negative & (base.top == 0))
+            _refuse(node, negative & (base.top == 0), _ZERO, code="not-finite")
             inverse = _inverse(node, _Fraction(_choose(base.top == 0, 1, base.top), base.bottom))
             base = _either(negative, inverse, base)
         times = _size(exponent.top)
@@ -180,7 +182,7 @@ def _order(node: tree.Node, left: _Fraction, right: _Fraction) -> Integers:
 
 
 def _inverse(node: tree.Node, value: _Fraction) -> _Fraction:
-    _refuse_zero(node, value.top == 0)
+    _refuse(node, value.top == 0, _ZERO, code="not-finite")
     negative = value.top < 0
     return _Fraction(_choose(negative, -value.bottom, value.bottom), _size(value.top))
 
@@ -206,7 +208,7 @@ def _raised(node: tree.Node, base: Integers, times: Integers) -> Integers:
     if _is_one(base):
         return 1
     # From |base| = 2 on, an exponent above 53 is beyond the limit; below, only its parity counts.
-    _refuse_large(node, (_size(base) > 1) & (times > 53))
+    _refuse(node, (_size(base) > 1) & (times > 53), _LARGE)
     times = _choose(times > 53, 2 + times % 2, times)
     if isinstance(base, int) and isinstance(times, int):
         return _limited(node, base**times)
@@ -236,36 +238,27 @@ def _integers(node: tree.Node, value: object) -> Integers:
 def _limited(node: tree.Node, value: Integers, rough: float | npt.NDArray[np.float64] = 0.0) -> Integers:
     """The value, unless it is beyond the limit; `rough`, in float64, tells where an int64 wrapped around."""
     size = abs(rough) if isinstance(rough, float) else np.abs(rough)
-    _refuse_large(node, (value > LIMIT) | (value < -LIMIT) | (size > 2.0 * LIMIT))
+    _refuse(node, (value > LIMIT) | (value < -LIMIT) | (size > 2.0 * LIMIT), _LARGE)
     return value
 
 
-def _first(failing: Truth) -> int | None:
-    """The first failing member; None where the failure is not that of a member."""
-    return int(np.argmax(failing)) if np.ndim(failing) else None
-
-
-def _refuse(node: tree.Node, failing: Truth, message: str, value: _Fraction) -> None:
-    if np.any(failing):
-        member = _first(failing)
-        top, bottom = (
-            int(np.ravel(part)[(member or 0) % np.size(part)]) for part in (value.top, value.bottom)
-        )
-        message = f"{message}, and is {top}/{bottom}"
-        raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, member=member)
-
-
-def _refuse_large(node: tree.Node, failing: Truth) -> None:
+def _refuse(
+    node: tree.Node,
+    failing: Truth,
+    message: str,
+    value: _Fraction | None = None,
+    code: str = "not-a-whole-number",
+) -> None:
+    """Raise where something fails, at the first failing member; value: what is shown."""
     if failing is False or not np.any(failing):
         return
-    message = "this is beyond the whole numbers up to 2**53"
-    raise ExpressionError("not-a-whole-number", message, node.start, node.end, _RULE, member=_first(failing))
-
-
-def _refuse_zero(node: tree.Node, failing: Truth) -> None:
-    if np.any(failing):
-        message = "this divides by zero"
-        raise ExpressionError("not-finite", message, node.start, node.end, member=_first(failing))
+    member = int(np.argmax(failing)) if np.ndim(failing) else None
+    if value is not None:
+        at = member or 0
+        top, bottom = (int(np.ravel(part)[at % np.size(part)]) for part in (value.top, value.bottom))
+        message = f"{message}, and is {top}/{bottom}"
+    hint = _RULE if code == "not-a-whole-number" else ""
+    raise ExpressionError(code, message, node.start, node.end, hint, member=member)
 
 
 def _unfit(node: tree.Node) -> ExpressionError:

@@ -126,12 +126,20 @@ def derivative_of(name: str, coordinates: Container[str]) -> str:
 
 def way_out(flag: str, subject: str, written: str) -> str:
     """The advice where an expression may not read `flag`, or an empty text; `written`: the name or call."""
-    if flag == "result":
-        return _instead_of_result(subject, written)
-    for start, hint in _WAYS_OUT.get(flag, ()):
-        if subject.startswith(start):
-            return hint
-    return ""
+    if flag != "result":
+        return next((hint for start, hint in _WAYS_OUT.get(flag, ()) if subject.startswith(start)), "")
+    # A result of the motion stands in what determines it.
+    if written in ("kinetic", "potential"):
+        return "energies follow from the motion and are recorded under `outputs`; write the formula out here"
+    record = f"record `{written}` under `outputs`"
+    if "force" in subject or "definition" in subject:
+        return (
+            "a force that depends on a constraint force, such as friction mu*N, does virtual work (D.11) and is not"
+            " supported. Where N is known beforehand write its formula: m*g on a level floor, m*g*cos(alpha) on a"
+            " slope, with `tanh(v/1e-3)` for its direction: with `sign(v)` a run stops where the body comes to rest."
+            f" Else only friction of given size, such as -c*v, can be declared; {record}"
+        )
+    return f"constraint forces follow from the laws and the forces, and may not enter them; {record}"
 
 
 _CONSTANT = "parameters, masses and initial values are numbers: write its value at the start"
@@ -161,10 +169,7 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
         ),
         ("a potential", "a force that depends on velocities is declared with `to:` and `force:`"),
         ("the position", "a position is x(q, t); a law in velocities belongs under `differential`"),
-        (
-            "a differential `d(",
-            NO_ACCELERATION,
-        ),
+        ("a differential `d(", NO_ACCELERATION),
         _RESTITUTION,
         ("", _CONSTANT),
     ),
@@ -195,18 +200,3 @@ _WAYS_OUT: dict[str, tuple[tuple[str, str], ...]] = {
         ("", "differentials belong under `differential`; a time derivative is written `rate(x)`"),
     ),
 }
-
-
-def _instead_of_result(subject: str, written: str) -> str:
-    """The advice where a result of the motion stands in what determines it."""
-    if written in ("kinetic", "potential"):
-        return "energies follow from the motion and are recorded under `outputs`; write the formula out here"
-    record = f"record `{written}` under `outputs`"
-    if "force" in subject or "definition" in subject:
-        return (
-            "a force that depends on a constraint force, such as friction mu*N, does virtual work (D.11) and is not"
-            " supported. Where N is known beforehand write its formula: m*g on a level floor, m*g*cos(alpha) on a"
-            " slope, with `tanh(v/1e-3)` for its direction: with `sign(v)` a run stops where the body comes to rest."
-            f" Else only friction of given size, such as -c*v, can be declared; {record}"
-        )
-    return f"constraint forces follow from the laws and the forces, and may not enter them; {record}"

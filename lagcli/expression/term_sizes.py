@@ -54,23 +54,20 @@ def result(name: str, *parts: Pair) -> Pair:
     if name not in TWO and name not in functions.OPERATIONS:
         return math.nan, math.inf
     try:
-        value, size = TWO[name](*parts) if name in TWO else _along(name, parts[0])
+        if name in TWO:
+            value, size = TWO[name](*parts)
+        else:
+            (x, given), (function, slope) = parts[0], functions.OPERATIONS[name]
+            value, size = function(x), 0.0
+            if given and name in STEPS:
+                size = math.inf if abs(x - STEPS[name](x)) <= doubles.VALUE * given else 0.0
+            elif given:
+                size = abs(slope(functions.SlopeSizes, x, value)) * given
     except (ArithmeticError, ValueError):
         return math.nan, math.inf
     if name in EXACT and size == 0.0 and value.is_integer() and abs(value) <= doubles.WHOLE:
         return value, 0.0
     return value, size if name in SWITCHES else size + abs(value)
-
-
-def _along(name: str, part: Pair) -> Pair:
-    value, size = part
-    function, slope = functions.OPERATIONS[name]
-    result = function(value)
-    if not size:
-        return result, 0.0
-    if name in STEPS:
-        return result, math.inf if abs(value - STEPS[name](value)) <= doubles.VALUE * size else 0.0
-    return result, abs(slope(functions.SlopeSizes, value, result)) * size
 
 
 # Where functions that step do so, next to a number.
@@ -82,16 +79,8 @@ STEPS: dict[str, Callable[[float], float]] = {
 }
 
 
-def _product(a: Pair, b: Pair) -> Pair:
-    return a[0] * b[0], _times(a[1], b[0]) + _times(b[1], a[0])
-
-
 def _times(size: float, factor: float) -> float:
     return size * abs(factor) if size else 0.0  # not infinity times nothing
-
-
-def _quotient(a: Pair, b: Pair) -> Pair:
-    return a[0] / b[0], a[1] / abs(b[0]) + _times(b[1], a[0] / b[0] / b[0])
 
 
 def _power(a: Pair, b: Pair) -> Pair:
@@ -113,14 +102,14 @@ def _length(a: Pair, b: Pair) -> Pair:
     return value, size / value if size else 0.0
 
 
-def _are_apart(a: Pair, b: Pair) -> bool:
-    """True if it is certain which of the two is larger, or that they are equal."""
-    size = a[1] + b[1]
-    return not size or abs(a[0] - b[0]) > doubles.VALUE * size
-
-
 def _compared(holds: Callable[[float, float], bool]) -> Callable[[Pair, Pair], Pair]:
-    return lambda a, b: (float(holds(a[0], b[0])), 0.0 if _are_apart(a, b) else math.inf)
+    def compared(a: Pair, b: Pair) -> Pair:
+        # It is certain which of the two is larger, or that they are equal.
+        size = a[1] + b[1]
+        are_apart = not size or abs(a[0] - b[0]) > doubles.VALUE * size
+        return float(holds(a[0], b[0])), 0.0 if are_apart else math.inf
+
+    return compared
 
 
 def _chosen(takes_first: Callable[[float, float], bool]) -> Callable[[Pair, Pair], Pair]:
@@ -131,16 +120,11 @@ def _joined(holds: Callable[[bool, bool], bool]) -> Callable[[Pair, Pair], Pair]
     return lambda a, b: (float(holds(bool(a[0]), bool(b[0]))), max(a[1], b[1]))
 
 
-def _if(a: Pair, b: Pair) -> Pair:
-    value, size = b if a[0] else (0.0, 0.0)
-    return value, math.inf if a[1] == math.inf else size
-
-
 TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
     "add": lambda a, b: (a[0] + b[0], a[1] + b[1]),
     "sub": lambda a, b: (a[0] - b[0], a[1] + b[1]),
-    "mul": _product,
-    "div": _quotient,
+    "mul": lambda a, b: (a[0] * b[0], _times(a[1], b[0]) + _times(b[1], a[0])),
+    "div": lambda a, b: (a[0] / b[0], a[1] / abs(b[0]) + _times(b[1], a[0] / b[0] / b[0])),
     "pow": _power,
     "constpow": _power,
     "atan2": _angle,
@@ -153,7 +137,10 @@ TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
     "ne": _compared(lambda a, b: a != b),
     "and": _joined(lambda a, b: a and b),
     "or": _joined(lambda a, b: a or b),
-    "if_else_zero": _if,
+    "if_else_zero": lambda a, b: (
+        b[0] if a[0] else 0.0,
+        math.inf if a[1] == math.inf else b[1] if a[0] else 0.0,
+    ),
 }
 EXACT = {"add", "sub", "mul", "sq", "twice", "neg", "assign", "fabs", "fmin", "fmax", "if_else_zero"}
 SWITCHES = {"sign", "not", "floor", "ceil", "lt", "le", "eq", "ne", "and", "or", "if_else_zero"}

@@ -21,6 +21,7 @@ _WORD = re.compile(
     | .""",
     re.VERBOSE | re.DOTALL,
 )
+_DIGITS = frozenset("0123456789")
 _SIGNS = frozenset(("**", ">=", "<=", "==", "!=", "..", *"-+*/()[],=<>."))
 
 
@@ -54,11 +55,7 @@ def is_name(text: str) -> bool:
     """True if `text` may be declared as a name."""
     if text.isascii():
         return text.isidentifier()
-    return bool(text) and _is_letter(text[0]) and all(_is_letter(c) or c in "0123456789" for c in text)
-
-
-def _is_letter(character: str) -> bool:
-    return character == "_" or character.isalpha()
+    return text[:1] not in _DIGITS and all(c == "_" or c.isalpha() or c in _DIGITS for c in text)
 
 
 def has_size(number: str) -> bool:
@@ -75,8 +72,11 @@ def tokenize(text: str) -> Tokens:
     starts = [0, *itertools.accumulate(map(len, words))]
     kind_of = {word: _kind(word) for word in set(words)}
     if "" in kind_of.values():
-        index = next(i for i, word in enumerate(words) if not kind_of[word])
-        raise _unexpected(text, words[index], starts[index])
+        word, start = next((word, at) for word, at in zip(words, starts, strict=False) if not kind_of[word])
+        # `\w` takes digits of other scripts too; the first character that is no part of a name is shown.
+        index = next((i for i, c in enumerate(word) if not is_name("_" + c)), 0)
+        message, at = f"the character {word[index]!r} has no meaning here", start + index
+        raise ExpressionError("unexpected-character", message, at, at + 1, hints.character(text, at))
     kinds = [kind_of[word] for word in words]
     if "space" in kind_of.values():
         is_token = [kind != "space" for kind in kinds]
@@ -101,11 +101,3 @@ def _kind(word: str) -> str:
     if word.isspace():
         return "space"
     return "name" if is_name(word) else ""
-
-
-def _unexpected(text: str, word: str, start: int) -> ExpressionError:
-    # `\w` takes digits of other scripts too; the first character that is no part of a name is shown.
-    index = next((i for i, c in enumerate(word) if not is_name("_" + c)), 0)
-    character, at = word[index], start + index
-    message = f"the character {character!r} has no meaning here"
-    return ExpressionError("unexpected-character", message, at, at + 1, hints.character(text, at))

@@ -228,7 +228,13 @@ def words(node: Node) -> frozenset[str]:
         elif isinstance(part, Call):
             found.add(f"{part.function}(")
         elif isinstance(part, Power):
-            found.update(_of_power(part.exponent))
+            exponent = part.exponent
+            terms = exponent.terms if isinstance(exponent, Sum) else ((1, exponent),)
+            sign, size = terms[0]
+            if len(terms) == 1 and sign < 0:
+                found.add("/")
+            if len(terms) > 1 or not isinstance(size, Number) or not size.text.isdigit():
+                found.add("**")
         elif isinstance(part, Component):
             found.add(f".{part.member}")
         elif isinstance(part, Product) and any(
@@ -236,12 +242,3 @@ def words(node: Node) -> frozenset[str]:
         ):
             found.add("/")
     return frozenset(found)
-
-
-def _of_power(exponent: Node) -> Iterator[str]:
-    terms = exponent.terms if isinstance(exponent, Sum) else ((1, exponent),)
-    sign, size = terms[0]
-    if len(terms) == 1 and sign < 0:
-        yield "/"
-    if len(terms) > 1 or not isinstance(size, Number) or not size.text.isdigit():
-        yield "**"

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import entries, keys
 from lagcli.input.scalars import Formulas
 from lagcli.model import family
-from lagcli.model.model import Differential, Expression, Floats, Holonomic, Inequality
+from lagcli.model.model import Differential, Expression, Holonomic, Inequality
 
 ONE_SIDED = "a one-sided constraint"
 
@@ -54,6 +53,13 @@ def differential(formulas: Formulas, entry: yaml_tree.AnyNode) -> Differential |
 def _equation(formulas: Formulas, entry: yaml_tree.AnyNode, section: str) -> Expression | None:
     """The equation of an entry, written shortly or under `equation:`."""
     node = entries.written(formulas, entry, section, "equation")
+    if isinstance(node, yaml_tree.Sequence):
+        message, hint = (
+            "an equation is needed here, and this is a list",
+            "each equation has an entry of its own",
+        )
+        formulas.report(node, "not-an-expression", message, hint)
+        return None
     return None if node is None else formulas.parse(node, parser.parse_equation)
 
 
@@ -101,15 +107,25 @@ def _terms(node: tree.Node) -> list[tree.Node]:
 
 def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | None:
     """g(r, q, t) >= 0, written shortly or with its restitution."""
-    section = keys.FORMAT.key("inequality")
     found: dict[str, yaml_tree.AnyNode] = {"condition": entry}
     if isinstance(entry, yaml_tree.Mapping):
-        found = entries.fields(formulas, entry, section) or {}
+        found = entries.fields(formulas, entry, keys.FORMAT.key("inequality")) or {}
     condition = _condition(formulas, found["condition"]) if "condition" in found else None
-    restitution = _restitution(formulas, found.get("restitution"))
-    if condition is None or restitution is None:
-        return None
-    return Inequality(formulas.members, condition, restitution)
+    values = formulas.values(0.0)
+    if "restitution" in found:
+        node = found["restitution"]
+        given = formulas.written_constants(node, "a coefficient of restitution")
+        if given is None:
+            return None
+        values = given[1]
+        outside = ~((values >= 0.0) & (values <= 1.0))
+        if outside.any():
+            first = int(np.argmax(outside))
+            message = f"a coefficient of restitution lies between 0 and 1, and this one is {values[first]:g}"
+            hint = "at 0 nothing bounces, at 1 an impact takes no energy"
+            formulas.report(node, "restitution-out-of-range", message + formulas.where(first), hint)
+            return None
+    return None if condition is None else Inequality(formulas.members, condition, values)
 
 
 def _condition(formulas: Formulas, node: yaml_tree.AnyNode) -> Expression | None:
@@ -146,23 +162,6 @@ def _require_condition(node: tree.Relation, algebra: FactsAlgebra) -> None:
         raise ExpressionError("nothing-to-push", message, node.start, node.end, hint)
 
 
-def _restitution(formulas: Formulas, node: yaml_tree.AnyNode | None) -> Floats | None:
-    """The coefficients of restitution, (K,), or None with the error reported."""
-    if node is None:
-        return formulas.values(0.0)
-    values = formulas.constants(node, "a coefficient of restitution")
-    if values is None:
-        return None
-    outside = ~((values >= 0.0) & (values <= 1.0))
-    if outside.any():
-        first = int(np.argmax(outside))
-        message = f"a coefficient of restitution lies between 0 and 1, and this one is {values[first]:g}"
-        hint = "at 0 nothing bounces, at 1 an impact takes no energy"
-        formulas.report(node, "restitution-out-of-range", message + formulas.where(first), hint)
-        return None
-    return values
-
-
 def pieces(formulas: Formulas, law: Inequality) -> tuple[Inequality, ...]:
     """The walls that a condition holds at once: min(g, h) >= 0 is g >= 0 and h >= 0, and so is a.z >= max(g, h).
 
@@ -171,57 +170,43 @@ def pieces(formulas: Formulas, law: Inequality) -> tuple[Inequality, ...]:
     """
     relation, origin = law.equation.tree, law.equation.origin
     assert isinstance(relation, tree.Relation)
-    split = _Pieces(origin.value, FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED))
-    sides = ((1, relation.left), (-1, relation.right))
-    if relation.relation == "<=":
-        sides = ((-1, relation.left), (1, relation.right))
-    texts = split.of_terms(sides)
+    algebra = FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED)
+    difference = tree.Sum(relation.start, relation.end, ((1, relation.left), (-1, relation.right)))
+    texts = _smooth_parts(difference, 1, origin.value, algebra)
     if len(texts) < 2:
         return (law,)
     found = []
     for number, text in enumerate(texts, start=1):
         condition = parser.parse_condition(f"{text} >= 0")
         try:
-            _require_condition(condition, split.algebra)
+            _require_condition(condition, algebra)
         except ExpressionError:
-            # A part without coordinates is no wall.
-            return (law,)
-        members = family.with_indices(
-            law.members.base, [(*indices, number) for indices in law.members.indices], law.members.variables
-        )
+            return (law,)  # a part without coordinates is no wall
+        indices = [(*index, number) for index in law.members.indices]
+        members = family.with_indices(law.members.base, indices, law.members.variables)
         equation = Expression(condition, dataclasses.replace(origin, value=f"{text} >= 0"))
         found.append(Inequality(members, equation, law.restitution))
     return tuple(found)
 
 
-class _Pieces:
-    """The texts of smooth parts of which the least is a condition."""
-
-    def __init__(self, text: str, algebra: FactsAlgebra) -> None:
-        self._text, self.algebra = text, algebra
-
-    def of_terms(self, terms: Iterable[tuple[int, tree.Node]]) -> list[str]:
-        """Parts of a sum."""
-        parts = [self._of(node, sign) for sign, node in terms]
+def _smooth_parts(node: tree.Node, sign: int, text: str, algebra: FactsAlgebra) -> list[str]:
+    """The texts of smooth parts of a node, or of its negative, of which the least is a condition; each with its sign
+    before it."""
+    if isinstance(node, tree.Sum):
+        parts = [_smooth_parts(term, sign * own, text, algebra) for own, term in node.terms]
         return [" ".join(each) for each in itertools.product(*parts)]
-
-    def _of(self, node: tree.Node, sign: int) -> list[str]:
-        """Parts of a node, or of its negative, each with its sign before it."""
-        if isinstance(node, tree.Sum):
-            return self.of_terms([(sign * own, term) for own, term in node.terms])
-        if isinstance(node, tree.Call) and self._moves(node):
-            if node.function == ("min" if sign > 0 else "max"):
-                return [part for argument in node.arguments for part in self._of(argument, sign)]
-            if node.function == "abs" and sign < 0:
-                return [part for way in (1, -1) for part in self._of(node.arguments[0], way)]
-        if isinstance(node, tree.Product):
-            numbers = [(way, each) for way, each in node.factors if isinstance(each, tree.Number)]
-            others = [each for each in node.factors if not isinstance(each[1], tree.Number)]
-            if len(others) == 1 and others[0][0] > 0:
-                by = "".join(f"{'*' if way > 0 else '/'}{number.text}" for way, number in numbers)
-                return [f"+ ({part.removeprefix('+ ')}){by}" for part in self._of(others[0][1], sign)]
-        return [f"{'+' if sign > 0 else '-'} ({self._text[node.start : node.end]})"]
-
-    def _moves(self, node: tree.Node) -> bool:
-        value = evaluate.value(node, self.algebra)
-        return not isinstance(value, tuple) and "position" in value.reads
+    if isinstance(node, tree.Call) and node.function in ("min", "max", "abs"):
+        value = evaluate.value(node, algebra)
+        moves = not isinstance(value, tuple) and "position" in value.reads
+        if moves and node.function == ("min" if sign > 0 else "max"):
+            return [part for each in node.arguments for part in _smooth_parts(each, sign, text, algebra)]
+        if moves and node.function == "abs" and sign < 0:
+            return [part for way in (1, -1) for part in _smooth_parts(node.arguments[0], way, text, algebra)]
+    if isinstance(node, tree.Product):
+        numbers = [(way, each) for way, each in node.factors if isinstance(each, tree.Number)]
+        others = [each for each in node.factors if not isinstance(each[1], tree.Number)]
+        if len(others) == 1 and others[0][0] > 0:
+            by = "".join(f"{'*' if way > 0 else '/'}{number.text}" for way, number in numbers)
+            inner = _smooth_parts(others[0][1], sign, text, algebra)
+            return [f"+ ({part.removeprefix('+ ')}){by}" for part in inner]
+    return [f"{'+' if sign > 0 else '-'} ({text[node.start : node.end]})"]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
 import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from lagcli.input import (
     entries,
     entry_names,
     evaluation_order,
+    given_expression,
     key_hints,
     keys,
     namespace,
@@ -31,13 +33,14 @@ from lagcli.input import (
 )
 from lagcli.input.scalars import Formulas, Reading, Trees
 from lagcli.model import family, model
-from lagcli.model.model import Expression
 
 T = TypeVar("T")
 Equation = model.Holonomic | model.Differential
-Law = TypeVar("Law", model.Holonomic, model.Differential, model.Inequality)
+Law = TypeVar("Law", model.Holonomic, model.Differential)
 
-
+FULL_TURN = 2 * math.pi  # radians: a start beyond it is possible, but seldom meant
+_CIRCULAR = functions.named(lambda row: row.angle == "argument")
+_CALLS = functions.calls(lambda row: row.angle == "argument")
 _NAMED = (*(section for section, _ in entry_names.NAMING), "forces", *entry_names.CONSTRAINTS, "events")
 
 
@@ -95,98 +98,119 @@ class _Document:
         self._found = diagnostics.Collector()
         self._scope = scope.Scope()
         self._formulas = Formulas(self._scope, self._found, reading=reading)
-        self._defined: dict[str, model.Expression] = {}
         self._names = entry_names.EntryNames(self._scope, self._formulas)
 
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
-        self._read_indents()
-        _check_sections(self._root, self._formulas)
-        texts = {section: self._text(section) for section in ("title", "description", "source")}
-        units = self._units()
-        self._names.declare(self._entries)
-        self._names.take_constraint_names(self._entries)
-        parameters = self._parameters()
-        self._names.count_members(self._entries)
-        coordinates = self._named("coordinates", self._coordinate)
-        particles = self._particles()
-        definitions = self._definitions()
-        lagrangian = self._lagrangian()
-        forces = self._forces(particles)
-        holonomic = self._laws("holonomic", constraint_laws.holonomic)
-        differential = self._laws("differential", constraint_laws.differential)
-        inequality = self._named("inequality", self._inequality)
-        rigid = self._rigid()
-        outputs = self._outputs()
-        events = self._named("events", functools.partial(run_sections.event, self._formulas))
-        simulation = run_sections.simulation(
-            self._formulas, self._root.get("simulation"), particles, self._scope.names.member_indices
-        )
+        self._check_shape()
+        sections = self._sections()
+        particles, coordinates = sections["particles"], sections["coordinates"]
         if not particles and not coordinates and not self._found.has_errors:
             message = "the model has no particles and no coordinates"
             self._formulas.report(self._root, "nothing-to-move", message)
         self._found.raise_errors()
-        laws = (holonomic, differential, rigid, inequality)
-        read = (parameters, coordinates, particles, definitions, forces, *laws, outputs, events)
         # Nothing may be left out in silence: without an error every entry has become a noun.
-        assert sum(map(len, read)) == sum(1 for section in _NAMED for _ in self._entries(section))
-        evaluation = evaluation_order.evaluation(self._formulas, particles, definitions)
+        declared = sum(1 for section in _NAMED for _ in self._entries(section))
+        assert sum(len(sections[section]) for section in _NAMED) == declared
+        order = evaluation_order.evaluation(self._formulas, particles, sections["definitions"])
         changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
-        coordinates = overrides.coordinates(self._formulas, coordinates, changes["coordinates"])
-        particles = overrides.particles(self._formulas, particles, changes["particles"])
+        coordinates = given_expression.coordinates(self._formulas, coordinates, changes["coordinates"])
+        particles = given_expression.particles(self._formulas, particles, changes["particles"])
         self._found.raise_errors()
+        # It tells laws apart: those of the file, and positions of dependent particles, which a change may replace.
+        content = self._root.text.content
+        laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
+        sections |= {
+            "coordinates": coordinates,
+            "particles": particles,
+            "inequality": tuple(wall for walls in sections["inequality"] for wall in walls),
+        }
         found = model.Model(
             path=self._root.text.path,
-            fingerprint=_fingerprint(self._root.text.content, particles),
-            title=texts["title"],
-            description=texts["description"],
-            source=texts["source"],
-            units=units,
-            parameters=parameters,
-            coordinates=coordinates,
-            particles=particles,
-            definitions=definitions,
-            lagrangian=lagrangian,
-            forces=forces,
-            holonomic=holonomic,
-            differential=differential,
-            rigid=rigid,
-            inequality=tuple(wall for walls in inequality for wall in walls),
-            outputs=outputs,
-            events=events,
-            simulation=simulation,
+            fingerprint=hashlib.sha256("\0".join([content, *laws]).encode()).hexdigest(),
             warnings=self._found.warnings,
-            order=evaluation,
+            order=order,
             structure=tuple(sorted(self._scope.indexed.structure.items())),
+            **sections,
         )
         notes = tuple(_degree_notes(self._root, found.expressions()))
         return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found
 
-    def _read_indents(self) -> None:
-        """Report entries whose keys are not indented, and read them as if they were."""
+    def _check_shape(self) -> None:
+        """Report entries whose keys are not indented, which are read as if they were; sections there are not; and a
+        format version that is missing or none."""
         same = self._file is self._root
-        self._root, found = key_hints.indented(self._root)
+        self._root, flat = key_hints.indented(self._root)
         self._file = self._root if same else key_hints.indented(self._file)[0]
-        for entry, key in found:
+        report = self._formulas.report
+        for entry, key in flat:
             message = f"the keys of `{entry.value}` are not indented below it"
             hint = (
                 f"indent `{key.value}` and the keys after it, or write `{entry.value}: {{{key.value}: ...}}`"
             )
-            self._formulas.report(key, "not-a-mapping", message, hint)
+            report(key, "not-a-mapping", message, hint)
+        empty = ""
+        for key, value in self._root:
+            if key.value not in keys.FORMAT.names:
+                hint = key_hints.section(key.value, value, empty)
+                report(key, "unknown-key", f"there is no section `{key.value}`", hint)
+            empty = key.value if yaml_tree.is_empty(value) and key.value in keys.FORMAT.names else ""
+        version = self._root.get("lagcli")
+        if version is None:
+            hint = "a model begins with the line `lagcli: 1`"
+            report(self._root, "missing-key", "the format version `lagcli: 1` is missing", hint)
+        elif not isinstance(version, yaml_tree.Scalar) or version.value.strip() != "1":
+            report(version, "unknown-version", "this version of lagcli reads format version 1")
+
+    def _sections(self) -> dict[str, Any]:
+        """The sections of the document in their order, by the fields of `Model`; of a condition all its walls."""
+        found: dict[str, Any] = {}
+        for section in ("title", "description", "source"):
+            node = self._root.get(section)
+            found[section] = "" if node is None else entries.text(self._formulas, node)
+        units = self._written("units")
+        labels = None if units is None else entries.fields(self._formulas, units, keys.FORMAT.key("units"))
+        found["units"] = model.Units(
+            **{key: entries.text(self._formulas, value) for key, value in (labels or {}).items()}
+        )
+        self._names.declare(self._entries)
+        self._names.take_constraint_names(self._entries)
+        found["parameters"] = self._parameters()
+        self._names.count_members(self._entries)
+        found["coordinates"] = self._named("coordinates", self._coordinate)
+        found["particles"], found["definitions"] = self._particles_and_definitions()
+        node = self._written("lagrangian")
+        found["lagrangian"] = None
+        if node is not None:
+            found["lagrangian"] = self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
+        found["forces"] = self._forces(found["particles"])
+        found["holonomic"] = self._laws("holonomic", constraint_laws.holonomic)
+        found["differential"] = self._laws("differential", constraint_laws.differential)
+        found["inequality"] = self._named("inequality", self._walls)
+        found["rigid"] = self._named("rigid", self._rigid)
+        found["outputs"] = self._named("outputs", self._output)
+        found["events"] = self._named("events", functools.partial(run_sections.event, self._formulas))
+        found["simulation"] = run_sections.simulation(
+            self._formulas, self._root.get("simulation"), found["particles"]
+        )
+        return found
+
+    def _written(self, section: str) -> yaml_tree.AnyNode | None:
+        """What stands in a section; None where nothing does."""
+        node = self._root.get(section)
+        return None if node is None or yaml_tree.is_empty(node) else node
 
     def _entries(self, section: str) -> Iterator[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]:
         """The entries of a section of named things; what is no mapping is reported once."""
-        node = self._root.get(section)
-        if node is None or yaml_tree.is_empty(node):
-            return
-        if not isinstance(node, yaml_tree.Mapping):
+        node = self._written(section)
+        if isinstance(node, yaml_tree.Mapping):
+            yield from node
+        elif node is not None:
             key = keys.FORMAT.key(section)
             what = "keys" if key.holds == "mapping" else key.holds
             message = f"`{section}` needs a name for each entry, with its {what} after a colon"
             hint = f"for example {meant.words('examples')[section]}, indented under `{section}:`"
             self._formulas.report(node, "not-a-mapping", message, hint)
-            return
-        yield from node
 
     def _formulas_of(self, section: str, name: yaml_tree.Scalar) -> Formulas | None:
         """Reads the expressions of an entry; None where its members are not known."""
@@ -216,35 +240,38 @@ class _Document:
         formulas = self._formulas_of("coordinates", name)
         return None if formulas is None else entries.coordinate(formulas, name, node)
 
-    def _particles(self) -> tuple[model.Particle, ...]:
-        readers = {}
+    def _particles_and_definitions(self) -> tuple[tuple[model.Particle, ...], tuple[model.Definition, ...]]:
+        names, readers = self._scope.names, {}
         for name, node in self._entries("particles"):
             formulas = self._formulas_of("particles", name)
-            if formulas is None:
-                continue
-            reader = readers[name.value] = entries.ParticleReader(formulas, name, node)
-            self._scope.names.define(name.value, reader.find, reader.uses)
+            if formulas is not None:
+                reader = readers[name.value] = entries.ParticleReader(formulas, name, node)
+                names.define(name.value, reader.find, reader.uses)
         # Definitions must be known before positions are looked at: a position may use one.
         order = {name.value: i for i, (name, _) in enumerate(self._entries("definitions"))}
+        defined: dict[str, model.Expression] = {}
         for name, node in self._entries("definitions"):
             expression = self._formulas.parse(node, parser.parse)
             uses: set[str] = set()
             if expression is not None:
-                self._defined[name.value] = expression
+                defined[name.value] = expression
                 uses = tree.names(expression.tree)
-            self._scope.names.define(name.value, self._definition_finder(name.value, expression, order), uses)
-        read = []
+            names.define(name.value, self._definition_finder(name.value, expression, order), uses)
+        # Positions as the file has them: a change may not make a function of an initial value, or the reverse.
+        unchanged = None if self._file is self._root else self._file.get("particles")
+        particles = []
         for word, reader in readers.items():
-            self._scope.names.settle(word)
-            read.append(reader.read(self._position_in_file(word)))
-        return tuple(particle for particle in read if particle is not None)
-
-    def _position_in_file(self, particle: str) -> yaml_tree.AnyNode | None:
-        if self._file is self._root:
-            return None
-        node = self._file.get("particles")
-        entry = node.get(particle) if isinstance(node, yaml_tree.Mapping) else None
-        return entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None
+            names.settle(word)
+            entry = unchanged.get(word) if isinstance(unchanged, yaml_tree.Mapping) else None
+            particles.append(
+                reader.read(entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None)
+            )
+        definitions = [
+            model.Definition(word, expression)
+            for word, expression in defined.items()
+            if names.settle(word) is not None
+        ]
+        return tuple(particle for particle in particles if particle is not None), tuple(definitions)
 
     def _definition_finder(
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]
@@ -263,19 +290,6 @@ class _Document:
 
         return find
 
-    def _definitions(self) -> tuple[model.Definition, ...]:
-        read = []
-        for name, expression in self._defined.items():
-            if self._scope.names.settle(name) is not None:
-                read.append(model.Definition(name, expression))
-        return tuple(read)
-
-    def _lagrangian(self) -> model.Expression | None:
-        node = self._root.get("lagrangian")
-        if node is None or yaml_tree.is_empty(node):
-            return None
-        return self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
-
     def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
         masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
         complete = masses.size == len(self._scope.names.member_indices["particle"])
@@ -292,7 +306,7 @@ class _Document:
     def _laws(
         self, section: str, law: Callable[[Formulas, yaml_tree.AnyNode], Law | None]
     ) -> tuple[Law, ...]:
-        """Equations and conditions, each written shortly or as a mapping."""
+        """Equations, each written shortly or as a mapping."""
 
         def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> Law | None:
             formulas = self._formulas_of(section, name)
@@ -302,9 +316,7 @@ class _Document:
 
         return self._named(section, one)
 
-    def _inequality(
-        self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode
-    ) -> tuple[model.Inequality, ...] | None:
+    def _walls(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> tuple[model.Inequality, ...] | None:
         """The walls of a condition."""
         formulas = self._formulas_of("inequality", name)
         found = None if formulas is None else constraint_laws.inequality(formulas, node)
@@ -319,132 +331,76 @@ class _Document:
 
     def _number_law(self, name: yaml_tree.Scalar, law: Equation | model.Inequality | None) -> None:
         base = entry_names.base_of(name)
-        if base not in self._scope.laws:
-            return
-        shape: scope.Shape = "vector" if isinstance(law, Equation) and law.is_vector else "scalar"
-        found = family.one(base) if law is None else law.members
-        self._names.refuse_repeated(
-            name, found, self._scope.laws.number(found, None if law is None else shape)
-        )
+        if base in self._scope.laws:
+            shape: scope.Shape = "vector" if isinstance(law, Equation) and law.is_vector else "scalar"
+            found = family.one(base) if law is None else law.members
+            repeated = self._scope.laws.number(found, None if law is None else shape)
+            self._names.refuse_repeated(name, found, repeated)
 
-    def _rigid(self) -> tuple[model.RigidBody, ...]:
-        def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
-            body = entries.rigid(self._formulas, name, node)
-            if name.value in self._scope.laws:
-                self._scope.laws.number(family.one(name.value), None if body is None else "body")
-            return body
+    def _rigid(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
+        body = entries.rigid(self._formulas, name, node)
+        if name.value in self._scope.laws:
+            self._scope.laws.number(family.one(name.value), None if body is None else "body")
+        return body
 
-        return self._named("rigid", one)
-
-    def _outputs(self) -> tuple[model.Output, ...]:
-        read = []
-        for name, node in self._entries("outputs"):
-            formulas = self._formulas_of("outputs", name)
-            if formulas is None:
-                continue
-            written = entries.written(formulas, node, "outputs", "expression")
-            expression = value = None
-            if written is not None:
-                expression, value = entries.either(formulas, written, facts.OUTPUT, "an output")
-            self._scope.names.define(name.value, namespace.known(value))
-            self._scope.names.settle(name.value)
-            if expression is not None and value is not None:
-                read.append(model.Output(formulas.members, expression, isinstance(value, tuple)))
-        return tuple(read)
-
-    def _text(self, section: str) -> str:
-        node = self._root.get(section)
-        return "" if node is None else entries.text(self._formulas, node)
-
-    def _units(self) -> model.Units:
-        node = self._root.get("units")
-        if node is None or yaml_tree.is_empty(node):
-            return model.Units()
-        fields = entries.fields(self._formulas, node, keys.FORMAT.key("units")) or {}
-        return model.Units(**{key: entries.text(self._formulas, value) for key, value in fields.items()})
-
-
-def _check_sections(root: yaml_tree.Mapping, formulas: Formulas) -> None:
-    """Report sections there are not, and a format version that is missing or none."""
-    empty = ""
-    for key, value in root:
-        if key.value not in keys.FORMAT.names:
-            hint = key_hints.section(key.value, value, empty)
-            formulas.report(key, "unknown-key", f"there is no section `{key.value}`", hint)
-        empty = key.value if yaml_tree.is_empty(value) and key.value in keys.FORMAT.names else ""
-    version = root.get("lagcli")
-    if version is None:
-        hint = "a model begins with the line `lagcli: 1`"
-        formulas.report(root, "missing-key", "the format version `lagcli: 1` is missing", hint)
-    elif not isinstance(version, yaml_tree.Scalar) or version.value.strip() != "1":
-        formulas.report(version, "unknown-version", "this version of lagcli reads format version 1")
-
-
-def _fingerprint(content: str, particles: tuple[model.Particle, ...]) -> str:
-    """Tells laws apart: those of the file, and positions of dependent particles, which a change may replace."""
-    laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
-    return hashlib.sha256("\0".join([content, *laws]).encode()).hexdigest()
-
-
-FULL_TURN = 2 * math.pi  # radians: a start beyond it is possible, but seldom meant
-_FUNCTIONS = functions.named(lambda row: row.angle == "argument")
-_CALLS = functions.calls(lambda row: row.angle == "argument")
+    def _output(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Output | None:
+        formulas = self._formulas_of("outputs", name)
+        if formulas is None:
+            return None
+        written = entries.written(formulas, node, "outputs", "expression")
+        expression = None if written is None else formulas.parse(written, parser.parse)
+        value = None
+        if expression is not None:
+            value = formulas.either_facts(expression, facts.OUTPUT, "an output")
+        self._scope.names.define(name.value, namespace.known(value))
+        self._scope.names.settle(name.value)
+        if expression is None or value is None:
+            return None
+        return model.Output(formulas.members, expression, isinstance(value, tuple))
 
 
 def _degree_notes(
-    root: yaml_tree.Mapping, expressions: Iterable[Expression]
+    root: yaml_tree.Mapping, expressions: Iterable[model.Expression]
 ) -> Iterator[diagnostics.Diagnostic]:
     """A note for each number beyond a full turn that is an argument, or a term of one, of sin, cos or tan."""
-    large = dict(_large(root))
-    noted: set[str] = set()
-    for expression in expressions:
-        if not expression.words & _CALLS:
-            continue
-        for call, part in _arguments(expression.tree):
-            shown = expression.origin.value[call.start : call.end]
-            if isinstance(part, tree.Number):
-                if abs(float(part.text)) > FULL_TURN:
-                    yield _note(part.text, part.text, shown, expression.origin.locate(part.start, part.end))
-                continue
-            name = part.owner if isinstance(part, tree.Index) else part.name
-            if name in large and name not in noted:
-                noted.add(name)
-                node = large[name]
-                yield _note(f"{name} = {node.value.strip()}", node.value.strip(), shown, node.location)
-
-
-def _note(what: str, number: str, shown: str, location: diagnostics.Location) -> diagnostics.Diagnostic:
-    message = f"`{what}` is more than a full turn in radians, and `{shown}` takes it as an angle"
-    hint = f"if degrees are meant, write `{number}*deg`"
-    return diagnostics.Diagnostic("angle-in-degrees", message, location, hint, "note")
-
-
-def _large(root: yaml_tree.Mapping) -> Iterator[tuple[str, yaml_tree.Scalar]]:
-    """Parameters and starts of coordinates that are plain numbers beyond a full turn, by base name."""
+    # Parameters and starts of coordinates that are plain numbers beyond a full turn, by base name.
+    large: dict[str, yaml_tree.Scalar] = {}
     for section in ("parameters", "coordinates"):
         node = root.get(section)
         for name, value in node if isinstance(node, yaml_tree.Mapping) else ():
             start = value.get("value") if isinstance(value, yaml_tree.Mapping) else value
-            if isinstance(start, yaml_tree.Scalar) and abs(_number(start.value)) > FULL_TURN:
-                yield name.value.partition("[")[0], start
+            with contextlib.suppress(ValueError):
+                if isinstance(start, yaml_tree.Scalar) and abs(float(start.value)) > FULL_TURN:
+                    large[name.value.partition("[")[0]] = start
+    for expression in expressions:
+        for call, part in _angles(expression.tree) if expression.words & _CALLS else ():
+            if isinstance(part, tree.Number):
+                if abs(float(part.text)) <= FULL_TURN:
+                    continue
+                what = number = part.text
+                location = expression.origin.locate(part.start, part.end)
+            else:
+                name_of_part = part.owner if isinstance(part, tree.Index) else part.name
+                known = large.pop(name_of_part, None)  # noted once
+                if known is None:
+                    continue
+                number, location = known.value.strip(), known.location
+                what = f"{name_of_part} = {number}"
+            shown = expression.origin.value[call.start : call.end]
+            message = f"`{what}` is more than a full turn in radians, and `{shown}` takes it as an angle"
+            hint = f"if degrees are meant, write `{number}*deg`"
+            yield diagnostics.Diagnostic("angle-in-degrees", message, location, hint, "note")
 
 
-def _number(text: str) -> float:
-    """The number a text is; 0 for any other text."""
-    try:
-        return float(text)
-    except ValueError:
-        return 0.0
-
-
-def _arguments(node: tree.Node) -> Iterator[tuple[tree.Call, tree.Number | tree.Name | tree.Index]]:
+def _angles(node: tree.Node) -> Iterator[tuple[tree.Call, tree.Number | tree.Name | tree.Index]]:
     """Each call of sin, cos, tan with its argument, or the terms of it, that are plain numbers or names."""
     for part in tree.walk(node):
-        if isinstance(part, tree.Call) and part.function in _FUNCTIONS:
-            for argument in part.arguments:
-                terms = [term for _, term in argument.terms] if isinstance(argument, tree.Sum) else [argument]
-                for term in terms:
-                    if isinstance(term, (tree.Number, tree.Name)) or (
-                        isinstance(term, tree.Index) and not term.member
-                    ):
-                        yield part, term
+        if not isinstance(part, tree.Call) or part.function not in _CIRCULAR:
+            continue
+        for argument in part.arguments:
+            terms = [term for _, term in argument.terms] if isinstance(argument, tree.Sum) else [argument]
+            for term in terms:
+                if isinstance(term, tree.Index) and term.member:
+                    continue
+                if isinstance(term, (tree.Number, tree.Name, tree.Index)):
+                    yield part, term

@@ -15,6 +15,7 @@ from lagcli.model import model
 FAMILY = ("for", "if")
 
 MOST_NAMED = 8  # names that a hint lists
+_OWN_WORDS = {"m": "mass", "r": "position", "v": "velocity"}
 
 
 def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[str, yaml_tree.AnyNode] | None:
@@ -141,8 +142,7 @@ class ParticleReader:
 
     def read(self, file_position: yaml_tree.AnyNode | None) -> model.Particle | None:
         """The particle, once its facts are found. `file_position` is the position without changes made."""
-        formulas = self._formulas
-        mass, masses = self._mass()
+        formulas, mass = self._formulas, self._mass()
         velocity = self._fields.get("velocity")
         moving: model.Floats | None = np.zeros((formulas.members.count, 3))
         if velocity is not None:
@@ -150,61 +150,43 @@ class ParticleReader:
         if self._position is None or self._facts is None or mass is None or moving is None:
             return None
         dependent = bool(scope.reads(self._facts))
-        if not self._keeps_kind(dependent, file_position):
-            return None
+        position = self._fields["position"]
+        if file_position is not None and position is not file_position:
+            # A changed position is still an initial value, or still a function.
+            silent = formulas.silent()
+            before = silent.vector_expression(file_position)
+            found = None if before is None else silent.vector_facts(before, facts.POSITION_OR_TIME, "")
+            if found is not None and bool(scope.reads(found)) != dependent:
+                message = "an initial position is a constant, and this one depends on coordinates or time"
+                if not dependent:
+                    message = "the position of this particle is a function of coordinates or time,"
+                    message += " not an initial value"
+                items = position.items if isinstance(position, yaml_tree.Sequence) else ()
+                changed = next((item for item in items if item.text is not file_position.text), position)
+                formulas.report(changed, "not-an-initial-value", message, "change the file instead")
+                return None
         if dependent and velocity is not None:
             message = "a particle whose position depends on coordinates or time has no velocity of its own"
             hint = "its velocity follows from the `rate`s"
             formulas.report(velocity, "velocity-of-dependent", message, hint)
             return None
         start = None if dependent else formulas.vectors(self._facts)
-        at = self._name.location
-        return model.Particle(formulas.members, mass, masses, self._position, start, moving, at)
+        return model.Particle(formulas.members, *mass, self._position, start, moving, self._name.location)
 
-    def _keeps_kind(self, dependent: bool, file_position: yaml_tree.AnyNode | None) -> bool:
-        """True if a changed position is still an initial value, or still a function; else it is refused."""
-        position_node = self._fields.get("position")
-        if position_node is None or file_position is None or position_node is file_position:
-            return True
-        before = self._formulas.silent().vector_expression(file_position)
-        found = (
-            self._formulas.silent().vector_facts(before, facts.POSITION_OR_TIME, "")
-            if before is not None
-            else None
-        )
-        if found is None or bool(scope.reads(found)) == dependent:
-            return True
-        if dependent:
-            message = "an initial position is a constant, and this one depends on coordinates or time"
-        else:
-            message = (
-                "the position of this particle is a function of coordinates or time, not an initial value"
-            )
-        items = position_node.items if isinstance(position_node, yaml_tree.Sequence) else ()
-        changed = next((item for item in items if item.text is not file_position.text), position_node)
-        self._formulas.report(changed, "not-an-initial-value", message, "change the file instead")
-        return False
-
-    def _mass(self) -> tuple[model.Expression | None, model.Floats]:
+    def _mass(self) -> tuple[model.Expression, model.Floats] | None:
+        """The expression and the values of the mass, (K,); None where it has none, which is reported."""
         node, formulas = self._fields.get("mass"), self._formulas
-        nothing = np.zeros(0)
-        if node is None:
-            return None, nothing
-        expression = formulas.parse(node, parser.parse)
-        found = None if expression is None else formulas.facts(expression, facts.NOTHING, "a mass")
-        if found is None:
-            return None, nothing
-        masses = formulas.values(facts.constant(found))
-        if not (masses > 0.0).all():
-            first = int(np.argmin(masses > 0.0))
-            message = f"a mass must be positive, and this one is {masses[first]:g}{formulas.where(first)}"
+        given = None if node is None else formulas.written_constants(node, "a mass")
+        if node is not None and given is not None and not (given[1] > 0.0).all():
+            first = int(np.argmin(given[1] > 0.0))
+            message = f"a mass must be positive, and this one is {given[1][first]:g}{formulas.where(first)}"
             hint = (
                 "a massless stick or string is a constraint between what it joins; a point that only marks a"
             )
             hint += " position is an expression under `definitions`"
             formulas.report(node, "mass-not-positive", message, hint)
-            return None, nothing
-        return expression, masses
+            return None
+        return given
 
 
 def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
@@ -238,7 +220,16 @@ def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
         ):
             return None
         return model.GeneralizedForce(formulas.members, action, expression)
-    return _particle_force(formulas, action, found["force"])
+    vector, count = formulas.vector_expression(found["force"]), action.targets.size
+    if vector is None or not all(
+        formulas.can_evaluate(found["force"], part.tree, count) for part in vector.parts
+    ):
+        return None
+    lookup = formulas.scope.lookup_in(formulas.members, own=True)
+    own = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", lookup)
+    if own is None:
+        return None
+    return model.ParticleForce(formulas.members, action, vector, scope.reads(own) <= {"mass"})
 
 
 def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kind, model.Action] | None:
@@ -286,13 +277,9 @@ def references(
             formulas.report(node, "no-particles", "there are no particles for `all` to stand for")
             return None
         return [("particle", np.arange(len(member_indices["particle"])), False)]
-    found = []
-    for name in listed:
-        one = _reference(formulas, name, kinds, everything)
-        if one is None:
-            continue
-        found.append(one)
-    return found if len(found) == len(listed) else None
+    found = [_reference(formulas, name, kinds, everything) for name in listed]
+    known = [one for one in found if one is not None]
+    return known if len(known) == len(listed) else None
 
 
 def _reference(
@@ -314,11 +301,8 @@ def _reference(
         if formulas.scope.names.is_broken(base):
             return None
         if isinstance(written, tree.Name) and formulas.scope.names.is_family(base):
-            return (
-                kind,
-                np.array(formulas.scope.names.member_indices[kind].family(base), dtype=np.int64),
-                False,
-            )
+            family = formulas.scope.names.member_indices[kind].family(base)
+            return kind, np.array(family, dtype=np.int64), False
         numbers = formulas.scope.indexed.numbers(written, formulas.members.variables)
         return kind, numbers, isinstance(written, tree.Index)
     except ExpressionError as error:
@@ -339,20 +323,6 @@ def name_list(formulas: Formulas, node: yaml_tree.AnyNode) -> list[yaml_tree.Sca
     return named if len(named) == len(items) else None
 
 
-def _particle_force(
-    formulas: Formulas, action: model.Action, node: yaml_tree.AnyNode
-) -> model.ParticleForce | None:
-    vector = formulas.vector_expression(node)
-    count = action.targets.size
-    if vector is None or not all(formulas.can_evaluate(node, part.tree, count) for part in vector.parts):
-        return None
-    found = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", formulas.lookup_with_own)
-    if found is None:
-        return None
-    constant = scope.reads(found) <= {"mass"}
-    return model.ParticleForce(formulas.members, action, vector, constant)
-
-
 def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: model.Floats) -> None:
     """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs.
 
@@ -370,9 +340,6 @@ def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: mode
                 formulas.warn(
                     part.location, "shadowed-name", message, f"rename the {kind} to use it in a force"
                 )
-
-
-_OWN_WORDS = {"m": "mass", "r": "position", "v": "velocity"}
 
 
 def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:
@@ -396,19 +363,10 @@ def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -
                 formulas.report(item, "duplicate-name", message, hint)
             seen |= set(found.tolist())
     if len(numbers) < 2:
-        message = "a rigid body needs at least two particles"
-        formulas.report(
-            node, "too-few-particles", message, "a particle alone needs nothing to hold it together"
+        message, hint = (
+            "a rigid body needs at least two particles",
+            "a particle alone needs nothing to hold it together",
         )
+        formulas.report(node, "too-few-particles", message, hint)
         good = False
     return model.RigidBody(name.value, tuple(numbers), name.location) if good else None
-
-
-def either(
-    formulas: Formulas, node: yaml_tree.AnyNode, allowed: frozenset[facts.Flag], subject: str
-) -> tuple[model.Expression | None, facts.Either | None]:
-    """Expression and facts of a scalar or vector, or a pair of None."""
-    expression = formulas.parse(node, parser.parse)
-    if expression is None:
-        return None, None
-    return expression, formulas.either_facts(expression, allowed, subject)

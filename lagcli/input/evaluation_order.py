@@ -6,7 +6,7 @@ order member by member, and a circle among them is an error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -117,7 +117,12 @@ class _Members:
         ready = [node for node, count in missing.items() if count == 0]
         steps: list[str | Batch] = []
         while ready:
-            steps += self._batches(ready)
+            for number in sorted({number for number, _ in ready}):
+                unit = self._units[number]
+                members = sorted(member for n, member in ready if n == number)
+                steps.append(
+                    unit.name if unit.entry is None else Batch(unit.entry, np.array(members, dtype=np.int64))
+                )
             following = []
             for node in ready:
                 del missing[node]
@@ -135,42 +140,25 @@ class _Members:
             self._formulas.trouble(unit.parts[0].origin, error)
         return steps
 
-    def _batches(self, nodes: list[Node]) -> list[str | Batch]:
-        steps: list[str | Batch] = []
-        for number in sorted({number for number, _ in nodes}):
-            unit = self._units[number]
-            if unit.entry is None:
-                steps.append(unit.name)
-            else:
-                numbers = sorted(member for n, member in nodes if n == number)
-                steps.append(Batch(unit.entry, np.array(numbers, dtype=np.int64)))
-        return steps
-
     def _references(self, number: int, group: set[int]) -> list[tuple[Node, set[Node]]]:
         """For each member of a unit the members and definitions in the group that its formulas speak of."""
         unit = self._units[number]
         variables = {} if unit.entry is None else self._particles[unit.entry].members.variables
         found: list[tuple[Node, set[Node]]] = []
-        for part in unit.parts:
-            for node in tree.walk(part.tree):
-                found += self._reference(node, number, variables, group)
+        for node in (node for part in unit.parts for node in tree.walk(part.tree)):
+            if isinstance(node, tree.Index) and node.owner in self._member_index:
+                numbers = self._formulas.scope.indexed.numbers(node, variables)
+                targets = np.broadcast_to(numbers, unit.count)
+                entries = self._member_index.entries(targets)
+                for k, (target, entry) in enumerate(zip(targets.tolist(), entries.tolist(), strict=True)):
+                    other = self._unit_of.get(entry)
+                    if other is not None and other in group:
+                        found.append(((number, k), {(other, target - self._member_index.first(entry))}))
+            elif isinstance(node, (tree.Name, tree.Member)):
+                name = node.name if isinstance(node, tree.Name) else node.owner
+                others = {
+                    (n, 0) for n in self._by_name.get(name, ()) if n in group and self._units[n].count == 1
+                }
+                if others:
+                    found += [((number, k), others) for k in range(unit.count)]
         return found
-
-    def _reference(
-        self, node: tree.Node, number: int, variables: Mapping[str, model.Integers], group: set[int]
-    ) -> list[tuple[Node, set[Node]]]:
-        count = self._units[number].count
-        if isinstance(node, tree.Index) and node.owner in self._member_index:
-            targets = np.broadcast_to(self._formulas.scope.indexed.numbers(node, variables), count)
-            entries = self._member_index.entries(targets)
-            pairs = enumerate(zip(targets.tolist(), entries.tolist(), strict=True))
-            return [
-                ((number, k), {(self._unit_of[entry], target - self._member_index.first(entry))})
-                for k, (target, entry) in pairs
-                if self._unit_of.get(entry) in group
-            ]
-        name = str(getattr(node, "owner", getattr(node, "name", "")))
-        others = {(n, 0) for n in self._by_name.get(name, ()) if n in group and self._units[n].count == 1}
-        if isinstance(node, (tree.Name, tree.Member)) and others:
-            return [((number, k), others) for k in range(count)]
-        return []

@@ -127,29 +127,22 @@ def _value(key: keys.Key) -> Schema:
         columns = namespace.NOT_FOR_COLUMNS if kinds.get(key.name) in namespace.NUMBERED else ()
         closed = (*namespace.RESERVED, *columns)
         pattern = f"^{_WORD}{_INDICES if key.name in entry_names.FAMILIES else ''}$"
-        names: Schema = {
+        # An entry is a mapping, its short form, or either.
+        forms: list[Json] = [_mapping(key)] if key.keys else []
+        if not key.keys or key.holds != "mapping":
+            forms.append(_shape(key.holds))
+        elif key.short:
+            forms += [_shape(key.short), {"type": "null"}]
+        return {
             "type": ["object", "null"],
             "propertyNames": {"pattern": pattern, "not": {"enum": list(closed)}},
+            "additionalProperties": forms[0] if len(forms) == 1 else {"anyOf": forms},
         }
-        names["additionalProperties"] = _entry(key)
-        return names
     if key.keys:
         return {**_mapping(key), "type": ["object", "null"]}
     if key.name == "lagrangian":  # a section too: it may be left empty
         return {"type": ["string", "number", "null"]}
     return _shape(key.holds)
-
-
-def _entry(key: keys.Key) -> Schema:
-    """One entry of a section: a mapping, its short form, or either."""
-    if not key.keys:
-        return dict(_shape(key.holds))
-    forms: list[Json] = [_mapping(key)]
-    if key.holds != "mapping":
-        forms.append(_shape(key.holds))
-    elif key.short:
-        forms += [_shape(key.short), {"type": "null"}]
-    return forms[0] if len(forms) == 1 and isinstance(forms[0], dict) else {"anyOf": forms}
 
 
 def _shape(holds: str) -> Schema:

@@ -1,9 +1,12 @@
-"""Expressions that are given beside a model, with an option: a number (`--mu`), or a function of positions (`--of`)."""
+"""What is given beside a model, with an option: a number (`--mu`), a function of positions (`--of`), and the initial
+values of single members of families (`--set p[3].x=1`)."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
+from collections.abc import Sequence
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
@@ -12,7 +15,7 @@ from lagcli.expression.facts import Either, Facts
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace, scope
 from lagcli.input.namespace import POSITION, Kind
-from lagcli.input.overrides import OverrideError
+from lagcli.input.overrides import OfMember, OverrideError
 from lagcli.input.scalars import Formulas
 from lagcli.model import model as nouns
 from lagcli.model.family import Family
@@ -59,42 +62,32 @@ def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:
 
     Raises `diagnostics.ModelError`, located in `label`, and `ValueError` for a constant.
     """
-    found = diagnostics.Collector()
-    names = _scope(model, found)
-    node = yaml_tree.scalar(text, label)
-    formulas = Formulas(names, found)
-    expression = formulas.parse(node, parser.parse)
-    value = None if expression is None else formulas.facts(expression, POSITIONS, "this function")
-    if value is not None and value.value is not None:
-        raise ValueError("of: it is a constant, for which every point is stationary")
-    found.raise_errors()
-    assert expression is not None
-    return expression
-
-
-def _scope(model: nouns.Model, found: diagnostics.Collector) -> scope.Scope:
-    """The names of a model, as its own expressions know them."""
-    whole = scope.Scope()
-    names = whole.names
+    # The names of a model, as its own expressions know them.
+    found, whole = diagnostics.Collector(), scope.Scope()
+    names, formulas = whole.names, Formulas(whole, found)
     for parameter in model.parameters:
         names.declare(parameter.name, parameter.name, "parameter")
         names.define(parameter.name, namespace.known(_facts_of(parameter.value)))
         names.settle(parameter.name)
     for coordinate in model.coordinates:
-        key = _declared(whole, coordinate.members, "coordinate")
-        names.define(key, namespace.known(POSITION))
+        names.define(_declared(whole, coordinate.members, "coordinate"), namespace.known(POSITION))
     for particle in model.particles:
         key = _declared(whole, particle.members, "particle")
         part = POSITION if particle.is_dependent else Facts(None, frozenset(("position", "cartesian")))
         names.define(key, namespace.known((part, part, part)))
-    formulas = Formulas(whole, found)
     for definition in model.definitions:
         names.declare(definition.name, definition.name, "definition")
         facts_of = functools.partial(
             formulas.either_facts, definition.expression, facts.MOTION, "a definition"
         )
         names.define(definition.name, facts_of)
-    return whole
+    expression = formulas.parse(yaml_tree.scalar(text, label), parser.parse)
+    value = None if expression is None else formulas.facts(expression, POSITIONS, "this function")
+    if value is not None and value.value is not None:
+        raise ValueError("of: it is a constant, for which every point is stationary")
+    found.raise_errors()
+    assert expression is not None
+    return expression
 
 
 def _declared(whole: scope.Scope, members: Family, kind: Kind) -> str:
@@ -112,3 +105,61 @@ def _facts_of(value: float | nouns.Vector3) -> Either:
         return Facts(value)
     x, y, z = map(Facts, value)
     return x, y, z
+
+
+_FIELDS = {"value": "value", "rate": "rate", "position": "start", "velocity": "start_velocity"}
+
+
+def coordinates(
+    formulas: Formulas, read: Sequence[nouns.Coordinate], changes: Sequence[OfMember]
+) -> tuple[nouns.Coordinate, ...]:
+    """The coordinates with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
+    changed = list(read)
+    for change in changes:
+        entry, member = _member(formulas, change, "coordinate")
+        found = formulas.constant(change.value, f"the initial {change.field} of a coordinate")
+        if found is not None:
+            values = getattr(changed[entry], change.field).copy()
+            values[member] = found
+            changed[entry] = dataclasses.replace(changed[entry], **{change.field: values})
+    return tuple(changed)
+
+
+def particles(
+    formulas: Formulas, read: Sequence[nouns.Particle], changes: Sequence[OfMember]
+) -> tuple[nouns.Particle, ...]:
+    """The particles with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
+    changed = list(read)
+    for change in changes:
+        entry, member = _member(formulas, change, "particle")
+        particle = changed[entry]
+        if particle.start is None:
+            message = (
+                f"`{change.owner}` has no initial values: its position is a function of coordinates or time"
+            )
+            formulas.report(change.value, "not-an-initial-value", message, "change the file instead")
+            continue
+        values = getattr(particle, _FIELDS[change.field]).copy()
+        subject = f"an initial {change.field}"
+        if change.axis is not None:
+            found = formulas.constant(change.value, subject)
+            values[member, change.axis] = 0.0 if found is None else found
+        else:
+            vectors = formulas.constant_vectors(change.value, subject)
+            values[member] = 0.0 if vectors is None else vectors[0]
+        changed[entry] = dataclasses.replace(particle, **{_FIELDS[change.field]: values})
+    return tuple(changed)
+
+
+def _member(formulas: Formulas, change: OfMember, kind: namespace.Kind) -> tuple[int, int]:
+    """The entry of a member, and its number in it. Raises `OverrideError` where there is none."""
+    try:
+        written = parser.parse_reference(change.owner)
+        assert isinstance(written, tree.Index)
+        number = formulas.scope.indexed.numbers(written, {})
+    except ExpressionError as error:
+        hint = f"; {error.hint}" if error.hint else ""
+        raise OverrideError(f"--set {change.name}: {error.message}{hint}") from None
+    member_index = formulas.scope.names.member_indices[kind]
+    entry = int(member_index.entries(number)[0])
+    return entry, int(number[0]) - member_index.first(entry)

@@ -13,6 +13,7 @@ from lagcli.errors import diagnostics, meant
 from lagcli.input import keys
 
 # Sections whose entries are written over several lines, and often without an indent.
+_Item = tuple[yaml_tree.Scalar, yaml_tree.AnyNode]
 _OFTEN_FLAT = ("particles", "coordinates", "forces", "inequality", "events")
 
 
@@ -96,37 +97,24 @@ def indented(
     sections = []
     for name, node in root:
         if name.value in _OFTEN_FLAT and isinstance(node, yaml_tree.Mapping):
-            node = _indented(keys.FORMAT.key(name.value), node, found)
+            owner = keys.FORMAT.key(name.value)
+            # Each entry with the keys that follow it on its own level.
+            entries: list[tuple[yaml_tree.Scalar, yaml_tree.AnyNode, list[_Item]]] = []
+            for key, value in node:
+                written = not isinstance(value, yaml_tree.Mapping) and not yaml_tree.is_empty(value)
+                if key.value in owner.names and written and entries and yaml_tree.is_empty(entries[-1][1]):
+                    entries[-1][2].append((key, value))
+                else:
+                    entries.append((key, value, []))
+            items: list[_Item] = []
+            for entry, value, inner in entries:
+                if inner:
+                    first, last = inner[0][0], inner[-1][1]
+                    found.append((entry, first))
+                    value = yaml_tree.Mapping(first.text, first.start, last.end, tuple(inner))
+                items.append((entry, value))
+            node = yaml_tree.Mapping(node.text, node.start, node.end, tuple(items))
         sections.append((name, node))
     if not found:
         return root, found
     return yaml_tree.Mapping(root.text, root.start, root.end, tuple(sections)), found
-
-
-def _indented(
-    owner: keys.Key, node: yaml_tree.Mapping, found: list[tuple[yaml_tree.Scalar, yaml_tree.Scalar]]
-) -> yaml_tree.Mapping:
-    entries: list[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]] = []
-    inner: list[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]] = []
-    for name, value in node:
-        written = not isinstance(value, yaml_tree.Mapping) and not yaml_tree.is_empty(value)
-        if name.value in owner.names and written and entries and yaml_tree.is_empty(entries[-1][1]):
-            if not inner:
-                found.append((entries[-1][0], name))
-            inner.append((name, value))
-            continue
-        _close(entries, inner)
-        inner = []
-        entries.append((name, value))
-    _close(entries, inner)
-    return yaml_tree.Mapping(node.text, node.start, node.end, tuple(entries))
-
-
-def _close(
-    entries: list[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]],
-    inner: list[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]],
-) -> None:
-    """Give the last entry the keys that follow it."""
-    if inner:
-        first, last = inner[0][0], inner[-1][1]
-        entries[-1] = (entries[-1][0], yaml_tree.Mapping(first.text, first.start, last.end, tuple(inner)))

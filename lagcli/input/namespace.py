@@ -182,8 +182,10 @@ class Namespace:
             entry = self._entries[key]
             if entry.value is None and not entry.searching:
                 entry.searching = True
-                used = sorted(key for base in entry.uses for key in self._keys.get(base, ()))
-                waiting += [key for key in used if self._is_open(key)]
+                for used in sorted(key for base in entry.uses for key in self._keys.get(base, ())):
+                    other = self._entries[used]
+                    if other.find is not None and other.value is None and not other.searching:
+                        waiting.append(used)
                 continue
             waiting.pop()
             if entry.value is None and entry.find is not None:
@@ -191,10 +193,6 @@ class Namespace:
                 entry.value = BROKEN if found is None else found
                 # Who finds them holds this namespace: together they would stay until a collection of garbage.
                 entry.searching, entry.find = False, None
-
-    def _is_open(self, key: str) -> bool:
-        entry = self._entries[key]
-        return entry.find is not None and entry.value is None and not entry.searching
 
     def unknown(
         self, node: tree.Node, name: str, kind: Kind | None = None, further: Iterable[str] = ()

@@ -1,23 +1,15 @@
-"""Changes to parameters and initial values that come from the command line (`--set`) or from Python.
-
-Those of entries are written into the document; those of single members of families, `p[3].x`, are made in the model.
-"""
+"""Changes to parameters and initial values that come from the command line (`--set`) or from Python."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import SupportsFloat
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import parser, tree
-from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen_value
-from lagcli.input import namespace
-from lagcli.input.scalars import Formulas
-from lagcli.model import model
 
 _INITIAL = {"value": "coordinates", "rate": "coordinates", "position": "particles", "velocity": "particles"}
 _COMPONENTS: dict[str, tuple[str, int]] = {
@@ -54,29 +46,27 @@ def apply(
     of_members = []
     for name, value in changes.items():
         node = _node(f"--set {name}", value)
-        one = _of_member(root, name, node)
-        if one is not None:
-            of_members.append(one)
+        owner, word = _parts(name)
+        field, axis = _COMPONENTS.get(word, (word, None))
+        section = _INITIAL.get(field)
+        entries = root.get(section or "parameters")
+        base, bracket, _ = owner.partition("[")
+        if not word and isinstance(entries, yaml_tree.Mapping) and entries.get(name) is not None:
+            root = _with(root, "parameters", _with(entries, name, node))
+        elif section is None or not isinstance(entries, yaml_tree.Mapping):
+            raise OverrideError(_unknown(root, name))
+        elif (
+            bracket
+            and entries.get(owner) is None
+            and base in {key.value.partition("[")[0] for key, _ in entries}
+        ):
+            # A member of a family that is one entry.
+            if axis is not None:
+                _require_scalar(name, node)
+            of_members.append(OfMember(name, section, owner, field, axis, node))
         else:
-            root = _apply(root, name, node)
+            root = _set_field(root, name, (section, owner, field, axis), node)
     return root, tuple(of_members)
-
-
-def _of_member(root: yaml_tree.Mapping, name: str, value: yaml_tree.AnyNode) -> OfMember | None:
-    """The change, where it is of a member of a family and not of an entry."""
-    owner, field = _parts(name)
-    section = "particles" if field in _COMPONENTS else _INITIAL.get(field)
-    base, bracket, _ = owner.partition("[")
-    entries = root.get(section) if section else None
-    if not bracket or section is None or not isinstance(entries, yaml_tree.Mapping):
-        return None
-    if entries.get(owner) is not None or all(key.value.partition("[")[0] != base for key, _ in entries):
-        return None
-    if field not in _COMPONENTS:
-        return OfMember(name, section, owner, field, None, value)
-    if not isinstance(value, yaml_tree.Scalar):
-        raise OverrideError(f"--set {name}: a number or an expression is needed")
-    return OfMember(name, section, owner, *_COMPONENTS[field], value)
 
 
 def _parts(name: str) -> tuple[str, str]:
@@ -106,29 +96,32 @@ def _node(label: str, value: object) -> yaml_tree.AnyNode:
     raise OverrideError(f"{label}: a number, an expression or three numbers are needed, not {kind}")
 
 
-def _apply(root: yaml_tree.Mapping, name: str, value: yaml_tree.AnyNode) -> yaml_tree.Mapping:
-    owner, field = _parts(name)
-    if not field:
-        parameters = root.get("parameters")
-        if isinstance(parameters, yaml_tree.Mapping) and parameters.get(name) is not None:
-            return _with(root, "parameters", _with(parameters, name, value))
-        raise OverrideError(_unknown(root, name))
-    if field in _INITIAL:
-        return _set_field(root, name, (_INITIAL[field], owner, field), value)
-    if field in _COMPONENTS:
-        return _set_component(root, name, owner, value)
-    raise OverrideError(_unknown(root, name))
-
-
 def _set_field(
-    root: yaml_tree.Mapping, name: str, path: tuple[str, str, str], value: yaml_tree.AnyNode
+    root: yaml_tree.Mapping,
+    name: str,
+    path: tuple[str, str, str, int | None],
+    value: yaml_tree.AnyNode,
 ) -> yaml_tree.Mapping:
-    section, owner, field = path
+    """The document with a field of an entry changed, or one component of it."""
+    section, owner, field, axis = path
     entries = root.get(section)
     entry = entries.get(owner) if isinstance(entries, yaml_tree.Mapping) else None
     if entry is None or not isinstance(entries, yaml_tree.Mapping):
         raise OverrideError(_unknown(root, name))
-    if yaml_tree.is_empty(entry):
+    if axis is not None:
+        if not isinstance(entry, yaml_tree.Mapping):
+            raise OverrideError(_unknown(root, name))
+        old = entry.get(field)
+        if old is None and field == "velocity":
+            zero = yaml_tree.scalar("0", f"--set {name}")
+            old = yaml_tree.Sequence(zero.text, 0, 0, (zero, zero, zero))
+        if not isinstance(old, yaml_tree.Sequence) or len(old.items) != 3:
+            sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
+            raise OverrideError(f"--set {name}: {sentence}")
+        _require_scalar(name, value)
+        items = tuple(value if i == axis else item for i, item in enumerate(old.items))
+        value = dataclasses.replace(old, items=items)
+    elif yaml_tree.is_empty(entry):
         entry = yaml_tree.Mapping(entry.text, entry.start, entry.end, ())
     elif section == "coordinates" and isinstance(entry, yaml_tree.Scalar):
         # `X: 0` is short for `X: {value: 0}`.
@@ -139,25 +132,9 @@ def _set_field(
     return _with(root, section, _with(entries, owner, _with(entry, field, value)))
 
 
-def _set_component(
-    root: yaml_tree.Mapping, name: str, owner: str, value: yaml_tree.AnyNode
-) -> yaml_tree.Mapping:
-    field, index = _COMPONENTS[_parts(name)[1]]
-    particles = root.get("particles")
-    entry = particles.get(owner) if isinstance(particles, yaml_tree.Mapping) else None
-    if not isinstance(entry, yaml_tree.Mapping):
-        raise OverrideError(_unknown(root, name))
-    old = entry.get(field)
-    if old is None and field == "velocity":
-        zero = yaml_tree.scalar("0", f"--set {name}")
-        old = yaml_tree.Sequence(zero.text, 0, 0, (zero, zero, zero))
-    if not isinstance(old, yaml_tree.Sequence) or len(old.items) != 3:
-        sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
-        raise OverrideError(f"--set {name}: {sentence}")
+def _require_scalar(name: str, value: yaml_tree.AnyNode) -> None:
     if not isinstance(value, yaml_tree.Scalar):
         raise OverrideError(f"--set {name}: a number or an expression is needed")
-    items = tuple(value if i == index else item for i, item in enumerate(old.items))
-    return _set_field(root, name, ("particles", owner, field), dataclasses.replace(old, items=items))
 
 
 def _with(mapping: yaml_tree.Mapping, key: str, value: yaml_tree.AnyNode) -> yaml_tree.Mapping:
@@ -189,61 +166,3 @@ def _unknown(root: yaml_tree.Mapping, name: str) -> str:
     hint = diagnostics.nearest(name, known)
     sentence = f"--set {name}: there is no parameter or initial value of that name"
     return f"{sentence}; {hint}" if hint else sentence
-
-
-_FIELDS = {"value": "value", "rate": "rate", "position": "start", "velocity": "start_velocity"}
-
-
-def coordinates(
-    formulas: Formulas, read: Sequence[model.Coordinate], changes: Sequence[OfMember]
-) -> tuple[model.Coordinate, ...]:
-    """The coordinates with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
-    changed = list(read)
-    for change in changes:
-        entry, member = _member(formulas, change, "coordinate")
-        found = formulas.constant(change.value, f"the initial {change.field} of a coordinate")
-        if found is not None:
-            values = getattr(changed[entry], change.field).copy()
-            values[member] = found
-            changed[entry] = dataclasses.replace(changed[entry], **{change.field: values})
-    return tuple(changed)
-
-
-def particles(
-    formulas: Formulas, read: Sequence[model.Particle], changes: Sequence[OfMember]
-) -> tuple[model.Particle, ...]:
-    """The particles with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
-    changed = list(read)
-    for change in changes:
-        entry, member = _member(formulas, change, "particle")
-        particle = changed[entry]
-        if particle.start is None:
-            message = (
-                f"`{change.owner}` has no initial values: its position is a function of coordinates or time"
-            )
-            formulas.report(change.value, "not-an-initial-value", message, "change the file instead")
-            continue
-        values = getattr(particle, _FIELDS[change.field]).copy()
-        subject = f"an initial {change.field}"
-        if change.axis is not None:
-            found = formulas.constant(change.value, subject)
-            values[member, change.axis] = 0.0 if found is None else found
-        else:
-            vectors = formulas.constant_vectors(change.value, subject)
-            values[member] = 0.0 if vectors is None else vectors[0]
-        changed[entry] = dataclasses.replace(particle, **{_FIELDS[change.field]: values})
-    return tuple(changed)
-
-
-def _member(formulas: Formulas, change: OfMember, kind: namespace.Kind) -> tuple[int, int]:
-    """The entry of a member, and its number in it. Raises `OverrideError` where there is none."""
-    try:
-        written = parser.parse_reference(change.owner)
-        assert isinstance(written, tree.Index)
-        number = formulas.scope.indexed.numbers(written, {})
-    except ExpressionError as error:
-        hint = f"; {error.hint}" if error.hint else ""
-        raise OverrideError(f"--set {change.name}: {error.message}{hint}") from None
-    member_index = formulas.scope.names.member_indices[kind]
-    entry = int(member_index.entries(number)[0])
-    return entry, int(number[0]) - member_index.first(entry)

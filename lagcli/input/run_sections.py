@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal, TypeVar
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics, meant
 from lagcli.expression import facts, parser
-from lagcli.input import entries, keys, namespace
+from lagcli.input import entries, keys
 from lagcli.input.scalars import Formulas
 from lagcli.model import model, settings
-from lagcli.model.family import MemberIndex
-from lagcli.model.model import DeclaredEvent, Expression
+from lagcli.model.model import DeclaredEvent
 
 DIRECTIONS: dict[str, Literal["up", "down", "both"]] = {"up": "up", "down": "down", "both": "both"}
 ACTIONS: dict[str, Literal["record", "stop"]] = {"record": "record", "stop": "stop"}
@@ -25,22 +24,19 @@ def event(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -
     found = entries.fields(formulas, node, keys.FORMAT.key("events"))
     if found is None:
         return None
-    when = _when(formulas, found["when"]) if "when" in found else None
+    when = formulas.parse(found["when"], parser.parse_crossing) if "when" in found else None
+    value = None if when is None else formulas.facts(when, facts.OUTPUT, "an event")
+    if value is not None and value.value is not None:
+        message = "this expression is a constant, and an event is where one crosses zero"
+        formulas.report(
+            found["when"], "never-crosses", message, "for example `a.z`, or `t - 1` for an instant"
+        )
+        value = None
     direction = _word(formulas, found, "direction", "both", DIRECTIONS)
     action = _word(formulas, found, "action", "record", ACTIONS)
-    if when is None or direction is None or action is None:
+    if when is None or value is None or direction is None or action is None:
         return None
     return DeclaredEvent(name.value, when, direction, action)
-
-
-def _when(formulas: Formulas, node: yaml_tree.AnyNode) -> Expression | None:
-    expression = formulas.parse(node, parser.parse_crossing)
-    found = None if expression is None else formulas.facts(expression, facts.OUTPUT, "an event")
-    if found is not None and found.value is not None:
-        message = "this expression is a constant, and an event is where one crosses zero"
-        formulas.report(node, "never-crosses", message, "for example `a.z`, or `t - 1` for an instant")
-        return None
-    return None if found is None else expression
 
 
 def _word(
@@ -66,41 +62,30 @@ def _word(
     return None
 
 
-MemberIndices = Mapping[namespace.Kind, MemberIndex]
-KeepTargets = tuple[tuple[model.Particle, ...], MemberIndices]  # what `keep` may name
-
-
 def simulation(
-    formulas: Formulas,
-    node: yaml_tree.AnyNode | None,
-    particles: tuple[model.Particle, ...],
-    member_indices: MemberIndices,
+    formulas: Formulas, node: yaml_tree.AnyNode | None, particles: tuple[model.Particle, ...]
 ) -> settings.Simulation:
-    """The settings of the section; what is wrong with them is reported.
-
-    member_indices: the members that `keep` may name.
-    """
+    """The settings of the section; what is wrong with them is reported. particles: what `keep` may name."""
     default = settings.Simulation()
     if node is None or yaml_tree.is_empty(node):
         return default
     fields = entries.fields(formulas, node, keys.FORMAT.key("simulation"))
     if fields is None:
         return default
-    read: dict[str, Any] = {}
-    for key, value in fields.items():
-        setting = _setting(formulas, key, value, (particles, member_indices))
-        if setting is not None:
-            read[key] = setting
+    read = {key: _setting(formulas, key, value, particles) for key, value in fields.items()}
     if "samples" in fields and "output_step" in fields:
         message = "`samples` and `output_step` both set the times of the rows"
         formulas.report(fields["output_step"], "conflicting-keys", message, "keep one of them")
-    simulation = dataclasses.replace(default, **read)
+    given: dict[str, Any] = {key: value for key, value in read.items() if value is not None}
+    simulation = dataclasses.replace(default, **given)
     for key, message in settings.faults(simulation):
         formulas.report(fields.get(key, node), "bad-setting", message)
     return simulation
 
 
-def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, targets: KeepTargets) -> object:
+def _setting(
+    formulas: Formulas, key: str, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]
+) -> object:
     """The value of one setting, None where it has none, which is reported."""
     kind, _ = settings.table()[key]
     if kind in (str, bool):
@@ -110,10 +95,12 @@ def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, targets: Kee
         if kind is str:
             return text
         if text not in ("true", "false"):
-            formulas.report(node, "bad-setting", f"`{key}` is `true` or `false`", _truth(text))
+            known = meant.words("truths").get(text.casefold(), text.casefold())
+            hint = f"write `{known}`" if known in ("true", "false") else ""
+            formulas.report(node, "bad-setting", f"`{key}` is `true` or `false`", hint)
         return text == "true"
     if kind not in (int, float):
-        return _keep(formulas, node, *targets)
+        return _keep(formulas, node, particles)
     value = formulas.constant(node, f"the setting `{key}`")
     if kind is int and value is not None:
         if value != round(value):
@@ -124,10 +111,7 @@ def _setting(formulas: Formulas, key: str, node: yaml_tree.AnyNode, targets: Kee
 
 
 def _keep(
-    formulas: Formulas,
-    node: yaml_tree.AnyNode,
-    particles: tuple[model.Particle, ...],
-    member_indices: MemberIndices,
+    formulas: Formulas, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]
 ) -> tuple[str, ...] | None:
     listed = [] if yaml_tree.is_empty(node) else entries.name_list(formulas, node)
     if listed is None:
@@ -142,29 +126,14 @@ def _keep(
         if dot and axis not in "]":
             components = [f"{particle}.{part}" for particle in sorted(cartesian) for part in "xyz"]
             hint = diagnostics.nearest(name.value, components)
-            message = f"there is no coordinate `{name.value}`"
-            formulas.report(name, "unknown-name", message, hint)
+            formulas.report(name, "unknown-name", f"there is no coordinate `{name.value}`", hint)
             continue
-        named = entries.references(formulas, name, ("coordinate", "particle"))
-        for kind, numbers, _ in named or ():
-            members = [member_indices[kind].names[number] for number in numbers.tolist()]
-            if kind != "coordinate":
-                _require_own(formulas, name, members, cartesian)
+        for kind, numbers, _ in entries.references(formulas, name, ("coordinate", "particle")) or ():
+            known = formulas.scope.names.member_indices[kind].names
+            members = [known[number] for number in numbers.tolist()]
+            dependent = [member for member in members if member not in cartesian]
+            if kind != "coordinate" and dependent:
+                message = f"the particle `{dependent[0]}` has no coordinates of its own"
+                formulas.report(name, "unknown-name", message, "keep the coordinates it depends on")
             found += members
     return tuple(found)
-
-
-def _require_own(
-    formulas: Formulas, node: yaml_tree.Scalar, members: Sequence[str], cartesian: set[str]
-) -> None:
-    """Report a particle that has no coordinates of its own."""
-    dependent = [name for name in members if name not in cartesian]
-    if dependent:
-        message = f"the particle `{dependent[0]}` has no coordinates of its own"
-        formulas.report(node, "unknown-name", message, "keep the coordinates it depends on")
-
-
-def _truth(text: str) -> str:
-    """A hint for other words of yes and no."""
-    known = meant.words("truths").get(text.casefold(), text.casefold())
-    return f"write `{known}`" if known in ("true", "false") else ""

@@ -64,11 +64,6 @@ class Formulas:
         self._reading = reading or Reading()
         self.lookup = scope.lookup_in(self.members)
 
-    @property
-    def lookup_with_own(self) -> Lookup:
-        """The lookup with `m`, `r`, `v` of a particle open."""
-        return self.scope.lookup_in(self.members, own=True)
-
     def within(self, members: Family) -> Formulas:
         """The formulas for an entry with these members."""
         return Formulas(self.scope, self.found, members, self._reading)
@@ -198,13 +193,8 @@ class Formulas:
 
     def constant(self, node: yaml_tree.AnyNode, subject: str) -> float | None:
         """The value of an expression of parameters."""
-        found = self.constants(node, subject)
-        return None if found is None else float(found[0])
-
-    def constants(self, node: yaml_tree.AnyNode, subject: str) -> Floats | None:
-        """The values of an expression of parameters and indices, one for each member, (K,)."""
         found = self.written_constants(node, subject)
-        return None if found is None else found[1]
+        return None if found is None else float(found[1][0])
 
     def written_constants(self, node: yaml_tree.AnyNode, subject: str) -> tuple[Expression, Floats] | None:
         """An expression of parameters and indices, and its values, one for each member, (K,)."""

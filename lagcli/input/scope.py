@@ -176,7 +176,17 @@ class Scope:
                     raise ExpressionError("unknown-component", message, node.start, node.end, hint)
                 return evaluate.component(node, owner, node.member, node.owner)
             case tree.Call():
-                return self._special(node, variables)
+                argument = node.arguments[0]
+                if node.function == "rate":
+                    return self._rate(node, argument, variables)
+                if node.function == "reaction":
+                    return self._reaction(node, argument, variables)
+                name = _owner(argument)
+                if self.names.kind(name) == "particle" and name not in self.laws:
+                    message = "`multiplier(...)` takes the name of a constraint"
+                    hint = f"`{name}` is a particle: the force of its constraints is `reaction(...)`"
+                    raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
+                return self.laws.multiplier(argument, variables)
             case tree.Index():
                 return self._of_family(node, variables)
             case _:
@@ -220,21 +230,9 @@ class Scope:
             return _particle_member(node, value, node.member)
         return evaluate.component(node, value, node.member, base) if node.member else value
 
-    def _special(self, node: tree.Call, variables: Mapping[str, Integers]) -> Either:
-        argument = node.arguments[0]
-        if node.function == "rate":
-            return self._rate(node, argument, variables)
-        if node.function == "reaction":
-            return self._reaction(node, argument, variables)
-        if self._argument_kind(argument) == "particle" and _owner(argument) not in self.laws:
-            message = "`multiplier(...)` takes the name of a constraint"
-            hint = f"`{_owner(argument)}` is a particle: the force of its constraints is `reaction(...)`"
-            raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
-        return self.laws.multiplier(argument, variables)
-
     def _reaction(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
         """The facts of R of a particle, or with a second argument of the part that one constraint has in it."""
-        if not _names_particle(argument) or self._argument_kind(argument) != "particle":
+        if not _names_particle(argument) or self.names.kind(_owner(argument)) != "particle":
             name = _owner(argument)
             if name in self.laws and name not in self.names:
                 message = f"`reaction(...)` takes the name of a particle, and `{name}` is a constraint"
@@ -246,12 +244,16 @@ class Scope:
             self.laws.force(node.arguments[1], variables)
         return (RESULT,) * 3
 
-    def _argument_kind(self, argument: tree.Node) -> Kind | None:
-        return self.names.kind(_owner(argument))
-
     def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
-        found = (VELOCITY, ACCELERATION)[_order(node) - 1]
-        kind = self._argument_kind(argument)
+        found = VELOCITY
+        if len(node.arguments) > 1:
+            order = node.arguments[1]
+            if not isinstance(order, tree.Number) or float(order.text) not in (1.0, 2.0):
+                hint = "`rate(theta)` is the rate of `theta`, `rate(theta, 2)` its acceleration"
+                message = "the second argument of `rate(...)` is the order, 1 or 2"
+                raise ExpressionError("bad-rate", message, order.start, order.end, hint)
+            found = VELOCITY if float(order.text) == 1.0 else ACCELERATION
+        kind = self.names.kind(_owner(argument))
         if kind in ("coordinate", "particle"):
             value = self._lookup(argument, variables, False)
             if _names_particle(argument):
@@ -283,18 +285,6 @@ class Scope:
             is_coordinate = self.names.kind(name) == "coordinate"
             hint = f"the table has the column `R.{name}`" if is_coordinate else ""
         raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
-
-
-def _order(node: tree.Call) -> int:
-    """1 of `rate(x)`, 2 of `rate(x, 2)`. Raises `ExpressionError`."""
-    if len(node.arguments) == 1:
-        return 1
-    order = node.arguments[1]
-    if isinstance(order, tree.Number) and float(order.text) in (1.0, 2.0):
-        return int(float(order.text))
-    hint = "`rate(theta)` is the rate of `theta`, `rate(theta, 2)` its acceleration"
-    message = "the second argument of `rate(...)` is the order, 1 or 2"
-    raise ExpressionError("bad-rate", message, order.start, order.end, hint)
 
 
 def _owner(node: tree.Node) -> str:

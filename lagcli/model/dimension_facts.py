@@ -8,86 +8,16 @@ dimension: `norm(a) - L` is a length whatever L is. What the expressions leave o
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 
 from lagcli.expression import functions, tree
 from lagcli.frozen import frozen_value
 from lagcli.model.model import Model
 
 Power = float | None  # of a length; None where it is not known
-POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
-
-
-@frozen_value
-class _Kind:
-    """The names of particles, whose positions are lengths, and of coordinates that are angles."""
-
-    is_particle: Callable[[str], bool]
-    is_angle: Callable[[str], bool]
-
-
-def of_relation(
-    relation: tree.Node, is_particle: Callable[[str], bool], is_angle: Callable[[str], bool]
-) -> Power:
-    """The dimension of both sides of an equation, where d(...) and velocities count as lengths; None where it is not
-    known, or terms differ."""
-    kind = _Kind(is_particle, is_angle)
-    sides = (relation.left, relation.right) if isinstance(relation, tree.Relation) else (relation,)
-    known = {found for side in sides for term in terms(side) if (found := _of(term, kind)) is not None}
-    return known.pop() if len(known) == 1 else None
-
-
-def terms(node: tree.Node) -> Iterator[tree.Node]:
-    """The terms added in an expression; a number alone, as in `a.z = 1`, tells nothing."""
-    if isinstance(node, tree.Sum):
-        for _, term in node.terms:
-            yield from terms(term)
-    elif not isinstance(node, tree.Number):
-        yield node
-
-
-def _of(node: tree.Node, kind: _Kind) -> Power:
-    if isinstance(node, tree.Number):
-        return 0.0
-    if isinstance(node, tree.Name):
-        if kind.is_particle(node.name):
-            return 1.0
-        return 0.0 if node.name in ("pi", "deg") or kind.is_angle(node.name) else None
-    if isinstance(node, (tree.Member, tree.Index)):
-        if kind.is_particle(node.owner) and node.member in POSITION:
-            return 1.0
-        return 0.0 if kind.is_angle(node.owner) and not node.member else None
-    if isinstance(node, tree.Component):
-        return _of(node.vector, kind)
-    if isinstance(node, tree.Power):
-        base = _of(node.base, kind)
-        exponent_text = node.exponent.text if isinstance(node.exponent, tree.Number) else ""
-        return base * float(exponent_text) if base is not None and exponent_text else None
-    if isinstance(node, tree.Product):
-        powers = [(sign, _of(factor, kind)) for sign, factor in node.factors]
-        return None if any(p is None for _, p in powers) else sum(sign * (p or 0.0) for sign, p in powers)
-    if isinstance(node, tree.Call):
-        return _of_call(node, kind)
-    parts = [term for _, term in node.terms] if isinstance(node, tree.Sum) else tree.children(node)
-    known = {found for part in parts for term in terms(part) if (found := _of(term, kind)) is not None}
-    return known.pop() if len(known) == 1 else None
-
-
-def _of_call(node: tree.Call, kind: _Kind) -> Power:
-    known_function = functions.TABLE.get(node.function)
-    power = known_function.dimension if known_function else None
-    if power == 0.0:
-        return 0.0
-    parts = [_of(argument, kind) for argument in node.arguments]
-    if power == 1.0 or node.function in ("norm", "distance", "d", "rate"):
-        known = {p for p in parts if p is not None}
-        return known.pop() if len(known) == 1 else None
-    if node.function in ("dot", "cross"):
-        return None if None in parts else sum(p or 0.0 for p in parts)
-    return None if power is None or parts[0] is None else power * parts[0]
-
-
+Names = frozenset[str]
 CIRCULAR = functions.named(lambda row: row.angle == "argument")
+POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
 
 
 @frozen_value
@@ -99,10 +29,10 @@ class DimensionFacts:
     """
 
     lengths: dict[str, float]
-    angles: frozenset[str]
-    positions: frozenset[str]
+    angles: Names
+    positions: Names
 
-    def length(self, row: str) -> float | None:
+    def length(self, row: str) -> Power:
         """The power of a length of the f of a row such as `rod`, `link[3]` or `join.x`; None where it is open."""
         return self.lengths.get(base(row))
 
@@ -116,40 +46,92 @@ def base(name: str) -> str:
 
 
 def of(model: Model) -> DimensionFacts:
-    """The dimensions that the expressions of a model tell."""
+    """The dimensions that the expressions of a model tell; d(...) and velocities count as lengths."""
     particles = frozenset(particle.members.base for particle in model.particles)
     coordinates = frozenset(coordinate.members.base for coordinate in model.coordinates)
-    trees = [expression.tree for expression in model.expressions()]
-    angles = frozenset(_angles(trees, coordinates))
+    # Angles are a term, alone or times a number, of what a circular function is taken of.
+    angles = frozenset(
+        name
+        for expression in model.expressions()
+        for node in tree.walk(expression.tree)
+        if isinstance(node, tree.Call) and node.function in CIRCULAR
+        for term in _terms(node.arguments[0])
+        if (name := _name(term)) in coordinates
+    )
     lengths = {body.name: 1.0 for body in model.rigid}  # distances and positions of its particles
     for law in model.laws:
-        power = of_relation(law.equation.tree, particles.__contains__, angles.__contains__)
+        power = _common([law.equation.tree], particles, angles)
         if power is not None:
             lengths[law.members.base] = power
     return DimensionFacts(lengths, angles, particles)
 
 
-def _angles(trees: list[tree.Node], coordinates: frozenset[str]) -> Iterator[str]:
-    """The coordinates that are a term, alone or times a number, of what a circular function is taken of."""
-    waiting = list(trees)
-    while waiting:
-        node = waiting.pop()
-        waiting += tree.children(node)
-        if isinstance(node, tree.Call) and node.function in CIRCULAR:
-            for term in terms(node.arguments[0]):
-                name = _name(term)
-                if name in coordinates:
-                    yield name
-
-
 def _name(term: tree.Node) -> str:
     """The name in `q`, `q[i]`, `2*q` or `q/2`; empty for other terms."""
     if isinstance(term, tree.Product):
-        rest = [factor for sign, factor in term.factors if not isinstance(factor, tree.Number) and sign > 0]
-        below = [factor for sign, factor in term.factors if not isinstance(factor, tree.Number) and sign < 0]
-        if len(rest) != 1 or below:
+        others = [(sign, factor) for sign, factor in term.factors if not isinstance(factor, tree.Number)]
+        if len(others) != 1 or others[0][0] < 0:
             return ""
-        (term,) = rest
+        term = others[0][1]
     if isinstance(term, tree.Name):
         return term.name
     return term.owner if isinstance(term, tree.Index) and not term.member else ""
+
+
+def _terms(node: tree.Node) -> Iterator[tree.Node]:
+    """The terms added in an expression; a number alone, as in `a.z = 1`, tells nothing."""
+    if isinstance(node, tree.Sum):
+        for _, term in node.terms:
+            yield from _terms(term)
+    elif not isinstance(node, tree.Number):
+        yield node
+
+
+def _common(nodes: Iterable[tree.Node], particles: Names, angles: Names) -> Power:
+    """The dimension of all terms of expressions and of both sides of equations; None where it is not known, or terms
+    differ."""
+    sides = [s for n in nodes for s in ((n.left, n.right) if isinstance(n, tree.Relation) else (n,))]
+    powers = [_of(term, particles, angles) for side in sides for term in _terms(side)]
+    known = {power for power in powers if power is not None}
+    return known.pop() if len(known) == 1 else None
+
+
+def _of(node: tree.Node, particles: Names, angles: Names) -> Power:
+    """The dimension of one term."""
+    match node:
+        case tree.Number():
+            return 0.0
+        case tree.Name():
+            if node.name in particles:
+                return 1.0
+            return 0.0 if node.name in ("pi", "deg") or node.name in angles else None
+        case tree.Member() | tree.Index():
+            if node.owner in particles and node.member in POSITION:
+                return 1.0
+            return 0.0 if node.owner in angles and not node.member else None
+        case tree.Component():
+            return _of(node.vector, particles, angles)
+        case tree.Power():
+            base = _of(node.base, particles, angles)
+            exponent_text = node.exponent.text if isinstance(node.exponent, tree.Number) else ""
+            return base * float(exponent_text) if base is not None and exponent_text else None
+        case tree.Product():
+            powers = [(sign, _of(factor, particles, angles)) for sign, factor in node.factors]
+            return None if any(p is None for _, p in powers) else sum(sign * (p or 0.0) for sign, p in powers)
+        case tree.Call():
+            return _of_call(node, particles, angles)
+    return _common(tree.children(node), particles, angles)
+
+
+def _of_call(node: tree.Call, particles: Names, angles: Names) -> Power:
+    known_function = functions.TABLE.get(node.function)
+    power = known_function.dimension if known_function else None
+    if power == 0.0:
+        return 0.0
+    parts = [_of(argument, particles, angles) for argument in node.arguments]
+    if power == 1.0 or node.function in ("norm", "distance", "d", "rate"):
+        known = {p for p in parts if p is not None}
+        return known.pop() if len(known) == 1 else None
+    if node.function in ("dot", "cross"):
+        return None if None in parts else sum(p or 0.0 for p in parts)
+    return None if power is None or parts[0] is None else power * parts[0]

@@ -8,7 +8,7 @@ import pytest
 
 import lagcli
 from lagcli.api.models import cache
-from lagcli.compiled import factored
+from lagcli.compiled import factorization
 from lagcli.compiled.selection import Selection
 from lagcli.equations import row_parameters
 from lagcli.errors import diagnostics
@@ -208,9 +208,9 @@ def test_rows_that_depend_on_others_beside_the_start_too_are_named():
 
 def test_a_product_of_many_rows_is_not_written_out(monkeypatch):
     ready = cache.compiled(lagcli.loads(BODY.format(n=40)))
-    made, function = [], factored.SizedFunction
-    monkeypatch.setattr(factored, "SizedFunction", lambda *of: made.append(function(*of)) or made[-1])
-    found = factored.Factored(ready.numeric._parts)
+    made, function = [], factorization.SizedFunction
+    monkeypatch.setattr(factorization, "SizedFunction", lambda *of: made.append(function(*of)) or made[-1])
+    found = factorization.Factored(ready.numeric._parts)
     assert found.projection.n_out() == 5
     assert found.position.n_out() == 1
     count = len(ready.system.rows.rows)

@@ -664,5 +664,5 @@ def test_three_pairs_of_fields_show_the_sizes_of_terms(monkeypatch):
 
 @pytest.mark.parametrize(("off", "is_near"), [(3e-13, True), (3e-12, False)])
 def test_a_value_within_twelve_digits_of_a_switch_may_lie_on_either_side(off, is_near):
-    _, size = term_sizes._along("floor", (1.0 + off, 1.0))
+    _, size = term_sizes.result("floor", (1.0 + off, 1.0))
     assert (size == math.inf) is is_near
