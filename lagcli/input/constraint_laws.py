@@ -195,7 +195,7 @@ def _smooth_parts(node: tree.Node, sign: int, text: str, algebra: FactsAlgebra) 
     if isinstance(node, tree.Sum):
         parts = [_smooth_parts(term, sign * own, text, algebra) for own, term in node.terms]
         return [" ".join(each) for each in itertools.product(*parts)]
-    if isinstance(node, tree.Call) and node.function in ("min", "max", "abs"):
+    if isinstance(node, tree.Call):
         value = evaluate.value(node, algebra)
         moves = not isinstance(value, tuple) and "position" in value.reads
         if moves and node.function == ("min" if sign > 0 else "max"):
