@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -103,38 +103,88 @@ class _Document:
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
         self._check_shape()
-        sections = self._sections()
-        particles, coordinates = sections["particles"], sections["coordinates"]
-        if not particles and not coordinates and not self._found.has_errors:
+        declared = self._declared()
+        if not declared.particles and not declared.coordinates and not self._found.has_errors:
             message = "the model has no particles and no coordinates"
             self._formulas.report(self._root, "nothing-to-move", message)
         self._found.raise_errors()
-        # Nothing may be left out in silence: without an error every entry has become a noun.
-        declared = sum(1 for section in _NAMED for _ in self._entries(section))
-        assert sum(len(sections[section]) for section in _NAMED) == declared
-        order = evaluation_order.evaluation(self._formulas, particles, sections["definitions"])
+        order = evaluation_order.evaluation(self._formulas, declared.particles, declared.definitions)
         changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
-        coordinates = given_expression.coordinates(self._formulas, coordinates, changes["coordinates"])
-        particles = given_expression.particles(self._formulas, particles, changes["particles"])
+        coordinates = given_expression.coordinates(
+            self._formulas, declared.coordinates, changes["coordinates"]
+        )
+        particles = given_expression.particles(self._formulas, declared.particles, changes["particles"])
         self._found.raise_errors()
         # It tells laws apart: those of the file, and positions of dependent particles, which a change may replace.
-        content = self._root.text.content
         laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
-        sections |= {
-            "coordinates": coordinates,
-            "particles": particles,
-            "inequality": tuple(wall for walls in sections["inequality"] for wall in walls),
-        }
-        found = model.Model(
-            path=self._root.text.path,
-            fingerprint=hashlib.sha256("\0".join([content, *laws]).encode()).hexdigest(),
+        told = "\0".join([self._root.text.content, *laws])
+        found = dataclasses.replace(
+            declared,
+            fingerprint=hashlib.sha256(told.encode()).hexdigest(),
+            coordinates=coordinates,
+            particles=particles,
             warnings=self._found.warnings,
             order=order,
             structure=tuple(sorted(self._scope.indexed.structure.items())),
-            **sections,
         )
         notes = tuple(_degree_notes(self._root, found.expressions()))
         return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found
+
+    def _declared(self) -> model.Model:
+        """The sections of the document in their order, without what follows from all of them."""
+        title, description, source = (
+            "" if (node := self._root.get(section)) is None else entries.text(self._formulas, node)
+            for section in ("title", "description", "source")
+        )
+        node = self._written("units")
+        labels = None if node is None else entries.fields(self._formulas, node, keys.FORMAT.key("units"))
+        units = {key: entries.text(self._formulas, value) for key, value in (labels or {}).items()}
+        self._names.declare(self._entries)
+        self._names.take_constraint_names(self._entries)
+        parameters = self._parameters()
+        self._names.count_members(self._entries)
+        coordinates = self._named("coordinates", self._coordinate)
+        particles, definitions = self._particles_and_definitions()
+        node = self._written("lagrangian")
+        lagrangian = None
+        if node is not None:
+            lagrangian = self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
+        forces = self._forces(particles)
+        holonomic = self._laws("holonomic", constraint_laws.holonomic)
+        differential = self._laws("differential", constraint_laws.differential)
+        walls = self._named("inequality", self._walls)
+        rigid = self._named("rigid", self._rigid)
+        outputs = self._named("outputs", self._output)
+        events = self._named("events", functools.partial(run_sections.event, self._formulas))
+        # Nothing may be left out in silence: without an error every entry has become a noun.
+        laws = (holonomic, differential, walls, rigid)
+        read = (parameters, coordinates, particles, definitions, forces, *laws, outputs, events)
+        count = sum(1 for section in _NAMED for _ in self._entries(section))
+        assert self._found.has_errors or sum(map(len, read)) == count
+        return model.Model(
+            path=self._root.text.path,
+            fingerprint="",
+            title=title,
+            description=description,
+            source=source,
+            units=model.Units(**units),
+            parameters=parameters,
+            coordinates=coordinates,
+            particles=particles,
+            definitions=definitions,
+            lagrangian=lagrangian,
+            forces=forces,
+            holonomic=holonomic,
+            differential=differential,
+            rigid=rigid,
+            inequality=tuple(wall for each in walls for wall in each),
+            outputs=outputs,
+            events=events,
+            simulation=run_sections.simulation(self._formulas, self._root.get("simulation"), particles),
+            warnings=(),
+            order=(),
+            structure=(),
+        )
 
     def _check_shape(self) -> None:
         """Report entries whose keys are not indented, which are read as if they were; sections there are not; and a
@@ -161,39 +211,6 @@ class _Document:
             report(self._root, "missing-key", "the format version `lagcli: 1` is missing", hint)
         elif not isinstance(version, yaml_tree.Scalar) or version.value.strip() != "1":
             report(version, "unknown-version", "this version of lagcli reads format version 1")
-
-    def _sections(self) -> dict[str, Any]:
-        """The sections of the document in their order, by the fields of `Model`; of a condition all its walls."""
-        found: dict[str, Any] = {}
-        for section in ("title", "description", "source"):
-            node = self._root.get(section)
-            found[section] = "" if node is None else entries.text(self._formulas, node)
-        units = self._written("units")
-        labels = None if units is None else entries.fields(self._formulas, units, keys.FORMAT.key("units"))
-        found["units"] = model.Units(
-            **{key: entries.text(self._formulas, value) for key, value in (labels or {}).items()}
-        )
-        self._names.declare(self._entries)
-        self._names.take_constraint_names(self._entries)
-        found["parameters"] = self._parameters()
-        self._names.count_members(self._entries)
-        found["coordinates"] = self._named("coordinates", self._coordinate)
-        found["particles"], found["definitions"] = self._particles_and_definitions()
-        node = self._written("lagrangian")
-        found["lagrangian"] = None
-        if node is not None:
-            found["lagrangian"] = self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
-        found["forces"] = self._forces(found["particles"])
-        found["holonomic"] = self._laws("holonomic", constraint_laws.holonomic)
-        found["differential"] = self._laws("differential", constraint_laws.differential)
-        found["inequality"] = self._named("inequality", self._walls)
-        found["rigid"] = self._named("rigid", self._rigid)
-        found["outputs"] = self._named("outputs", self._output)
-        found["events"] = self._named("events", functools.partial(run_sections.event, self._formulas))
-        found["simulation"] = run_sections.simulation(
-            self._formulas, self._root.get("simulation"), found["particles"]
-        )
-        return found
 
     def _written(self, section: str) -> yaml_tree.AnyNode | None:
         """What stands in a section; None where nothing does."""
