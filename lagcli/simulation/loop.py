@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lagcli.frozen import frozen
 from lagcli.model.settings import Simulation
 from lagcli.simulation.events import events_of_run
-from lagcli.simulation.row_writer import RowGaps, RowWriter, TableRows
+from lagcli.simulation.row_writer import RowWriter, TableRows
 from lagcli.simulation.run_state.between_steps import RunState, Turns
 from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import RunStop, StepFailure, Stop
@@ -26,7 +26,6 @@ from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.singularity.singularity_monitor import SingularityMonitor
 from lagcli.simulation.stepping import grid as grids
-from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness.time_functions import TimeFunctions
@@ -69,8 +68,6 @@ class Run:
         self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
         stepper.keeps_stages = any(event.keeps_stages for event in self._events)
-        enforced = stepper.bound.enforced
-        self._gaps = RowGaps(enforced.system, enforced.plain.functions.numeric, enforced.p)
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
@@ -112,11 +109,13 @@ class Run:
             try:
                 going = not self._fill(began + PAUSE)
             except StepFailure as failure:
-                stop, going = self._stopped(failure), False
+                t, going = self.origin + self.stepper.t, False
+                where = f"stopped at t = {t:.9g} (after row {writer.complete} of {self.grid.count})"
+                stop = Stop(t, f"{where}: {failure.reason}", failure.code)
             block = writer.close()
             if len(block):
                 statistics.take_figures(block[:, -method.BEYOND : -1])
-                statistics.take_depth(self._gaps.deepest(block))
+                statistics.take_depth(writer.deepest(block))
                 self._row = writer.last
             rows = block[:, : -method.BEYOND]
             rows += 0.0  # no table shows -0.0
@@ -130,10 +129,25 @@ class Run:
     def _fill(self, until: float) -> bool:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
         stepper, writer, has_advanced = self.stepper, self._writer, False
-        self._start()
+        if self._begin is not None:
+            if self._begin():
+                for event in self._events:
+                    event.begin()
+                stepper.found = next(filter(None, (event.leaves() for event in self._events)), None)
+                if stepper.found is not None:
+                    self._ask()
+                    stepper.accept()
+                writer.put_begin()
+            self._begin = None
         while True:
-            if self._is_due and not self._put_state():
-                return False
+            if self._is_due:
+                # The run is behind an incident: its row is written, if there is one and the block is not full.
+                if self.statistics.ended_by:
+                    writer.put_last()
+                elif not writer.put_state():
+                    return False
+                else:
+                    self._is_due = False
             if self.statistics.ended_by or (writer.is_done and stepper.found is None):
                 return True
             if stepper.found is None:
@@ -151,37 +165,12 @@ class Run:
             stepper.accept()
             has_advanced = True
 
-    def _start(self) -> None:
-        """Begin, where that is still to be done."""
-        if self._begin is None:
-            return
-        if self._begin():
-            for event in self._events:
-                event.begin()
-            for event in self._events:
-                step = event.leaves()
-                if step is not None:
-                    self._take(step)
-                    self.stepper.accept()
-                    break
-            self._writer.put_begin()
-        self._begin = None
-
-    def _put_state(self) -> bool:
-        """Write the row at an incident that the run is behind, if there is one; False where the block is full."""
-        writer = self._writer
-        if self.statistics.ended_by:
-            writer.put_last()
-            return True
-        self._is_due = not writer.put_state()
-        return not self._is_due
-
     def _find_step(self) -> None:
         stepper, end = self.stepper, self.grid.end
         for event in self._events:
-            step = event.passes()
-            if step is not None:
-                self._take(step)
+            stepper.found = event.passes()
+            if stepper.found is not None:
+                self._ask()
                 return
         if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= end:
             # What happens before the end is found in the step of a run that goes on.
@@ -189,17 +178,12 @@ class Run:
                 stepper.advance(beyond=True)
                 self._ask()
             except StepFailure:
-                stepper.forget()
+                stepper.found = None
             else:
                 if stepper.found is None or stepper.found.reached <= end:
                     return
-                stepper.forget()
+                stepper.found = None
         stepper.advance()
-        self._ask()
-
-    def _take(self, step: FoundStep) -> None:
-        """Take a step that an event has found."""
-        self.stepper.take(step)
         self._ask()
 
     def _ask(self) -> None:
@@ -211,11 +195,6 @@ class Run:
             cut = event.found(stepper.found)
             if cut is not None:
                 stepper.cut(cut)
-
-    def _stopped(self, failure: StepFailure) -> Stop:
-        t = self.origin + self.stepper.t
-        where = f"stopped at t = {t:.9g} (after row {self._writer.complete} of {self.grid.count})"
-        return Stop(t, f"{where}: {failure.reason}", failure.code)
 
 
 # A step from a singular configuration moves by this part of its size, or less.
@@ -246,7 +225,7 @@ def start(begin: RunStart, rows: TableRows) -> Run:
     """A run from a consistent start."""
     enforced, settings = begin.enforced, begin.settings
     origin = grids.origin(settings, enforced.has_time)
-    grid = _grid(settings, origin)
+    grid = grids.of_run(settings, origin)
     state = RunState(
         t=grid.start,
         y=np.concatenate([begin.q, begin.v, [0.0]]),
@@ -271,17 +250,13 @@ def resume(
     timed: TimeFunctions | None = None,
 ) -> Run:
     """A run that goes on from where another was marked; enforced: as it was there. Else as `start`."""
-    grid = _grid(settings, run_state.origin)
+    grid = grids.of_run(settings, run_state.origin)
     # The rows that another grid has between the last one handed out and the state are lost.
     after = grid.after(run_state.row)
     first = max(after, grid.first(run_state.t))
     stepper = Stepper(enforced, run_state, settings, grid, timed if enforced.has_time else None)
     writer = RowWriter(stepper, TableRows(columns), first, run_state.row)
     return Run(stepper, writer, None, run_state.row, first - after)
-
-
-def _grid(settings: Simulation, origin: float) -> grids.Grid:
-    return grids.of_run(dataclasses.replace(settings, start=settings.start - origin))
 
 
 def _begin(run: Stepper, start: RunStart) -> bool:
@@ -307,18 +282,12 @@ def _begin(run: Stepper, start: RunStart) -> bool:
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order
     )
     if smallest_angle < MONITOR.close_start**2:
-        # No step is wasted towards a singular configuration so near: each amplifies rounding more.
-        _look_back(run, MONITOR.back * control.step)
+        # No step is wasted towards a singular configuration so near: each amplifies rounding more. It is seen from the
+        # start on by a look back, where Euler's step leads.
+        tau = MONITOR.back * control.step
+        status = bound.projected_at(run.t - tau, bound.y - tau * bound.k)[2]
+        if status[0] <= MOST_RESIDUAL:
+            run.watch = run.watch.after(run.t - tau, *status[1:3].tolist())
     run.watch = run.watch.after(run.t, smallest_angle, least)
     run.settle()
     return True
-
-
-def _look_back(run: Stepper, tau: float) -> None:
-    """Watch a time before the start, where Euler's step backward leads, so that a singularity is predicted from the
-    start on."""
-    at = run.t - tau
-    status = run.bound.projected_at(at, run.bound.y - tau * run.bound.k)[2]
-    residual, smallest_angle, least = status[:3].tolist()
-    if residual <= MOST_RESIDUAL:
-        run.watch = run.watch.after(at, smallest_angle, least)

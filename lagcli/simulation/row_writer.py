@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.compiled import NumericSystem
-from lagcli.equations.system import System
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.grid import AT_END
 from lagcli.simulation.stepping.stepper import Stepper
@@ -38,10 +36,15 @@ class RowWriter:
         self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
         self.grid, self.next_row = stepper.grid, next_row
         self._lines, self._filled, self._capacity = np.empty((0, 0)), 0, 0
-        self._pushes = RowPushes(stepper)
         # Where the last step begins that was looked at for rows.
         self.last, self._begun = last, -math.inf
         stepper.row_time = self.grid.time(next_row)
+        # What the rows say of contacts: columns of their multipliers, and of the positions.
+        system = stepper.bound.enforced.system
+        columns = {name: i for i, name in enumerate(system.columns, start=1)}
+        self._names = system.model.contact_names
+        self._multipliers = [columns[f"lambda.{name}"] for name in self._names]
+        self._positions = [columns[name] for name in system.model.coordinate_names] if self._names else []
 
     @property
     def width(self) -> int:
@@ -117,52 +120,52 @@ class RowWriter:
         if step.is_jump:
             # The time of an incident has its rounding; across a switch no row is before it.
             before = t if step.is_still else reached - AT_END * math.ulp(run.origin + reached)
-        if step.work is None and run.row_time < before and step.is_ordinary:
-            self._put_inside(step, before)
+        row_time = run.row_time
+        if step.work is None and row_time < before and step.is_ordinary:
+            # Nearly all rows of nearly all tables are such: what they do not need is not asked for.
+            lines, time, origin, begun, first = (
+                self._lines,
+                self.grid.time,
+                run.origin,
+                self._filled,
+                self.next_row,
+            )
+            trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
+            run.trial.make_dense()
+            filled = begun
+            while row_time < before and filled < capacity:
+                at[0], x[0] = origin + row_time, (row_time - t) / taken
+                trigger()
+                if not math.isfinite(cells[-1]):
+                    break
+                lines[filled] = line
+                filled += 1
+                self.last = row_time
+                row_time = time(first + filled - begun)
+            self._require_pushes(lines[begun:filled])
+            self._filled, self.next_row, run.row_time = filled, first + filled - begun, row_time
         while run.row_time <= reached:
             if step.is_jump and run.row_time >= before:
                 break
             if self._filled == capacity:
                 return False
-            at = run.row_time
-            rows.at[0] = run.origin + at
+            row_time = run.row_time
+            rows.at[0] = run.origin + row_time
             if step.is_still:
                 rows.scratch.arguments[1][:] = run.bound.y
                 rows.scratch.trigger()
             elif step.singular_step is not None:
                 from lagcli.simulation.stepping import interpolate_rows
 
-                interpolate_rows.put_in_singular_step(run, step.singular_step, at)
-            elif at < reached or step.barrier is not None:
+                interpolate_rows.put_in_singular_step(run, step.singular_step, row_time)
+            elif row_time < reached or step.barrier is not None:
                 run.trial.make_dense()
-                rows.x[0] = (at - t) / taken
+                rows.x[0] = (row_time - t) / taken
                 rows.inside.trigger()
             else:
                 rows.end.trigger()
             self._put_line(step)
         return True
-
-    def _put_inside(self, step: FoundStep, before: float) -> None:
-        """Write the rows before a time in an ordinary step, as `put_rows` would, up to one that is not finite.
-
-        Nearly all rows of nearly all tables are such: what they do not need is not asked for.
-        """
-        run, rows, lines, time = self._stepper, self._stepper.trial.rows, self._lines, self.grid.time
-        t, taken, origin = run.t, step.taken, run.origin
-        trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
-        row_time, filled, begun, capacity = run.row_time, self._filled, self._filled, self._capacity
-        run.trial.make_dense()
-        while row_time < before and filled < capacity:
-            at[0], x[0] = origin + row_time, (row_time - t) / taken
-            trigger()
-            if not math.isfinite(cells[-1]):
-                break
-            lines[filled] = line
-            filled += 1
-            self.last = row_time
-            row_time = time(self.next_row + filled - begun)
-        self._pushes.require(lines[begun:filled])
-        self._filled, self.next_row, run.row_time = filled, self.next_row + filled - begun, row_time
 
     def _limit_row(self, step: FoundStep) -> None:
         """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
@@ -196,10 +199,14 @@ class RowWriter:
         if not math.isfinite(run.trial.rows.cells[-1]) and (step is None or step.crossing is None):
             if step is not None and run.row_time < step.reached:
                 self._limit_row(step)
-            self._require_finite()
+            bad = np.flatnonzero(~np.isfinite(line[:-1]))
+            if bad.size:  # else the sum overflowed, and nothing else
+                from lagcli.simulation.stepping import stop_diagnosis
+
+                raise stop_diagnosis.row_not_finite(self._columns, int(bad[0]) - 1, run.trial.rows.at[0])
         if step is not None and step.work is not None:
             line[WORK] = step.work.at(run.row_time)
-        self._pushes.require(line[None, :])
+        self._require_pushes(line[None, :])
         self._lines[self._filled] = line
         self._filled, self.last = self._filled + 1, run.row_time
         self.next_row += 1
@@ -207,64 +214,40 @@ class RowWriter:
             self.next_row = max(self.next_row, self.grid.count - 1)
         run.row_time = self.grid.time(self.next_row)
 
-    def _require_finite(self) -> None:
-        rows = self._stepper.trial.rows
-        bad = np.flatnonzero(~np.isfinite(rows.line[:-1]))
-        if bad.size:  # else the sum overflowed, and nothing else
-            from lagcli.simulation.stepping import stop_diagnosis
+    def deepest(self, rows: Floats) -> float:
+        """The largest -g_j over rows (k, columns), t first; 0 where none is below zero."""
+        if not self._names or not len(rows):
+            return 0.0
+        plain = self._stepper.bound.enforced.plain
+        gaps, y = (
+            plain.functions.numeric.gaps,
+            np.zeros((plain.functions.numeric.gaps.size1_in(1), len(rows))),
+        )
+        y[: len(self._positions)] = rows[:, self._positions].T
+        p = np.asarray(plain.p)[: gaps.size1_in(2)]
+        g = np.array(gaps(rows[:, :1].T, y, np.repeat(p[:, None], len(rows), axis=1)))
+        return max(0.0, float(np.nan_to_num(-g).max()))
 
-            raise stop_diagnosis.row_not_finite(self._columns, int(bad[0]) - 1, rows.at[0])
-
-
-class RowPushes:
-    """The multipliers of the contacts in the rows of a run, none of which is clearly below zero."""
-
-    def __init__(self, stepper: Stepper) -> None:
-        self._run, system = stepper, stepper.bound.enforced.system
-        self._names = system.model.contact_names
-        columns = {name: i for i, name in enumerate(system.columns, start=1)}
-        self._columns = [columns[f"lambda.{name}"] for name in self._names]
-        self._positions = [columns[name] for name in system.model.coordinate_names] if self._names else []
-
-    def require(self, lines: Floats) -> None:
+    def _require_pushes(self, lines: Floats) -> None:
         """Raise `StepFailure` where a contact pulls in lines (k, columns), t first, by more than rounding and the
         tolerance of the run make of the forces."""
-        if not self._columns or not (lines[:, self._columns] < 0.0).any():
+        if not self._names or not (lines[:, self._multipliers] < 0.0).any():
             return
         from lagcli.simulation.closed_contacts import contact_instant
         from lagcli.simulation.events import step_watch
 
-        run, n = self._run, len(self._positions)
+        run, n = self._stepper, len(self._positions)
         numeric, rtol = run.bound.enforced.plain.functions.numeric, float(run.tolerance[0])
         values = contact_instant.ContactRowValues(numeric, len(run.bound.enforced.system.rows.rows))
         parameters = contact_instant.PARAMETERS
         share = parameters.clearly * max(1.0, rtol / parameters.weightless)
-        for line in lines[(lines[:, self._columns] < 0.0).any(axis=1)]:
+        for line in lines[(lines[:, self._multipliers] < 0.0).any(axis=1)]:
             state = State(float(line[0]), line[self._positions], run.bound.y[n : 2 * n], run.bound.enforced.p)
             chosen = contact_instant.ContactParameters(rtol, size=run.contacts.size)
             here = contact_instant.ContactInstant(values, state, chosen)
-            forces = line[self._columns]
+            forces = line[self._multipliers]
             numbers = np.flatnonzero(forces < 0.0)
             least = share * here.least_forces(numbers, run.bound.k[n : 2 * n])
             pulling = [self._names[j] for j in numbers[-forces[numbers] > least].tolist()]
             if pulling:
                 raise step_watch.pulls(pulling)
-
-
-class RowGaps:
-    """The gaps of a run by its rows."""
-
-    def __init__(self, system: System, numeric: NumericSystem, p: Floats) -> None:
-        self._count, self._gaps, self._p = system.contacts.count, numeric.gaps, np.asarray(p)
-        columns = {name: i for i, name in enumerate(system.columns, start=1)}
-        self._columns = [columns[name] for name in system.model.coordinate_names] if self._count else []
-
-    def deepest(self, rows: Floats) -> float:
-        """The largest -g_j over rows (k, columns), t first; 0 where none is below zero."""
-        if not self._count or not len(rows):
-            return 0.0
-        y = np.zeros((self._gaps.size1_in(1), len(rows)))
-        y[: len(self._columns)] = rows[:, self._columns].T
-        p = self._p[: self._gaps.size1_in(2)]
-        g = np.array(self._gaps(rows[:, :1].T, y, np.repeat(p[:, None], len(rows), axis=1)))
-        return max(0.0, float(np.nan_to_num(-g).max()))

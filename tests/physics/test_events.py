@@ -49,7 +49,8 @@ class Watched(Event):
 def test_an_event_of_the_registry_is_asked_before_and_after_each_step(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(events_of_run, "EVENTS", (*events_of_run.EVENTS, Watched.of))
+    plain = events_of_run.found
+    monkeypatch.setattr(events_of_run, "found", lambda stepper: (*plain(stepper), Watched.of(stepper)))
     with pytest.raises(lagcli.SimulationStopped, match="a wall is there") as caught:
         lagcli.simulate(lagcli.loads(MODEL.replace("PUSH", "0")), max_step=0.25)
     assert caught.value.trajectory["t"][-1] < 2
@@ -59,7 +60,8 @@ def test_an_event_of_the_registry_is_asked_before_and_after_each_step(
 
 def test_a_step_that_an_event_finds_is_shown_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """A switch of t is passed by an event before it, and the step stands still."""
-    monkeypatch.setattr(events_of_run, "EVENTS", (*events_of_run.EVENTS, Watched.of))
+    plain = events_of_run.found
+    monkeypatch.setattr(events_of_run, "found", lambda stepper: (*plain(stepper), Watched.of(stepper)))
     with pytest.raises(lagcli.SimulationStopped, match="a wall is there"):
         lagcli.simulate(lagcli.loads(MODEL.replace("PUSH", "sign(t - 1.1)")), max_step=0.25)
     at = Watched.asked.index("still")

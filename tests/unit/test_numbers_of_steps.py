@@ -659,9 +659,9 @@ def test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it(
     angle, is_looked_at, monkeypatch
 ):
     looks = []
-    monkeypatch.setattr(loop, "_look_back", lambda run, tau: looks.append(tau))
     monkeypatch.setattr(loop.controller, "first_step", lambda *_: 1.0)
     run = a_run(angle)
+    run.bound.projected_at = lambda t, y: looks.append(run.t - t) or (y, y, np.ones(3))
     loop._begin(run, RunStart(None, np.zeros(1), np.zeros(1), settings(1e-9)))
     assert looks == ([pytest.approx(0.1 * run.control.step)] if is_looked_at else [])
 

@@ -315,6 +315,10 @@ class ContactInstant:
         """Gaps (K,) that are closed before a step could end there: they are not known from rounding."""
         return np.asarray(np.minimum(self.touching_gap, np.maximum(self.lowest, 4 * self.noise)))
 
+    def deep(self, room: float) -> list[tuple[float, int]]:
+        """The depths and numbers of contacts that are violated by so many times what counts as closed."""
+        return [(float(-self.g[j]), j) for j in np.flatnonzero(self.g < -room * self.touching_gap).tolist()]
+
     @property
     def at_rest(self) -> Flags:
         """The contacts that are closed and neither approach nor part, (K,), in memory of their own."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
-from lagcli.simulation.events import contact_decision, run_contacts
+from lagcli.simulation.events import run_contacts
 from lagcli.simulation.events.contact_decision import ContactDecision, Occasion, SwitchSide
 from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.event import IncidentLog
@@ -57,7 +57,7 @@ class ContactChanges:
         known = here.sizes_of_changes(np.full(here.state.q.size, float(run.tolerance[1])))
         found[touching] = (here.touching_gap + known)[touching]
         if run.contacts.again == 0:
-            self._require_apart(here, 2.0)
+            self._require_no_jump(here.deep(2.0))
         if lying := [*self._contacts.closed, *self._contacts.idle]:
             closed, own = np.array(lying, dtype=np.intp), slice(here.state.q.size, -1)
             sides = (here, run.bound.k), (there, run.bound.k_new)
@@ -65,30 +65,36 @@ class ContactChanges:
         noise[: watch.functions.contacts.size] = found[watch.functions.contacts]
         return noise, here.lowest
 
-    def _require_apart(self, here: ContactInstant, room: float) -> None:
-        deep = np.flatnonzero(here.g < -room * here.touching_gap).tolist()
-        if deep:
-            depth, contact = max((float(-here.g[j]), j) for j in deep)
-            raise _jump(self._run, self._names[contact], depth)
-
     def require_open(self, watch: StepWatch, step: FoundStep, w: Floats) -> None:
         """Raise `StepFailure` where open contacts are violated at a switch, by the watched values w (W,): their walls
         jump, and do not only move."""
-        run = self._run
-        there = self._contacts.at(step.reached, run.bound.new, step.taken)
+        there = self._contacts.at(step.reached, self._run.bound.new, step.taken)
         least = -2 * (there.touching_gap + step.taken * np.abs(there.speeds))
         contacts = watch.functions.contacts
         opened = [(i, int(contacts[i])) for i in np.flatnonzero(watch.is_open)]
-        deep = [(float(-w[i]), j) for i, j in opened if w[i] < least[j]]
-        if deep:
-            depth, contact = max(deep)
-            raise _jump(run, self._names[contact], depth)
+        self._require_no_jump([(float(-w[i]), j) for i, j in opened if w[i] < least[j]])
+
+    def _require_no_jump(self, deep: list[tuple[float, int]]) -> None:
+        """Raise `StepFailure` where gaps are violated, by depths and numbers of contacts: their walls jump there."""
+        if not deep:
+            return
+        depth, contact = max(deep)
+        name = self._names[contact]
+        if run_contacts.is_near(self._run):
+            raise run_contacts.stop(self._run, f"the gap of `{name}` is not known better than to {depth:.3g}")
+        raise StepFailure(
+            f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
+            " impulse",
+            run_stop.CONTACT,
+        )
 
     def unresolved(self) -> str:
-        """The reason to stop where the zeros of a gap cannot be told apart."""
-        return contact_decision.unresolved(
-            self._contacts.here(0.0).g if self._count else NO_GAPS, self._names
-        )
+        """The reason to stop where the zeros of a gap, or of a declared event, cannot be told apart."""
+        g = self._contacts.here(0.0).g if self._count else NO_GAPS
+        ending = np.flatnonzero(~np.isfinite(g)).tolist()
+        if ending:
+            return f"{contact_change.NO_GRADIENT}: {', '.join(f'`{self._names[j]}`' for j in ending)}"
+        return "a gap of an inequality, or a declared event, crosses zero so often that its zeros cannot be told apart"
 
     def sinking(self, span: float) -> tuple[int, ...]:
         """The rows of contacts that have to be closed where the run stands, for they creep in and would press."""
@@ -119,12 +125,20 @@ class ContactChanges:
 
         At an edge only an impact asks for one gradient.
         """
-        here = self._contacts.here(taken, taken)
+        here, closed = self._contacts.here(taken, taken), list(self._contacts.closed)
         # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
-        closed = self._contacts.closed
-        if not (here.near.any() or self._contacts.lying) or _press_on(self._run, here, closed):
+        if not (here.near.any() or self._contacts.lying):
             return events
-        approaching = here.near & (here.speeds < -here.slow)
+        level, approaching = here.at_rest, here.near & (here.speeds < -here.slow)
+        level[closed] = False
+        are_on = here.near & ~(np.abs(here.speeds) > here.speed_roundoff)
+        if closed and not (level | approaching).any() and are_on[closed].all():
+            # Nothing is decided where all that are closed still press, and no other may.
+            bound, contacts, n = self._run.bound, np.array(closed, dtype=np.intp), here.state.q.size
+            rate, multipliers = bound.numeric.solved(here.state.t, bound.y, bound.p)
+            forces = np.array(multipliers).ravel()[-here.g.size :][contacts]
+            if (forces > here.least_forces(contacts, np.array(rate).ravel()[n : 2 * n])).all():
+                return events
         if approaching.any():
             self._require_directions(here, np.flatnonzero(approaching).tolist())
         return [*side.crossing] if self._decision.decide(Occasion(here, switch=side)) else events
@@ -151,7 +165,7 @@ class ContactChanges:
         if any(i < first for i in hits):
             here = self._contacts.here(span)
             self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first], extents)
-            self._require_apart(here, PROJECTED)
+            self._require_no_jump(here.deep(PROJECTED))
             if run.contacts.again > MOST_AGAIN / 2:
                 # What closes again and again without a step approaches, however slowly.
                 here.slow[:] = np.minimum(here.slow, here.speed_roundoff)
@@ -172,28 +186,3 @@ class ContactChanges:
     def end_series(self) -> None:
         """Tell of series of rebounds that end at the state where the run stands."""
         self._decision.end_series()
-
-
-def _jump(run: Stepper, name: str, depth: float) -> StepFailure:
-    if run_contacts.is_near(run):
-        return run_contacts.stop(run, f"the gap of `{name}` is not known better than to {depth:.3g}")
-    return StepFailure(
-        f"the wall of `{name}` jumps there, by {depth:.3g} onto the wrong side: an impact of which no law tells the"
-        " impulse",
-        run_stop.CONTACT,
-    )
-
-
-def _press_on(run: Stepper, here: ContactInstant, closed: tuple[int, ...]) -> bool:
-    """True where the contacts that are closed still press, all of them, and no other may: then nothing is decided."""
-    level = here.at_rest
-    level[list(closed)] = False
-    approaching = here.near & (here.speeds < -here.slow)
-    if not closed or level.any() or approaching.any() or not here.near[list(closed)].all():
-        return False
-    if (np.abs(here.speeds) > here.speed_roundoff)[list(closed)].any():
-        return False
-    bound, contacts, n = run.bound, np.array(closed, dtype=np.intp), here.state.q.size
-    rate, multipliers = bound.numeric.solved(here.state.t, bound.y, bound.p)
-    forces = np.array(multipliers).ravel()[-here.g.size :][contacts]
-    return bool((forces > here.least_forces(contacts, np.array(rate).ravel()[n : 2 * n])).all())

@@ -1,4 +1,4 @@
-"""The protocol of events that a run may meet."""
+"""The protocol of events that a run may meet, and the log in which they report incidents."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ class IncidentLog:
         return rows.line.copy()
 
     def incident(self, t: float, kind: Kind, name: str, sides: InstantLines) -> Incident:
-        """An incident at a time of the run, from whole lines."""
+        """An incident at a time of the run, from whole lines, of which it has the columns of the table."""
         impulses = np.zeros(self._rows) if sides.impulses is None else sides.impulses
-        before, after = _columns(sides.before), _columns(sides.after)
+        before, after = (line[1 : -method.BEYOND] + 0.0 for line in (sides.before, sides.after))
         return Incident(float(self._run.origin + t), kind, name, impulses, before, after)
 
     def report(self, kind: Kind, name: str, sides: InstantLines) -> None:
@@ -90,8 +90,3 @@ class IncidentLog:
         run = self._run
         t = min(run.t, run.row_time) if self.is_switched else run.t
         run.statistics.add(self.incident(t, kind, name, sides))
-
-
-def _columns(line: Floats) -> Floats:
-    """The columns of the table, of a line."""
-    return np.asarray(line[1 : -method.BEYOND]) + 0.0

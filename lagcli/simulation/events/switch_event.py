@@ -13,7 +13,6 @@ from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
-from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
@@ -46,37 +45,50 @@ class SwitchEvent(Event):
         projected, rate, *_ = project(after, y)
         here = run.state_at(run.t, y)
         acceleration = stop_diagnosis.of_forces(bound.numeric, here)
-        if self._is_pole(run.t, -dt, acceleration) or self._is_pole(after, dt, acceleration):
-            raise StepFailure(*stop_diagnosis.POLE)
-        if not _is_same((y, k), (projected, rate), dt, acceleration):
+        for t, away in ((run.t, -dt), (after, dt)):
+            # Does y' grow without bound towards a switch, half of this way behind?
+            rates = [
+                np.array(bound.numeric.rhs(t + part * away, y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
+            ]
+            run.count(len(rates))
+            if stop_diagnosis.is_pole(rates, acceleration):
+                raise StepFailure(*stop_diagnosis.POLE)
+
+        def is_same(new: Floats, rate: Floats) -> bool:
+            """True if the state is the same on both sides but for the time between them; the forces alone count where
+            these balance, for velocities are rounding there."""
+            n = y.size // 2
+            for part, least in ((slice(0, n), 0.0), (slice(n, 2 * n), acceleration)):
+                size = np.abs(y[part]).max(initial=0.0)
+                fastest = np.maximum(np.abs(k[part]), np.abs(rate[part])).max(initial=least)
+                if (
+                    not np.abs(new[part] - y[part]).max(initial=0.0)
+                    <= doubles.ZERO * size + LONGER * dt * fastest
+                ):
+                    return False
+            return True
+
+        if not is_same(projected, rate):
             project = functools.partial(opened, run)
             projected, rate = project(after, y)
-            beside = run.state_at(after, y)
-            if self._jumps(here, beside) or not _is_same((y, k), (projected, rate), dt, acceleration):
+            beside, numeric = run.state_at(after, y), bound.numeric
+            # The wall of a closed contact may not be on the wrong side beyond, however fast it may be.
+            first = len(bound.enforced.system.rows.rows)
+            closed = [i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]
+            (g, G, g_t), (g_beyond, G_beyond, g_t_beyond) = (
+                [np.array(each)[closed] for each in numeric.contacts(s.t, s.q, s.v, s.p)[:3]]
+                for s in (here, beside)
+            )
+            speed = np.abs(G @ here.v + g_t.ravel()) + np.abs(G_beyond @ here.v + g_t_beyond.ravel())
+            room = (
+                doubles.ZERO * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beside.t - here.t) * speed
+            )
+            jumps = not bool(((g_beyond - g).ravel() >= -room).all())
+            if jumps or not is_same(projected, rate):
                 raise stop_diagnosis.impact(bound.enforced, here, beside)
         ahead = y + (middle - run.t) * k + (after - middle) * rate
         new, rate, *_ = project(after, ahead)
         return run.still(after, new, rate)
-
-    def _jumps(self, here: State, beyond: State) -> bool:
-        """True where the wall of a closed contact is on the wrong side beyond, however fast it may be."""
-        numeric = self._stepper.bound.numeric
-        first = len(self._stepper.bound.enforced.system.rows.rows)
-        closed = [i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]
-        found = [numeric.contacts(s.t, s.q, s.v, s.p) for s in (here, beyond)]
-        (g, *_), (g_beyond, *_) = sides = [[np.array(each)[closed] for each in side] for side in found]
-        speed = sum(np.abs(G @ here.v + g_t.ravel()) for _, G, g_t, *_ in sides)
-        room = doubles.ZERO * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beyond.t - here.t) * speed
-        return not bool(((g_beyond - g).ravel() >= -room).all())
-
-    def _is_pole(self, t: float, away: float, acceleration: float) -> bool:
-        """True if y' at the state grows without bound towards a switch, half of `away` behind a time."""
-        run, bound = self._stepper, self._stepper.bound
-        rates = [
-            np.array(bound.numeric.rhs(t + part * away, bound.y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
-        ]
-        run.count(len(rates))
-        return stop_diagnosis.is_pole(rates, acceleration)
 
 
 def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:
@@ -88,18 +100,3 @@ def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:
     found = enforced.functions.numeric.project(t, y, enforced.parameters)[:2]
     run.count(1)
     return [np.array(each).ravel() for each in found]
-
-
-def _is_same(
-    before: tuple[Floats, Floats], after: tuple[Floats, Floats], dt: float, acceleration: float
-) -> bool:
-    """True if y (2n + 1,) of two pairs y, y' is the same on both sides but for the time dt between them; acceleration:
-    the largest of the forces alone, for where these balance velocities are rounding."""
-    (y, k), (new, k_new) = before, after
-    n = y.size // 2
-    for part, least in ((slice(0, n), 0.0), (slice(n, 2 * n), acceleration)):
-        size = np.abs(y[part]).max(initial=0.0)
-        rate = np.maximum(np.abs(k[part]), np.abs(k_new[part])).max(initial=least)
-        if not np.abs(new[part] - y[part]).max(initial=0.0) <= doubles.ZERO * size + LONGER * dt * rate:
-            return False
-    return True

@@ -67,9 +67,9 @@ def origin(settings: Simulation, has_time: bool) -> float:
     return 0.0 if has_time else settings.start
 
 
-def of_run(settings: Simulation) -> Grid:
-    """The grid of a run; a duration of zero is the start alone."""
-    start, duration = settings.start, settings.duration
+def of_run(settings: Simulation, origin: float = 0.0) -> Grid:
+    """The grid of a run, counted from an origin; a duration of zero is the start alone."""
+    start, duration = settings.start - origin, settings.duration
     end = start + duration
     if duration == 0.0:
         return Grid(start, start, 0.0, 1)

@@ -137,8 +137,11 @@ class Stepper:
             raise
 
     def _next(self, beyond: bool) -> FoundStep:
-        t, end = self.t, self.grid.end
-        (h, wished), grow, shorter = self._lengths(t), LENGTH.grow, 0.0
+        t, end, wished = self.t, self.grid.end, self.control.step
+        if self.watch.foreseen is not NEVER:
+            wished = self.watch.foreseen.shortened(t, wished)
+        h = min(self.timetable.shortened(t, wished) if self.timetable.is_any else wished, self.longest)
+        grow, shorter = LENGTH.grow, 0.0
         while True:
             # The step ends at a time that is a double, so that t and the state go on together.
             reached = t + h
@@ -162,11 +165,24 @@ class Stepper:
                 h = shorter
                 continue
             self._rejected += 1
-            if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN and self._let_go(last):
-                continue
+            if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN:
+                # Its projection failed though it is right: integrals may be the reason, which are left then.
+                new = self.trial.plain_end()
+                if new is not None:
+                    if last:
+                        # A longer run may be in another state when it comes to this.
+                        self._undisturbed = self._undisturbed or self._here()
+                    self.let_go(t + self.bound.h[0], new)
+                    continue
             grow = 1.0
             if self.trial.is_too_short(smaller, reached):
-                raise self._no_step(error, status[3])
+                from lagcli.simulation.stepping import causes_of_stops, stop_diagnosis
+
+                where, ahead = self._standing, self.state_at(t + self.bound.h[0], self.bound.new)
+                is_soon = self.watch.foreseen.instant - t < where.soon
+                at_end = where.here, ahead, *self.rank_margin, is_soon, self.origin + self.contacts.last
+                tried = stop_diagnosis.Rejection(self.bound.enforced, error, status[3], *at_end)
+                raise causes_of_stops.no_step(where, tried)
             if is_cut:
                 shorter = smaller
             else:
@@ -177,14 +193,6 @@ class Stepper:
         watch = self.watch.after(reached, status[4], status[5])
         step = FoundStep(reached, taken, proposed, watch, self._rejected)
         return self.trial.with_work(step) if status[7] > step_tolerance.COARSE_WORK else step
-
-    def _lengths(self, t: float) -> tuple[float, float]:
-        """The length of a step to be tried from t, and what it would be without the timetable and edges."""
-        wished = self.control.step
-        if self.watch.foreseen is not NEVER:
-            wished = self.watch.foreseen.shortened(t, wished)
-        h = self.timetable.shortened(t, wished) if self.timetable.is_any else wished
-        return min(h, self.longest), wished
 
     def still(self, reached: float, y: Floats, k: Floats) -> FoundStep:
         """A step over a switch to a time, and a state with its rate (2n + 1,) there."""
@@ -208,17 +216,6 @@ class Stepper:
         """Count evaluations of the right-hand side."""
         self.statistics.evaluations += evaluations
 
-    def _let_go(self, is_last: bool) -> bool:
-        """After a step whose projection failed though it is right: leave the integrals that are the reason, if any."""
-        new = self.trial.plain_end()
-        if new is None:
-            return False
-        if is_last:
-            # A longer run may be in another state when it comes to this.
-            self._undisturbed = self._undisturbed or self._here()
-        self.let_go(self.t + self.bound.h[0], new)
-        return True
-
     def let_go(self, reached: float, new: Floats) -> None:
         """Leave the integrals that do not lead to a state ahead, or take other charts of them."""
         bound = self.bound
@@ -226,14 +223,6 @@ class Stepper:
         enforced, notes, self.tried = invariants.let_go(bound.enforced, here, ahead, self.tried)
         self.statistics.notes += notes
         self.bind(enforced)
-
-    def take(self, step: FoundStep) -> None:
-        """Take a step that an event has found for the next one."""
-        self.found = step
-
-    def forget(self) -> None:
-        """Take the step back that was found: where the run stands nothing has changed."""
-        self.found = None
 
     def cut(self, cut: Cut) -> None:
         """End the step that was found as an event says, or give it up and act where the run stands."""
@@ -266,7 +255,12 @@ class Stepper:
             self.statistics.notes = self._turns.settle(t, q, p, self.statistics.notes)
         self.settle()
         if self.statistics.steps % LENGTH.pace == 0 and not step.is_still:
-            self._require_pace()
+            advanced = control.is_too_slow(self.t, self.grid.end, self.grid.step)
+            if advanced is not None and not self.contacts.crowd(self.t - advanced):
+                # Steps like the last ones would never lead to the end.
+                from lagcli.simulation.stepping import causes_of_stops
+
+                raise causes_of_stops.too_slow(self._standing, advanced, self.grid.end - self.t)
         for act in step.acts:
             act()
 
@@ -297,38 +291,15 @@ class Stepper:
         if step.deepest > self.contacts.deepest:
             self.contacts = dataclasses.replace(self.contacts, deepest=step.deepest)
         if step.crossing is not None:
-            self._pass(step.crossing)
-        if step.within:
-            last = self.origin + min(step.reached, self.grid.end)
-            for incident in sorted(step.within, key=lambda incident: incident.t):
-                if incident.t <= last:
-                    statistics.add(incident)
-
-    def _pass(self, crossing: Crossing) -> None:
-        """Count a singular configuration that was passed; where the step has ended before, it is to be seen again."""
-        if crossing.singular_step.instant > self.t:
-            self.watch = SingularityMonitor()
-            return
-        loss = dataclasses.replace(crossing.loss, t=self.origin + crossing.loss.t)
-        self.statistics.crossings += (loss,)
-
-    def _require_pace(self) -> None:
-        """Raise `StepFailure` where steps like the last ones would never lead to the end."""
-        advanced = self.control.is_too_slow(self.t, self.grid.end, self.grid.step)
-        if advanced is None or self.contacts.crowd(self.t - advanced):
-            return
-        from lagcli.simulation.stepping import causes_of_stops
-
-        raise causes_of_stops.too_slow(self._standing, advanced, self.grid.end - self.t)
-
-    def _no_step(self, error: float, residual: float) -> StepFailure:
-        from lagcli.simulation.stepping import causes_of_stops, stop_diagnosis
-
-        where, ahead = self._standing, self.state_at(self.t + self.bound.h[0], self.bound.new)
-        is_soon = self.watch.foreseen.instant - self.t < where.soon
-        last = self.origin + self.contacts.last
-        found = self.bound.enforced, error, residual, where.here, ahead, *self.rank_margin, is_soon, last
-        return causes_of_stops.no_step(where, stop_diagnosis.Rejection(*found))
+            if step.crossing.singular_step.instant > self.t:
+                self.watch = SingularityMonitor()  # it is to be seen again: the step has ended before
+            else:
+                loss = step.crossing.loss
+                statistics.crossings += (dataclasses.replace(loss, t=self.origin + loss.t),)
+        last = self.origin + min(step.reached, self.grid.end)
+        for incident in sorted(step.within, key=lambda incident: incident.t):
+            if incident.t <= last:
+                statistics.add(incident)
 
     @property
     def _standing(self) -> Standing:

@@ -10,6 +10,7 @@ the run goes on; they do not depend on where it ends.
 from __future__ import annotations
 
 import bisect
+import functools
 import math
 import sys
 from typing import NamedTuple
@@ -17,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression.intervals import Range
 from lagcli.smoothness.time_functions import TimeFunctions
 
 Floats = npt.NDArray[np.float64]
@@ -159,54 +159,50 @@ class Timetable:
 
     def _extend(self, t: float, until: float) -> None:
         """Find what is not known yet between two times, as far as the next step from the first may need it."""
-        limit = until + PARAMETERS.still * math.ulp(until)
-        if self._known > limit:
+        limit, functions = until + PARAMETERS.still * math.ulp(until), self._functions
+        if self._known > limit or functions is None:
             return
         # What lies behind is not asked for again.
         self._switches = [switch for switch in self._switches if switch.after >= t]
         self._stationary_times = [station for station in self._stationary_times if station >= t]
-        while self._known <= limit and not self._is_enough(t):
+        grain, earliest = (
+            PARAMETERS.grain * self._piece,
+            self._start - PARAMETERS.still * math.ulp(self._start),
+        )
+
+        def find(span: tuple[float, float]) -> tuple[list[SwitchSpan] | None, list[float] | None]:
+            switches = _switches(functions, span, grain)
+            return switches, _stationary_times(functions, functions.oscillations, span)
+
+        while self._known <= limit:
+            # A step from t ends at what is known.
+            passed = bisect.bisect_right(self._stationary_times, t) + self._passing
+            if len(self._stationary_times) > passed or (self._switches and self._switches[-1].before > t):
+                break
             if not self._open:
                 first = (
                     self._known if math.isfinite(self._known) else math.floor(t / self._piece) * self._piece
                 )
                 self._open.append((first, first + self._piece, self._halvings))
-            self._search(t, *self._open.pop())
-
-    def _is_enough(self, t: float) -> bool:
-        """True if a step from t ends at what is known."""
-        ahead = bool(self._switches) and self._switches[-1].before > t
-        return (
-            ahead
-            or len(self._stationary_times) > bisect.bisect_right(self._stationary_times, t) + self._passing
-        )
-
-    def _search(self, t: float, low: float, high: float, halvings: int) -> None:
-        """Find all between two times that is ahead of t; the first half first where there is too much."""
-        assert self._functions is not None
-        begin = max(low, self._start - PARAMETERS.still * math.ulp(self._start))
-        if begin < high and high >= t:
-            switches, stations = self._found(begin, high)
-            if halvings and (switches is None or stations is None):
-                middle = (low + high) / 2
-                self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
-                return
-            # What is too much in the shortest piece is left to the error estimate and to the rows.
-            self._add(
-                switches or [], _of_each(self._functions, (begin, high)) if stations is None else stations
-            )
-        self._known = high
-
-    def _found(self, begin: float, high: float) -> tuple[list[SwitchSpan] | None, list[float] | None]:
-        """The switches and stations between two times, kept for the next run; None where there is too much."""
-        assert self._functions is not None
-        functions, span = self._functions, (begin, high)
-
-        def find() -> tuple[list[SwitchSpan] | None, list[float] | None]:
-            switches = _switches(functions, span, PARAMETERS.grain * self._piece)
-            return switches, _stationary_times(functions, functions.oscillations, span)
-
-        return functions.cached.answer((*span, self._piece), find)
+            low, high, halvings = self._open.pop()
+            begin = max(low, earliest)
+            if begin < high and high >= t:
+                span = begin, high
+                switches, stations = functions.cached.answer(
+                    (*span, self._piece), functools.partial(find, span)
+                )
+                if halvings and (switches is None or stations is None):
+                    # The first half first where there is too much.
+                    middle = (low + high) / 2
+                    self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
+                    continue
+                # What is too much in the shortest piece is left to the error estimate and to the rows; of each function
+                # by itself there may be less.
+                if stations is None:
+                    each = (_stationary_times(functions, (wave,), span) for wave in functions.oscillations)
+                    stations = sorted({x for found in each for x in found or []})
+                self._add(switches or [], stations)
+            self._known = high
 
     def _add(self, switches: list[SwitchSpan], stations: list[float]) -> None:
         for switch in switches:
@@ -239,7 +235,9 @@ def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float)
             break
         fine = right - left <= PARAMETERS.fine * np.maximum(np.abs(left), np.abs(right))
         if fine.any():
-            crowded = _crowded(left, right) & fine
+            # Cells in a row of many without a gap.
+            numbers = np.cumsum(np.concatenate([[0], left[1:] > right[:-1]]))
+            crowded = fine & (np.bincount(numbers)[numbers] > PARAMETERS.run)
             coarse += zip(left[crowded].tolist(), right[crowded].tolist(), strict=True)
             left, right, whole = left[~crowded], right[~crowded], whole[~crowded]
         if left.size > PARAMETERS.most_cells:
@@ -268,14 +266,6 @@ def _halved(left: Floats, right: Floats, which: npt.NDArray[np.bool_]) -> tuple[
     return left[real], right[real]
 
 
-def _crowded(left: Floats, right: Floats) -> npt.NDArray[np.bool_]:
-    """True for cells in a row of more than `PARAMETERS.run` without a gap."""
-    if not left.size:
-        return np.zeros(0, dtype=bool)
-    numbers = np.cumsum(np.concatenate([[0], left[1:] > right[:-1]]))
-    return np.asarray(np.bincount(numbers)[numbers] > PARAMETERS.run)
-
-
 def _joined(cells: list[tuple[float, float]] | list[SwitchSpan], grain: float) -> list[SwitchSpan]:
     """Cells as switches, with some roundings aside; those that nearly touch as one."""
     found: list[SwitchSpan] = []
@@ -288,27 +278,28 @@ def _joined(cells: list[tuple[float, float]] | list[SwitchSpan], grain: float) -
     return found
 
 
-def _of_each(functions: TimeFunctions, span: tuple[float, float]) -> list[float]:
-    """The stations between two times of those functions alone that are not too much to look at."""
-    found = {x for wave in functions.oscillations for x in _stationary_times(functions, (wave,), span) or []}
-    return sorted(found)
-
-
 def _stationary_times(
     functions: TimeFunctions, oscillations: tuple[int, ...], span: tuple[float, float]
 ) -> list[float] | None:
     """The stations of waves between two times; None where there is too much to look at."""
     if not oscillations:
         return []
-    everything = np.array([-np.inf]), np.array([np.inf])
-    whole = functions.values(everything, oscillations)
+    whole = functions.values((np.array([-np.inf]), np.array([np.inf])), oscillations)
     left, right = (np.array([x]) for x in span)
     shortest = PARAMETERS.shortest * (span[1] - span[0])
     while True:
         values = functions.values((left, right), oscillations)
+        # The most that a function may change in each cell, as a part of its range: at all times, or in this piece where
+        # it has no bound. Of a family the largest.
         change = np.zeros(left.size)
         for bound, value in zip(whole, values, strict=True):
-            change = np.maximum(change, _change(bound, value))
+            low, high = (np.atleast_2d(part) for part in value)
+            scale = np.atleast_2d(bound[1] - bound[0])
+            scale = np.where(np.isfinite(scale), scale, (high.max(axis=1) - low.min(axis=1))[:, None])
+            with np.errstate(all="ignore"):
+                part = (high - low) / scale
+            # Where it has no bound in this piece either, or is constant, there is nothing to know.
+            change = np.maximum(change, np.where(np.isfinite(part), part, 0.0).max(axis=0))
         split = (change > PARAMETERS.change) & (right - left > shortest)
         if not split.any():
             break
@@ -316,19 +307,6 @@ def _stationary_times(
             return None
         left, right = _halved(left, right, split)
     return _spaced(right, np.minimum(change, 1.0))
-
-
-def _change(bound: Range, value: Range) -> Floats:
-    """The most that a function may change in each cell, as a part of its range: at all times, or in this piece where
-    it has no bound. Of a family the largest."""
-    low, high = (np.atleast_2d(part) for part in value)
-    scale = np.atleast_2d(bound[1] - bound[0])
-    here = (high.max(axis=1) - low.min(axis=1))[:, None]
-    scale = np.where(np.isfinite(scale), scale, here)
-    with np.errstate(all="ignore"):
-        change = (high - low) / scale
-    # Where it has no bound in this piece either, or is constant, there is nothing to know.
-    return np.asarray(np.where(np.isfinite(change), change, 0.0).max(axis=0))
 
 
 def _spaced(ends: Floats, change: Floats) -> list[float]:
