@@ -18,17 +18,15 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
-from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, step_watch
 from lagcli.simulation.events.contact_changes import ContactChanges
 from lagcli.simulation.events.contact_decision import SwitchSide
 from lagcli.simulation.events.declared_events import EventSizes
 from lagcli.simulation.events.event import Event, InstantLines
-from lagcli.simulation.events.step_watch import Ahead, SingularStepWatch, StateAhead, StepWatch
+from lagcli.simulation.events.step_watch import SingularStepWatch, StateAhead, StepWatch
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
@@ -102,41 +100,35 @@ class ContactEvent(Event):
     def found(self, step: FoundStep) -> Cut | None:
         """See `Event`."""
         run = self._stepper
-        if step.is_still:
-            return self._cut(self._met_at_switch(step))
-        if step.crossing is not None:
-            return self._cut(self._met_across(step))
+        if step.is_still or step.crossing is not None:
+            return self._cut(self._met_at_switch(step) if step.is_still else self._met_across(step))
         watch, contacts = self._current(), run.contacts
         limit = min(t for _, t in contacts.ending) if contacts.ending else math.inf
         # What arrives at zero at the end of the run to rounding may look clear.
         is_last = step.reached == run.grid.end and bool(self._system.model.events)
         if watch.is_clear() and not contacts.unarmed and not is_last:
             if limit <= step.reached:
-                return self._cut(Met(self._ended_at(step, limit)))
+                return self._cut(Met(run.trial.again(step, limit)._replace(is_jump=True)))
             deeper = step._replace(deepest=watch.deepest) if watch.deepest > contacts.deepest else step
             return self._cut(Met(deeper)) if contacts.again else None if deeper is step else Cut(deeper)
         run.trial.make_dense()
         if hits := self._changes.sinking(step.taken):
-            ahead = Ahead(run, step, BEYOND * FARTHER**contacts.again)
-            return self._here(Met(step, hits, ahead))
+            ahead = step_watch.ahead(run, step, BEYOND * FARTHER**contacts.again)
+            return self._cut(Met(step, hits, ahead), is_here=True)
         met = self._search(watch, step, (limit - run.t) / step.taken)
         if isinstance(met, Cut):
             return met
         if not met.hits and limit <= met.step.reached:
-            met = met._replace(step=self._ended_at(met.step, limit))
+            # Rebounds of a contact come to their end.
+            met = met._replace(step=run.trial.again(met.step, limit)._replace(is_jump=True))
         return self._cut(met)
 
-    def _cut(self, met: Met) -> Cut:
-        """The step that ends at what is met, with what is to be done there."""
+    def _cut(self, met: Met, is_here: bool = False) -> Cut:
+        """The step that ends at what is met, with what is to be done there; is_here: it is given up, for that is where
+        the run stands."""
+        if is_here:
+            return Cut(None, partial(self._act, met, is_here))
         return Cut(met.step, partial(self._act, met), partial(self._changes.events.report, met.at_end))
-
-    def _here(self, met: Met) -> Cut:
-        """The step is given up, for what it meets is where the run stands."""
-        return Cut(None, partial(self._act_here, met))
-
-    def _ended_at(self, step: FoundStep, t: float) -> FoundStep:
-        """The step ended at a time at which rebounds of a contact come to their end."""
-        return self._stepper.trial.again(step, t)._replace(is_jump=True)
 
     def _met_at_switch(self, step: FoundStep) -> Met:
         """What functions of t make jump at a switch: declared events, and walls, which may not.
@@ -160,14 +152,11 @@ class ContactEvent(Event):
         side = SwitchSide(self._changes.log.line(), events, tuple(crossed))
         return met._replace(step=step._replace(is_jump=True), before=side)
 
-    def _act_here(self, met: Met) -> None:
-        run = self._stepper
-        run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
-        self._act(met)
-
-    def _act(self, met: Met) -> None:
+    def _act(self, met: Met, is_here: bool = False) -> None:
         """Act where the run stands, at the end of a step or where one was given up."""
         run, changes, at_end = self._stepper, self._changes, met.at_end
+        if is_here:
+            run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
         changes.log.is_switched = met.before is not None
         changes.events.known = met.sizes or changes.events.known
         if met.before is not None:
@@ -183,8 +172,15 @@ class ContactEvent(Event):
         elif not met.crossed:
             return
         if met.crossed:
-            unarmed = {*run.contacts.unarmed, *declared_events.still(self._current(), met.crossed)}
-            run.contacts = dataclasses.replace(run.contacts, unarmed=tuple(sorted(unarmed)))
+            # Events that are at zero still, as where an impact follows at once, do not cross there again.
+            watch = self._current()
+            values = dict(
+                zip(watch.functions.kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True)
+            )
+            still = {number for number, noise in met.crossed.items() if values[number] <= noise}
+            run.contacts = dataclasses.replace(
+                run.contacts, unarmed=tuple(sorted({*run.contacts.unarmed, *still}))
+            )
         run.settle()
 
     def _met_across(self, step: FoundStep) -> Met:
@@ -205,7 +201,8 @@ class ContactEvent(Event):
         x, armed = 0.0, ~np.isin(kinds.numbers[indices], run.contacts.unarmed)
         limit = 1.0 if lift_off is None else lift_off.x
         while x < limit and indices.size:
-            crossing = self._crossing(curve, indices, (x, limit), (noise, kinds.direction[indices], armed))
+            direction = kinds.direction[indices]
+            crossing = step_watch.first_crossing(curve, indices, (x, limit), noise, direction, armed)
             if crossing.x is None:
                 break
             x += crossing.x * (limit - x)
@@ -224,12 +221,12 @@ class ContactEvent(Event):
         if lift_off is None:
             return Met(step)
         hits = tuple(kinds.numbers[lift_off.indices].tolist())
-        ended, ahead = step_watch.ended_at_lift_off(curve, step, lift_off)
+        ended, ahead = curve.ended_at_lift_off(step, lift_off)
         return Met(ended, hits, ahead, extents)
 
     def _current(self) -> StepWatch:
         run = self._stepper
-        if self._watch is None or not self._watch.is_of(run):
+        if self._watch is None or self._watch.bound is not run.bound:
             numeric = run.bound.numeric
             if numeric.stepped not in self._functions:
                 self._functions[numeric.stepped] = WatchFunctions(numeric, run.method, self._system)
@@ -255,7 +252,7 @@ class ContactEvent(Event):
         armed: npt.NDArray[np.bool_] | bool = ~np.isin(numbers, unarmed) if unarmed else True
         x = 0.0
         while x < limit:
-            crossing = self._crossing(watch, indices, (x, limit), (noise, turned, armed))
+            crossing = step_watch.first_crossing(watch, indices, (x, limit), noise, turned, armed)
             if crossing.unresolved:
                 return met._replace(step=self._shortened(met.step, x + crossing.clear * (limit - x)))
             if crossing.x is None:
@@ -278,7 +275,11 @@ class ContactEvent(Event):
                 return met
             armed = np.ones(indices.size, dtype=bool)
             armed[rows] = False
-            events = (self._event(watch, step, x, index) for index in indices[rows].tolist())
+            log, events = self._changes.log, []
+            for index in indices[rows].tolist():
+                t, state = declared_events.within(watch, step, x, index)
+                line = log.line_of(t, state)
+                events.append(log.incident(t, "event", kinds.names[index], InstantLines(line, line)))
             met = met._replace(step=met.step._replace(within=(*met.step.within, *events)))
         return met
 
@@ -292,7 +293,12 @@ class ContactEvent(Event):
         """
         kinds, (indices, noise) = watch.functions.kinds, asked
         begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
-        step_watch.require_pushes(watch, indices[begin[indices] < -PARAMETERS.clearly * noise])
+        bound = self._stepper.bound
+        pulling = kinds.numbers[indices[begin[indices] < -PARAMETERS.clearly * noise]].tolist()
+        rows, closed = self._system.multiplier_rows, set(bound.numeric.closed_rows)
+        if names := [rows[number].name for number in pulling if number in closed]:
+            # No row is made of that, whatever has closed it.
+            raise step_watch.pulls(names)
         # The dense output has the rounding of what changes in the step, be there no size and no speed at its begin.
         gaps = watch.are_gaps[indices]
         moved = NOISE * np.abs(end - begin)[indices]
@@ -306,22 +312,6 @@ class ContactEvent(Event):
         noise[is_event] = rounding[indices][is_event]
         return noise, EventSizes(np.maximum(begin, end)[kinds.is_event], rounding[kinds.is_event])
 
-    def _crossing(
-        self,
-        watch: StepWatch | SingularStepWatch,
-        indices: Indices,
-        span: tuple[float, float],
-        asked: tuple[Floats, npt.ArrayLike, npt.ArrayLike],
-    ) -> FirstCrossing:
-        """The first of some functions to cross; asked: noise, direction and armed as `zero_search` takes them."""
-        begin, width = span[0], span[1] - span[0]
-
-        def values(u: float) -> tuple[Floats, Floats]:
-            w, slope = watch.inside(begin + u * width)
-            return w[indices], slope[indices] * width
-
-        return zero_search.first_crossing(values, *asked)
-
     def _shortened(self, step: FoundStep, x: float) -> FoundStep:
         """The step ended before what cannot be told apart in it."""
         run = self._stepper
@@ -330,17 +320,12 @@ class ContactEvent(Event):
         shorter = run.trial.again(step, run.t + x * step.taken)
         return shorter._replace(proposed=min(step.proposed, shorter.taken))
 
-    def _event(self, watch: StepWatch, step: FoundStep, x: float, index: int) -> Incident:
-        t, state = declared_events.within(watch, step, x, index)
-        line, name = self._changes.log.line_of(t, state), watch.functions.kinds.names[index]
-        return self._changes.log.incident(t, "event", name, InstantLines(line, line))
-
     def _met_at(self, watch: StepWatch, met: Met, x: float, rows: Indices) -> Met | Cut:
         """The step ended where watched functions cross zero."""
         run, step, bound = self._stepper, met.step, self._stepper.bound
         slopes = watch.inside(x)[1][rows] / step.taken
         met = met._replace(
-            ahead=Ahead(run, step, min(1.0, x + BEYOND * FARTHER**run.contacts.again)),
+            ahead=step_watch.ahead(run, step, min(1.0, x + BEYOND * FARTHER**run.contacts.again)),
             hits=tuple(watch.functions.kinds.numbers[rows].tolist()),
         )
         steepest = int(np.argmax(np.abs(slopes)))
@@ -349,7 +334,7 @@ class ContactEvent(Event):
         for _ in range(declared_events.REFINED):
             reached = run.t + tau
             if not reached > run.t:
-                return self._here(met)
+                return self._cut(met, is_here=True)
             step = run.trial.again(step, reached)
             left = float(watch.end(reached)[index])
             if not abs(left) < best / 2 or slope == 0:

@@ -4,7 +4,7 @@ zeros within a step, at a switch of a function of t, at the end of the run, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -157,12 +157,3 @@ def crossed(
     slopes = np.abs(watch.inside(x)[1][indices]) / step.taken
     known = noise + IN_TIME * math.ulp(run.t + step.taken) * slopes
     return dict(zip(kinds.numbers[indices[chosen]].tolist(), known[chosen].tolist(), strict=True))
-
-
-def still(watch: StepWatch, known: Mapping[int, float]) -> list[int]:
-    """The events among `crossed` that are at zero where the run stands, as where an impact follows at once:
-    they do not cross there again."""
-    if not known:
-        return []
-    values = dict(zip(watch.functions.kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True))
-    return [number for number, noise in known.items() if values[number] <= noise]
