@@ -67,7 +67,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     approaching = among & (here.speeds < -here.slow)
     if not approaching.any():
         return None
-    if not here.has_linear_momenta:
+    if not here.values.numeric.has_linear_momenta:
         # The jump of M v is not that of dL/dq', and what half the sum of the speeds does is not the energy.
         raise ContactsUndecided(NOT_LINEAR, np.flatnonzero(approaching))
     e = restitution.copy()
@@ -75,25 +75,36 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     near = np.flatnonzero(among)
     _require_gradients(here, near)
     found = onward = law(here, near, e)
-    # Each turn ends the series of some contact, so that there are few.
+    # Each turn ends the series of some contact, so that there are few: of those that rebound, and are pressed so that
+    # they rise no higher than rounding.
     for _ in near[(e[near] > 0) & (e[near] < ELASTIC)]:
         after = here.moved(onward.x)
-        small, pull = _unresolved(after, near, e)
+        bouncing = near[(after.speeds[near] > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
+        # They rise at most as their largest acceleration lets them: most are decided at once.
+        bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
+        if not bouncing.size:
+            break
+        small, pull = _pressed(after, bouncing, is_low=True)
         if not small.size:
             break
         lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
         ended[small] = approaching[small]
         e[small] = 0.0
         onward = law(here, near, e)
-    # Those that the impact is none of, too: without the rebounds it may leave them closed.
+    # Those that the impact is none of, too: without the rebounds it may leave them closed. They part by the law, but an
+    # impact of others lifts them too slowly, or by such a rebound.
     others = np.flatnonzero(here.near & ~ended)
     if here.near.sum() > 1 and others.size:
         after = here.moved(onward.x)
         reported = after if onward is found else here.moved(found.x)
-        lifted, pull = _staying_closed(reported, after, others)
-        # With e = 1 there is no end: of that one flight is reported.
-        left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
-        lasting[lifted], ended[lifted] = 2 * reported.speeds[lifted] / (pull * left), True
+        lifted = others[reported.speeds[others] > 0]
+        is_slow = np.abs(after.speeds[lifted]) <= after.slow[lifted]
+        lifted = lifted[is_slow & (reported.speeds[lifted] > reported.speed_roundoff[lifted])]
+        if lifted.size:
+            lifted, pull = _pressed(after, lifted)
+            # With e = 1 there is no end: of that one flight is reported.
+            left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
+            lasting[lifted], ended[lifted] = 2 * reported.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
     impacting = approaching.copy()
@@ -111,6 +122,17 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     )
 
 
+def _pressed(after: ContactInstant, lifted: Numbers, is_low: bool = False) -> tuple[Numbers, Floats]:
+    """Contacts among some that part, which the others that are at rest press, and -d2g/dt2 of them."""
+    rests = after.at_rest
+    rests[lifted] = False
+    pull = -contact_forces(after, rests).accelerations[lifted]
+    are_pressed = pull > 0
+    if is_low:
+        are_pressed &= _is_low(after, lifted, pull)
+    return lifted[are_pressed], pull[are_pressed]
+
+
 def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
@@ -123,7 +145,8 @@ def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
         if few is not None and near.size > 1:
             # The general law knows what energy is at hand, of which rounding is a part.
             with contextlib.suppress(impact_law.EnergyCreated):
-                found = few.impact(here.state.v, here.speeds[near], e[near], here.terms(near))
+                terms = here.sizes_of_changes(here.state.v) + np.abs(here.g_t)
+                found = few.impact(here.state.v, here.speeds[near], e[near], terms[near])
                 if found is not None:
                     return found
         B, b, _ = here.equalities
@@ -137,40 +160,6 @@ def _require_gradients(here: ContactInstant, contacts: Numbers) -> None:
     without = contacts[~here.has_gradient[contacts]]
     if without.size:
         raise ContactsUndecided(NO_GRADIENT, without)
-
-
-def _unresolved(after: ContactInstant, near: Numbers, e: Floats) -> tuple[Numbers, Floats]:
-    """Contacts that rebound and are pressed so that they rise no higher than rounding, and -d2g/dt2 of them."""
-    speeds = after.speeds[near]
-    bouncing = near[(speeds > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
-    if bouncing.size:
-        # They rise at most as their largest acceleration lets them: most are decided at once.
-        bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
-    if not bouncing.size:
-        return bouncing, np.zeros(0)
-    lying = after.at_rest
-    lying[bouncing] = False
-    pull = -contact_forces(after, lying).accelerations[bouncing]
-    small = (pull > 0) & _is_low(after, bouncing, pull)
-    return bouncing[small], pull[small]
-
-
-def _staying_closed(
-    reported: ContactInstant, after: ContactInstant, among: Numbers
-) -> tuple[Numbers, Floats]:
-    """Contacts that part by the law, `reported`, but stay closed without the rebounds that are left out, `after`, and
-    -d2g/dt2 of them, which presses: those that an impact of others lifts too slowly, or by such a rebound."""
-    speeds = reported.speeds[among]
-    lifted = among[speeds > 0]
-    if lifted.size:
-        is_slow = np.abs(after.speeds[lifted]) <= after.slow[lifted]
-        lifted = lifted[is_slow & (reported.speeds[lifted] > reported.speed_roundoff[lifted])]
-    if not lifted.size:
-        return lifted, np.zeros(0)
-    rests = after.at_rest
-    rests[lifted] = False
-    pull = -contact_forces(after, rests).accelerations[lifted]
-    return lifted[pull > 0], pull[pull > 0]
 
 
 def _is_low(after: ContactInstant, bouncing: Numbers, pull: Floats) -> Flags:
@@ -196,17 +185,30 @@ def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None
     """
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
-    few = _forces_of_few(here, numbers, sunk)
+    few, forces = here.few(numbers), None
     if few is not None:
-        return few
-    B, _, gamma = here.equalities
-    try:
-        found = impact_law.forces(
-            here.metric, here.force, (B, gamma), (here.gradients(numbers), here.gamma[numbers])
-        )
-    except impact_law.LawError as error:
-        raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
-    return _carrying(here, numbers, (found.x, found.of_contacts), sunk)
+        # By formulas, where rounding is not too large for them.
+        free = here.values.open_acceleration(here.state)
+        c = here.changes(free) - here.gamma
+        sizes = here.sizes_of_changes(free) + np.abs(here.gamma)
+        rounding = complementarity.PARAMETERS.safe * doubles.EPS * sizes
+        forces = few.solve(c[numbers], rounding[numbers])
+        x = free if forces is None else few.moved(free, forces)
+    if forces is None:
+        B, _, gamma = here.equalities
+        contacts = here.gradients(numbers), here.gamma[numbers]
+        try:
+            found = impact_law.forces(here.metric, here.force, (B, gamma), contacts)
+        except impact_law.LawError as error:
+            raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
+        x, forces = found.x, found.of_contacts
+    accelerations = here.changes(x) - here.gamma
+    presses = forces > here.least_forces(numbers, x)
+    if sunk is not None:
+        # Within a step nothing takes it out again.
+        none = accelerations * here.chosen.span**2 <= here.touching_gap
+        presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
+    return ContactForces(x, accelerations, tuple(numbers[presses].tolist()))
 
 
 def opening(here: ContactInstant, among: Flags) -> Flags:
@@ -215,34 +217,6 @@ def opening(here: ContactInstant, among: Flags) -> Flags:
     none = here.least_forces(numbers, forces.x) * here.squares(numbers)
     opened[numbers] = forces.accelerations[numbers] > none
     return opened
-
-
-def _forces_of_few(here: ContactInstant, numbers: Numbers, sunk: Flags | None) -> ContactForces | None:
-    """The forces for few contacts, by formulas; None where rounding is too large for them."""
-    few = here.few(numbers)
-    if few is None:
-        return None
-    free = here.open_acceleration
-    c = here.changes(free) - here.gamma
-    rounding = (
-        complementarity.PARAMETERS.safe * doubles.EPS * (here.sizes_of_changes(free) + np.abs(here.gamma))
-    )
-    z = few.solve(c[numbers], rounding[numbers])
-    return None if z is None else _carrying(here, numbers, (few.moved(free, z), z), sunk)
-
-
-def _carrying(
-    here: ContactInstant, numbers: Numbers, found: tuple[Floats, Floats], sunk: Flags | None
-) -> ContactForces:
-    """The contacts that press, from accelerations (n,) and forces of contacts (k,)."""
-    x, forces = found
-    accelerations = here.changes(x) - here.gamma
-    presses = forces > here.least_forces(numbers, x)
-    if sunk is not None:
-        # Within a step nothing takes it out again.
-        none = accelerations * here.span**2 <= here.touching_gap
-        presses |= sunk[numbers] & ((forces > 0.0) | none[numbers])
-    return ContactForces(x, accelerations, tuple(numbers[presses].tolist()))
 
 
 class GradientParameters:
@@ -343,7 +317,7 @@ def _vanishes(here: ContactInstant, contact: int) -> bool:
         return True
     size = here.size or 1.0
     offset = max(PARAMETERS.times * abs(float(here.g[contact])) / slope, PARAMETERS.offset * size)
-    changes = [float(_displaced(here, part * way).g[contact] - here.g[contact]) for part in (offset, -offset)]
+    changes = [float(here.displaced(part * way).g[contact] - here.g[contact]) for part in (offset, -offset)]
     told = offset * slope, -offset * slope
     return any(
         not abs(change - by) <= PARAMETERS.off * abs(by) for change, by in zip(changes, told, strict=True)
@@ -361,13 +335,9 @@ def _jumps(here: ContactInstant, contact: int) -> bool:
         way = random.standard_normal(here.units.size) * here.units
         for part in (offset, -offset):
             beside = (
-                _displaced(here, times * part * way).entries(contact) for times in (1.0, PARAMETERS.farther)
+                here.displaced(times * part * way).entries(contact) for times in (1.0, PARAMETERS.farther)
             )
             changes = [float(np.abs(side - own).max(initial=0.0)) for side in beside]
             near, far = max(near, changes[0]), max(far, changes[1])
     least = doubles.ROOT * (np.abs(own).max(initial=0.0) + far)
     return bool(sides.differ(np.array(near), np.array(far), least))
-
-
-def _displaced(here: ContactInstant, way: Floats) -> ContactInstant:
-    return here.at(dataclasses.replace(here.state, q=here.state.q + way))

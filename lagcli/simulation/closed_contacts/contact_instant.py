@@ -17,7 +17,7 @@ from lagcli.compiled.contact_values import MotionNumbers
 from lagcli.contact import few_contacts
 from lagcli.contact.few_contacts import FewContacts, Response
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, Sparse, sparse, stacked
+from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, sparse, stacked
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -87,7 +87,8 @@ class ContactRowValues:
         self.count = int(numeric.contacts.size1_out(0))
         order = np.argsort(self.row, kind="stable")
         ends = np.searchsorted(self.row[order], np.arange(self.count + 1))
-        self._of = [order[first:end] for first, end in itertools.pairwise(ends)]
+        # The indices among the entries of G of those of each contact.
+        self.of = [order[first:end] for first, end in itertools.pairwise(ends)]
 
     def at(self, state: State, chosen: ContactParameters) -> Floats:
         """The numbers of `compiled.contact_values`, in memory of their own."""
@@ -96,10 +97,6 @@ class ContactRowValues:
         numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed, chosen.since, chosen.across
         self._bound.trigger()
         return np.asarray(self._bound.results[0][self._order])
-
-    def entry_indices(self, contact: int) -> Numbers:
-        """The indices among the entries of G of those of one contact."""
-        return self._of[contact]
 
     @cached_property
     def _response(self) -> BoundFunction:
@@ -133,12 +130,13 @@ class ContactRowValues:
 class ContactInstant:
     """All K contacts at a state, with the numbers of `compiled.contact_values`.
 
-    has_gradient (K,): contacts whose gradient has a value there, as others have none until they are closed. units
-    (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or the largest so far.
+    values: of the system; chosen: numbers of the run; has_gradient (K,): contacts whose gradient has a value there, as
+    others have none until they are closed; units (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or
+    the largest so far.
     """
 
     def __init__(self, values: ContactRowValues, state: State, chosen: ContactParameters) -> None:
-        self.state, self._values, self._chosen = state, values, chosen
+        self.state, self.values, self.chosen = state, values, chosen
         packed = values.at(state, chosen)
         K, count = values.count, len(contact_values.COLUMNS)
         columns = packed[: count * K].reshape(count, K)
@@ -156,20 +154,10 @@ class ContactInstant:
         """The size of the motion."""
         return self._motion.size
 
-    @property
-    def has_linear_momenta(self) -> bool:
-        """True if momenta are linear in velocities, as in `NumericSystem`."""
-        return self._values.numeric.has_linear_momenta
-
-    @property
-    def span(self) -> float:
-        """The length of the step that is looked at."""
-        return self._chosen.span
-
     def moved(self, v: Floats) -> ContactInstant:
         """The instant at another velocity (n,)."""
-        chosen = dataclasses.replace(self._chosen, speed=self._motion.speed)
-        other = ContactInstant(self._values, dataclasses.replace(self.state, v=v), chosen)
+        chosen = dataclasses.replace(self.chosen, speed=self._motion.speed)
+        other = ContactInstant(self.values, dataclasses.replace(self.state, v=v), chosen)
         other._few = self._few
         return other
 
@@ -183,7 +171,11 @@ class ContactInstant:
 
     def at(self, state: State) -> ContactInstant:
         """The contacts at another state."""
-        return ContactInstant(self._values, state, self._chosen)
+        return ContactInstant(self.values, state, self.chosen)
+
+    def displaced(self, way: Floats) -> ContactInstant:
+        """The contacts at another place, this way (n,) off."""
+        return self.at(dataclasses.replace(self.state, q=self.state.q + way))
 
     def later(self, tau: float, x: Floats) -> State:
         """The state on the parabola with accelerations x (n,), a time tau later."""
@@ -206,7 +198,7 @@ class ContactInstant:
 
     def gap_changes(self, way: float) -> Floats:
         """Changes of g (K,) that a displacement by this way makes, which is counted as the size."""
-        values = self._values
+        values = self.values
         moved = np.abs(self._entries * self.units[values.column]) * way
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
@@ -217,12 +209,12 @@ class ContactInstant:
 
     def entries(self, contact: int) -> Floats:
         """The entries of the gradient of one contact."""
-        return self._entries[self._values.entry_indices(contact)]
+        return self._entries[self.values.of[contact]]
 
     def direction(self, contact: int) -> tuple[Floats, float]:
         """The displacement (n,) along the gradient of a contact that counts as 1 in units, and dg/ds along it."""
-        values = self._values
-        entry_indices = values.entry_indices(contact)
+        values = self.values
+        entry_indices = values.of[contact]
         columns = values.column[entry_indices]
         steepness, way = self._entries[entry_indices] * self.units[columns], np.zeros(self.state.q.size)
         slope = float(np.linalg.norm(steepness))
@@ -234,7 +226,7 @@ class ContactInstant:
     def holonomic(self) -> tuple[Floats, Sparse]:
         """f (s,) of the holonomic equality rows, and their gradients (s, n)."""
         s = self.state
-        f, B = self._values.numeric.holonomic(s.t, s.q, s.p)
+        f, B = self.values.numeric.holonomic(s.t, s.q, s.p)
         return np.array(f).ravel(), B
 
     @property
@@ -244,20 +236,20 @@ class ContactInstant:
 
     def changes(self, x: Floats) -> Floats:
         """G x (K,)."""
-        values = self._values
+        values = self.values
         moved = self._entries * x[values.column]
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
     def sizes_of_changes(self, x: Floats) -> Floats:
         """|G| |x| (K,)."""
-        values = self._values
+        values = self.values
         moved = np.abs(self._entries * x[values.column])
         return np.asarray(np.bincount(values.row, moved, minlength=values.count))
 
     def gradients(self, contacts: Numbers) -> Sparse:
         """The rows of G of some contacts, (k, n)."""
-        values = self._values
-        entry_indices = [values.entry_indices(j) for j in contacts.tolist()]
+        values = self.values
+        entry_indices = [values.of[j] for j in contacts.tolist()]
         taken = np.concatenate(entry_indices) if entry_indices else np.zeros(0, dtype=np.intp)
         rows = np.repeat(np.arange(contacts.size), [each.size for each in entry_indices])
         return sparse(rows, values.column[taken], self._entries[taken], (contacts.size, self.state.q.size))
@@ -265,12 +257,12 @@ class ContactInstant:
     @property
     def has_independent_rows(self) -> bool:
         """True where no equality row is redundant."""
-        return not self._values.numeric.selection.dependencies
+        return not self.values.numeric.selection.dependencies
 
     def response(self, contact: int) -> Response:
         """The effect of an impulse of one contact, with all equality rows."""
-        values = self._values
-        entry_indices = values.entry_indices(contact)
+        values = self.values
+        entry_indices = values.of[contact]
         columns, entries = values.column[entry_indices], self._entries[entry_indices]
         x, of_equalities, (square, free, left) = values.response(self.state, columns, entries)
         terms = float(np.abs(entries) @ np.abs(self.state.v[columns])) + abs(float(self.g_t[contact]))
@@ -287,23 +279,13 @@ class ContactInstant:
             responses = tuple(self.response(j) for j in key)
             D = np.array(
                 [
-                    [self._entries[p] @ r.x[self._values.column[p]] for r in responses]
-                    for p in map(self._values.entry_indices, key)
+                    [self._entries[p] @ r.x[self.values.column[p]] for r in responses]
+                    for p in (self.values.of[j] for j in key)
                 ]
             )
             found = FewContacts(responses, D)
             self._few[key] = found if found.are_apart else None
         return self._few[key]
-
-    def terms(self, contacts: Numbers) -> Floats:
-        """The sums of |G_i v_i| and |g_t| (k,) of some contacts."""
-        sizes = self.sizes_of_changes(self.state.v) + np.abs(self.g_t)
-        return np.asarray(sizes[contacts])
-
-    @property
-    def open_acceleration(self) -> Floats:
-        """The accelerations (n,) with all contacts open, and the equality rows enforced."""
-        return self._values.open_acceleration(self.state)
 
     @cached_property
     def near(self) -> Flags:
@@ -332,7 +314,7 @@ class ContactInstant:
     @cached_property
     def _forces(self) -> tuple[Floats, Floats]:
         s = self.state
-        h, gamma, _ = self._values.numeric.force(s.t, s.q, s.v, s.p)
+        h, gamma, _ = self.values.numeric.force(s.t, s.q, s.v, s.p)
         return np.array(h).ravel(), np.array(gamma).ravel()
 
     def squares(self, contacts: Numbers) -> Floats:
@@ -347,48 +329,43 @@ class ContactInstant:
         squares = self.squares(contacts) if few is None else few.free
         rate = float(np.abs(x / self.units).max(initial=0.0))
         # At a start the way of a step may be larger than all that has a size yet.
-        way = max(self.size, self._motion.speed * self._chosen.ahead) or 1.0
+        way = max(self.size, self._motion.speed * self.chosen.ahead) or 1.0
         creep = (PARAMETERS.creeping * self._motion.speed) ** 2 / way
         in_units = self.gap_changes(1.0)[contacts]
         pull = np.maximum(PARAMETERS.weightless * (self.pull[contacts] + in_units * rate), in_units * creep)
         least = np.asarray(pull / squares)
+        if not (self._blurred[contacts] + in_units * self._motion.forces_blurred > pull).any():
+            return least
         # Where forces or curvatures are sums of terms that cancel, they are known to the rounding of these.
-        blurred = self._blurred[contacts] + in_units * self._motion.forces_blurred > pull
-        if blurred.any():
-            least = np.maximum(least, self._roundings_of_forces(contacts))
-        return least
-
-    def _roundings_of_forces(self, contacts: Numbers) -> Floats:
-        """Multipliers (k,) of some contacts that are rounding of the forces and curvatures."""
         s, ratio = self.state, contact_values.ROUNDINGS * doubles.EPS
-        h, gamma = (np.array(x).ravel() for x in self._values.numeric.force_roundings(s.t, s.q, s.v, s.p))
+        h, gamma = (np.array(x).ravel() for x in self.values.numeric.force_roundings(s.t, s.q, s.v, s.p))
         responses = [self.response(j) for j in contacts.tolist()]
         own = np.array([np.abs(r.x) @ h + np.abs(r.of_equalities) @ gamma for r in responses])
         accelerations = ratio * own + self._blurred[contacts]
-        few = self.few(contacts)
         if few is not None:
-            return np.asarray(np.abs(np.linalg.inv(few.D)) @ accelerations)
+            return np.asarray(np.maximum(least, np.abs(np.linalg.inv(few.D)) @ accelerations))
         # What rows cannot move takes any force.
-        squares = np.array([r.square for r in responses])
-        return np.asarray(np.where(squares > 0.0, accelerations / np.where(squares > 0.0, squares, 1.0), 0.0))
+        square = np.array([r.square for r in responses])
+        rounding = np.where(square > 0.0, accelerations / np.where(square > 0.0, square, 1.0), 0.0)
+        return np.asarray(np.maximum(least, rounding))
 
     @cached_property
     def metric(self) -> Metric:
         """The mass metric."""
         s = self.state
-        return Metric(self._values.numeric.inertia(s.t, s.q, s.v, s.p))
+        return Metric(self.values.numeric.inertia(s.t, s.q, s.v, s.p))
 
-    def rows_of(self, equalities: list[int], contacts: list[int]) -> Sparse:
-        """Some equality rows, and those of some contacts after them."""
+    def rows_of(self, equalities: list[int], contacts: list[int]) -> MetricRows:
+        """Some equality rows, and those of some contacts after them, in the metric."""
         B = self.equalities[0][equalities, :]
-        return stacked(B, self.gradients(np.array(contacts, dtype=np.intp)))
+        return MetricRows(stacked(B, self.gradients(np.array(contacts, dtype=np.intp))), self.metric)
 
     @cached_property
     def equalities(self) -> tuple[Sparse, Floats, Floats]:
         """B (C, n), b (C,) and gamma (C,) of the equality rows."""
-        s, C = self.state, self._values.equality_count
+        s, C = self.state, self.values.equality_count
         if not C:
             nothing = np.zeros(0, dtype=np.intp)
             return sparse(nothing, nothing, np.zeros(0), (0, s.q.size)), np.zeros(0), np.zeros(0)
-        B, b = self._values.numeric.rows(s.t, s.q, s.v, s.p)
+        B, b = self.values.numeric.rows(s.t, s.q, s.v, s.p)
         return B[:C, :], np.array(b).ravel()[:C], self._forces[1][:C]

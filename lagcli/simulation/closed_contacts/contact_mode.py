@@ -9,14 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli import doubles
-from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric_rows import MetricRows, stacked
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactForces, ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
-from lagcli.start.initial import State
 
 # How far ahead is looked, as a part of the size of the motion; Newton's steps back onto the rows that are enforced.
 FAR, STEPS = 1e-3, 5
@@ -43,28 +41,24 @@ def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> Gaps
 
     Where nothing moves, or where nothing has a value ahead, all are said to stay.
     """
-    everything = np.ones(here.g.size, dtype=bool)
+    everything, contacts = np.ones(here.g.size, dtype=bool), np.array(enforced, dtype=np.intp)
     tau, way = here.reach(x, FAR)
-    there = _on_contacts(here, here.later(tau, x), list(enforced)) if way > 0 else None
-    if there is None:
+    if not way > 0:
         return GapsAhead(everything, ~everything)
-    g = here.at(there).g
-    allowed = np.maximum(CLOSED * here.gap_changes(way), here.noise)
-    return GapsAhead(np.abs(g) <= allowed, g < -allowed)
-
-
-def _on_contacts(here: ContactInstant, state: State, contacts: list[int]) -> State | None:
-    """The state moved onto the holonomic equality rows and these contacts; None where there is none."""
+    state = here.later(tau, x)
     for _ in range(STEPS):
+        # Onto the holonomic equality rows and these contacts.
         instant = here.at(state)
         f, B = instant.holonomic
         off = np.concatenate([f, instant.g[contacts]])
-        A = np.array(here.metric.whitened(stacked(B, instant.gradients(np.array(contacts, dtype=np.intp)))))
+        A = np.array(here.metric.whitened(stacked(B, instant.gradients(contacts))))
         if not (np.isfinite(off).all() and np.isfinite(A).all()):
-            return None
+            return GapsAhead(everything, ~everything)
         back = rank.space(A, is_whole=False).step(-off)
         state = dataclasses.replace(state, q=state.q + here.metric.unwhitened(back))
-    return state
+    g = here.at(state).g
+    allowed = np.maximum(CLOSED * here.gap_changes(way), here.noise)
+    return GapsAhead(np.abs(g) <= allowed, g < -allowed)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -117,11 +111,7 @@ def are_independent(open_: Selection, here: ContactInstant, contacts: Sequence[i
     numbers = np.array(sorted(contacts), dtype=np.intp)
     if not numbers.size or here.few(numbers) is not None:
         return True
-    return _metric_rows(here, list(open_.independent), numbers.tolist()).are_independent
-
-
-def _metric_rows(here: ContactInstant, equalities: list[int], contacts: list[int]) -> MetricRows:
-    return MetricRows(here.rows_of(equalities, contacts), here.metric)
+    return here.rows_of(list(open_.independent), numbers.tolist()).are_independent
 
 
 class _ModeChoice:
@@ -133,18 +123,17 @@ class _ModeChoice:
     def of(self, closed: Sequence[int]) -> Selection:
         """The selection with these contacts closed, dependent ones as dependencies."""
         open_, rows = self._open, self._rows
-        contacts = range(rows, open_.count)
         if are_independent(open_, self._here, closed):
             return self.independent(closed)
         numbers = [*open_.independent, *(rows + j for j in sorted(closed))]
-        found = _metric_rows(self._here, list(open_.independent), sorted(closed))
+        found = self._here.rows_of(list(open_.independent), sorted(closed))
         independent = list(range(len(open_.independent)))
         for row in range(len(open_.independent), len(numbers)):
             if not _depend(found.take([*independent, row]), closed):
                 independent.append(row)
         dependencies = independent_rows.over(found, tuple(independent)).selection.dependencies
         shared = tuple(tuple(numbers[k] for k in dependency) for dependency in dependencies)
-        inactive = tuple(i for i in contacts if i not in set(numbers))
+        inactive = tuple(i for i in range(rows, open_.count) if i not in set(numbers))
         return Selection(tuple(numbers[k] for k in independent), (*open_.dependencies, *shared), inactive)
 
     def independent(self, closed: Sequence[int]) -> Selection:
@@ -155,15 +144,15 @@ class _ModeChoice:
 
     def following(self, chosen: Selection, contacts: Sequence[int]) -> tuple[tuple[int, ...], ...]:
         """The contacts among some whose rows depend on the independent rows, each with these."""
-        rows = self._rows
+        rows, here = self._rows, self._here
         enforced = [i - rows for i in chosen.independent if i >= rows]
         if not contacts or not chosen.independent:
             return ()
         equalities = [i for i in chosen.independent if i < rows]
         independent, found = range(len(chosen.independent)), []
         for j in contacts:
-            together = _metric_rows(self._here, equalities, [*enforced, j])
-            if self._here.has_gradient[j] and _depend(together, [*enforced, j]):
+            together = here.rows_of(equalities, [*enforced, j])
+            if here.has_gradient[j] and _depend(together, [*enforced, j]):
                 dependency = independent_rows.over(together, tuple(independent)).selection.dependencies[0]
                 found.append((rows + j, *(chosen.independent[k] for k in dependency[1:])))
         return tuple(found)
@@ -188,24 +177,17 @@ class _ModeChoice:
             ahead = gaps_ahead(here, found.x, enforced)
             if ahead.is_violated[list(contacts)].any():
                 continue
-            return self._with(enforced, [j for j in contacts if ahead.stays[j] and j not in enforced])
+            # Others that stay closed with them share the load.
+            lying = [*enforced, *(j for j in contacts if ahead.stays[j] and j not in enforced)]
+            among[lying] = True
+            closed = contact_change.contact_forces(here, among).closed
+            chosen = self.of(closed)
+            idle = self.following(chosen, [j for j in lying if j not in closed])
+            return ContactMode(dataclasses.replace(chosen, idle=idle), closed)
         raise ContactsUndecided(
             "the gradients of closed contacts depend on one another at this instant alone, and none of them keep the"
             " others from closing",
             contacts,
-        )
-
-    def _with(self, enforced: tuple[int, ...], others: list[int]) -> ContactMode:
-        """The mode with contacts enforced, and others that stay closed with them: they share the load."""
-        among = np.zeros(self._here.g.size, dtype=bool)
-        among[[*enforced, *others]] = True
-        closed = contact_change.contact_forces(self._here, among).closed
-        chosen = self.of(closed)
-        return ContactMode(
-            dataclasses.replace(
-                chosen, idle=self.following(chosen, [j for j in (*enforced, *others) if j not in closed])
-            ),
-            closed,
         )
 
 
@@ -217,8 +199,3 @@ def _depend(rows: MetricRows, contacts: Sequence[int]) -> bool:
     if rows.plain().are_independent:
         raise ContactsUndecided(APART, contacts)
     return True
-
-
-def closed_in(numeric: NumericSystem, rows: int) -> tuple[int, ...]:
-    """The contacts that press, by their numbers among contacts."""
-    return tuple(i - rows for i in numeric.closed_rows)

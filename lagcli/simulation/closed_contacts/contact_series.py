@@ -67,16 +67,16 @@ class MotionSeries:
             found.append((np.asarray(rows, np.intp), np.asarray(columns, np.intp), sparsity.shape))
         return found
 
-    def count(self, here: ContactInstant, a: list[Floats]) -> int:
-        """The number of coefficients to be made for the order after accelerations a_0, a_1, ...: all while nothing
-        moves, for they stay the same, and where a switch asks for the first that is not zero."""
-        moves = here.state.v.any() or any(each.any() for each in a)
-        return len(a) + 1 if moves and not self._function.has_switches else PARAMETERS.orders
+    def at(self, here: ContactInstant, a: list[Floats], rounding: float) -> tuple[list[_Terms], int]:
+        """The results of `NumericSystem.contact_motion` where a_0, a_1, ... are the accelerations, and none beyond, and
+        how many coefficients were asked for.
 
-    def at(self, here: ContactInstant, a: list[Floats], count: int, rounding: float) -> list[_Terms]:
-        """The results of `NumericSystem.contact_motion` where a_0, a_1, ... are the accelerations, and none beyond."""
+        All coefficients are made while nothing moves, for they stay the same, and where a switch asks for the first
+        that is not zero; else those up to the order after the accelerations.
+        """
         s = here.state
-        n = s.q.size
+        n, moves = s.q.size, s.v.any() or any(each.any() for each in a)
+        count = len(a) + 1 if moves and not self._function.has_switches else PARAMETERS.orders
         time = power_series.constant(s.t, count)
         time.c[1:2] = time.size[1:2] = 1.0
         v, q = np.zeros((n, count)), np.zeros((n, count))
@@ -89,7 +89,15 @@ class MotionSeries:
             *([PowerSeries(row, np.abs(row)) for row in part] for part in (q, v)),
             [power_series.constant(value, count) for value in s.p.tolist()],
         ]
-        return [_terms(each, count) for each in self._function.at(arguments, count, rounding)]
+        found = []
+        for series in self._function.at(arguments, count, rounding):
+            known = min((each.known for each in series), default=count)
+            c, size = (
+                np.array([getattr(each, part)[:known] for each in series]).reshape(len(series), known)
+                for part in ("c", "size")
+            )
+            found.append(_Terms(c, size, known))
+        return found, count
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -99,15 +107,6 @@ class _Terms:
     c: Floats
     size: Floats
     known: int
-
-
-def _terms(series: list[PowerSeries], count: int) -> _Terms:
-    known = min((each.known for each in series), default=count)
-    c, size = (
-        np.array([getattr(each, part)[:known] for each in series]).reshape(len(series), known)
-        for part in ("c", "size")
-    )
-    return _Terms(c, size, known)
 
 
 class _Products:
@@ -158,8 +157,7 @@ class ContactOrders:
         series, count = list[_Terms](), 0
         for k in range(PARAMETERS.orders):
             if k >= count or a[-1].any():
-                count = self._series.count(here, a)
-                series = self._series.at(here, a, count, self._rounding)
+                series, count = self._series.at(here, a, self._rounding)
             if min(each.known for each in series) <= k:
                 break
             found = self._order(series, (a, equal, pushes), (closed, left))

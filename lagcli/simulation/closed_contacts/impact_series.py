@@ -70,21 +70,20 @@ def apart(here: ContactInstant, before: ClosedBefore) -> Flags:
 def impacts(here: ContactInstant, restitution: Floats, before: ClosedBefore) -> tuple[ImpactResult, ...]:
     """The impact of contacts that are closed, none where none approaches, and those that follow at once. The last
     impact may be the limit of infinitely many. Raises `ContactsUndecided`."""
-    return _impacts(here, restitution, apart(here, before))
-
-
-def _impacts(here: ContactInstant, restitution: Floats, away: Flags) -> tuple[ImpactResult, ...]:
-    """The impact of closed contacts but those that are `away`, (K,), and those that follow."""
-    first = contact_change.impact(here, restitution, here.near & ~away)
-    if first is None:
-        return ()
-    if not (here.near & ~first.impacting).any():
-        return (first,)
-    series = _Series(here, restitution, first, away).followed()
-    speeds = here.moved(series[-1].v).speeds
-    # What comes more slowly than rest is told from is struck by no later impact: it is struck by this one.
-    left = away & (speeds < -here.speed_roundoff) & (speeds >= -here.slow)
-    return _impacts(here, restitution, away & ~left) if left.any() else series
+    away = apart(here, before)
+    while True:
+        first = contact_change.impact(here, restitution, here.near & ~away)
+        if first is None:
+            return ()
+        if not (here.near & ~first.impacting).any():
+            return (first,)
+        series = _Series(here, restitution, first, away).followed()
+        speeds = here.moved(series[-1].v).speeds
+        # What comes more slowly than rest is told from is struck by no later impact: it is struck by this one.
+        left = away & (speeds < -here.speed_roundoff) & (speeds >= -here.slow)
+        if not left.any():
+            return series
+        away = away & ~left
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -133,16 +132,32 @@ class _Series:
                     f"{len(self._impacts)} impacts within {self._took:.1g} of time, and no end of them",
                     np.flatnonzero(self._struck),
                 )
-            self._strike(struck, float(times.min()))
-        own = self._struck
-        if len(self._impacts) > 1 and self._now.at_rest[own].all() and self._restitution[own].all():
+            # The next impact: of contacts that are struck after a time, with those that stay closed.
+            wait, rests = float(times.min()), now.at_rest & ~self._apart
+            now.slow[struck] = np.minimum(now.slow, now.speed_roundoff)[struck]
+            following = contact_change.impact(now, self._restitution, struck | rests)
+            assert following is not None, "contacts that are struck approach"
+            # Gaps that close too slowly to tell do not close.
+            moved = self._gaps + wait * np.where(closing, now.speeds, np.maximum(now.speeds, 0.0))
+            self._gaps = np.where(struck | rests, 0.0, np.maximum(moved, 0.0))
+            self._way, self._took = self._way + wait * now.state.v, self._took + wait
+            self._apart = self._apart & ~following.impacting | following.apart
+            self._impacts.append(following)
+            self._now, self._struck = now.moved(following.v), self._struck | struck
+            self._afters.append(_After(struck, self._gaps, self._now.speeds, wait))
+        own, now = self._struck, self._now
+        if len(self._impacts) > 1 and now.at_rest[own].all() and self._restitution[own].all():
             last, before = self._windows(own)
-            if last < before or set(np.flatnonzero(own)) <= set(self._pressed(own)):
+            rests = own | now.at_rest & ~self._apart
+            is_pressed = last < before or set(np.flatnonzero(own)) <= set(
+                contact_change.contact_forces(now, rests).closed
+            )
+            if is_pressed:
                 # It has contracted to what is none: the last impact still was one.
                 self._impacts.pop()
-                self._now = self._now.moved(self._impacts[-1].v)
+                self._now = now.moved(self._impacts[-1].v)
                 self._end(own)
-        return self._reported()
+        return (*self._impacts[:-1], dataclasses.replace(self._impacts[-1], apart=self._apart))
 
     @property
     def _closing(self) -> Flags:
@@ -150,34 +165,23 @@ class _Series:
         none = np.where(self._apart, np.minimum(self._now.slow, self._now.speed_roundoff), self._now.slow)
         return np.asarray(self._now.speeds < -none)
 
-    def _reported(self) -> tuple[ImpactResult, ...]:
-        return (*self._impacts[:-1], dataclasses.replace(self._impacts[-1], apart=self._apart))
-
-    def _pressed(self, own: Flags) -> tuple[int, ...]:
-        """The contacts that forces press, of those that are `own` or closed, (K,)."""
-        rests = self._now.at_rest & ~self._apart
-        return contact_change.contact_forces(self._now, own | rests).closed
-
-    def _strike(self, struck: Flags, wait: float) -> None:
-        """The next impact: of contacts that are struck after a time, with those that stay closed."""
-        now, rests, closing = self._now, self._now.at_rest & ~self._apart, self._closing
-        now.slow[struck] = np.minimum(now.slow, now.speed_roundoff)[struck]
-        following = contact_change.impact(now, self._restitution, struck | rests)
-        assert following is not None, "contacts that are struck approach"
-        # Gaps that close too slowly to tell do not close.
-        moved = self._gaps + wait * np.where(closing, now.speeds, np.maximum(now.speeds, 0.0))
-        self._gaps = np.where(struck | rests, 0.0, np.maximum(moved, 0.0))
-        self._way, self._took = self._way + wait * now.state.v, self._took + wait
-        self._apart = self._apart & ~following.impacting | following.apart
-        self._impacts.append(following)
-        self._now, self._struck = now.moved(following.v), self._struck | struck
-        self._afters.append(_After(struck, self._gaps, self._now.speeds, wait))
-
     def _end(self, own: Flags) -> None:
-        """Go on behind the limit of the series, after which its contacts, (K,), stay together."""
-        limit, alone = self._limit(own), self._alone
-        wait = sum(after.wait for after in self._afters[alone:])
-        self._now, self._gaps = self._now.moved(limit.v), np.where(own, 0.0, self._gaps)
+        """Go on behind the limit of the series, after which its contacts, (K,), stay together: all impacts in one."""
+        now, none, alone = self._now, np.zeros(own.size), self._alone
+        later, wait = self._impacts[alone:], sum(after.wait for after in self._afters[alone:])
+        contacts, v = np.flatnonzero(own | now.at_rest & ~self._apart), now.state.v
+        of_equalities = np.zeros(self._impacts[0].of_equalities.size)
+        of_equalities = np.sum([of_equalities, *(each.of_equalities for each in later)], axis=0)
+        of_contacts = np.sum([none, *(each.of_contacts for each in later)], axis=0)
+        # The second turn takes away the rounding of large impulses.
+        for _ in range(2):
+            common = contact_change.law(now.moved(v), contacts, none)
+            v, of_equalities = common.x, of_equalities + common.of_equalities
+            of_contacts[contacts] += common.of_contacts
+        is_none = np.zeros(own.size, dtype=bool)
+        rows = tuple(sorted({row for each in self._impacts for row in each.shared}))
+        limit = ImpactResult(v, v, of_equalities, of_contacts, is_none, is_none, none, rows, own, is_none)
+        self._now, self._gaps = now.moved(v), np.where(own, 0.0, self._gaps)
         self._apart = self._apart & ~own | contact_change.opening(self._now, own | self._now.at_rest)
         self._impacts[alone:] = [limit]
         self._afters[alone:] = [_After(own, self._gaps, self._now.speeds, wait)]
@@ -228,23 +232,6 @@ class _Series:
                 if len(times) > 2:
                     return times[0], times[1]
         return times[0], np.inf
-
-    def _limit(self, own: Flags) -> ImpactResult:
-        """All impacts of the limit in one, after which the contacts of the series, (K,), stay together."""
-        now, none, later = self._now, np.zeros(own.size), self._impacts[self._alone :]
-        contacts, v = np.flatnonzero(own | now.at_rest & ~self._apart), now.state.v
-        of_equalities = np.zeros(self._impacts[0].of_equalities.size)
-        of_equalities = np.sum([of_equalities, *(each.of_equalities for each in later)], axis=0)
-        of_contacts = np.sum([none, *(each.of_contacts for each in later)], axis=0)
-        shared = {row for each in self._impacts for row in each.shared}
-        # The second turn takes away the rounding of large impulses.
-        for _ in range(2):
-            common = contact_change.law(now.moved(v), contacts, none)
-            v, of_equalities = common.x, of_equalities + common.of_equalities
-            of_contacts[contacts] += common.of_contacts
-        is_none = np.zeros(own.size, dtype=bool)
-        rows = tuple(sorted(shared))
-        return ImpactResult(v, v, of_equalities, of_contacts, is_none, is_none, none, rows, own, is_none)
 
 
 def _part(before: Floats, after: Floats) -> float | None:

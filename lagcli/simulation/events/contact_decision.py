@@ -199,7 +199,7 @@ class ContactDecision:
             among = np.flatnonzero(level).tolist()
             is_open = ahead.before is not None or contacts.idle
             if is_open or not contact_mode.are_independent(contacts.open_, after, among):
-                look = contacts.at(ahead.t, ahead.y, why.here.span)
+                look = contacts.at(ahead.t, ahead.y, why.here.chosen.span)
         if not level.any():
             return ContactMode(contacts.open_, ()), level
         sunk = contacts.sunk(struck.here) if why.switch is None else None

@@ -48,16 +48,28 @@ class EdgeEvent(Event):
 
     @cached_property
     def _switches(self) -> tuple[npt.NDArray[np.intp], Compiled]:
-        """See `force_switches.at_contacts`."""
+        """The contact of each switch (U,), those of forces behind the last one; see `force_switches.at_contacts`."""
         contacts, function = force_switches.at_contacts(self._system)
         return np.array(contacts, dtype=np.intp), function
+
+    @property
+    def _of_forces(self) -> Flags:
+        """The switches (U,) that are those of forces."""
+        return np.asarray(self._switches[0] == self._kinked.size - 1)
 
     def passes(self) -> FoundStep | None:
         """See `Event`; a step that comes close to an edge is shortened."""
         run, watched = self._run, self._watched()
         if not watched.any():
             return None
-        times, blurred = self._times(watched)
+        # The times to the switches by their rates, and those that forces need for the rounding of their terms.
+        u, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
+        of_forces, are_watched = self._of_forces, watched[self._switches[0]]
+        is_on = of_forces & (u == 0) & (rates != 0)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            times = np.where(are_watched & ((u * rates < 0) | is_on), np.abs(u / rates), np.inf)
+            blurred = np.where(of_forces & are_watched, np.abs(doubles.EPS * sizes / rates), 0.0)
+        blurred = np.where(np.isfinite(times), blurred, 0.0)
         time = float(times.min(initial=np.inf))
         if not time <= run.control.step:
             return None
@@ -72,49 +84,63 @@ class EdgeEvent(Event):
         run, watched = self._run, self._watched()
         if not watched[-1]:
             return None
-        u, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
+        bound, numeric, n = run.bound, run.bound.numeric, run.bound.y.size // 2
+        u, rates, sizes = self._at(run.t, bound.y, bound.k)
         is_on = self._of_forces & (np.abs(u) <= doubles.EPS * sizes)
         if not is_on.any():
             return None
         moving = is_on & (rates != 0.0)
         if moving.any() and (step := self._crosses(2 * math.ulp(run.t), moving)):
             return step
-        # The first time at which positions are told apart from those on the switch, by accelerations soon after it.
+
+        def rate(t: float, y: Floats) -> Floats:
+            run.count(1)
+            return np.array(numeric.rhs(t, y, bound.p)).ravel()
+
+        # The first time at which positions are told apart from those on the switch, by accelerations soon after it that
+        # are more than the rounding of forces.
         dt = math.ulp(run.t + run.grid.step)
         while dt < run.grid.step / 2:
-            y = self._led(dt)
-            beside, _, sizes = self._at(run.t + dt, y, run.bound.k)
+            soon = bound.y + dt * bound.k
+            y, k = bound.y.copy(), rate(run.t + dt, soon)
+            s = run.state_at(run.t + dt, soon)
+            h, _ = numeric.force_roundings(s.t, s.q, s.v, s.p)
+            inertia = np.diag(np.array(numeric.inertia(s.t, s.q, s.v, s.p)))
+            k[n : 2 * n][np.abs(k[n : 2 * n]) <= ROUNDINGS * doubles.EPS * np.array(h).ravel() / inertia] = (
+                0.0
+            )
+            y[:n] += dt * y[n : 2 * n] + dt * dt / 2 * k[n : 2 * n]
+            y[n : 2 * n] += dt * k[n : 2 * n]
+            beside, _, sizes = self._at(run.t + dt, y, bound.k)
             led = is_on & (np.abs(beside) > 16 * doubles.EPS * sizes)
-            if led.any():
-                self._require_no_return(dt, y, led)
-                # No time is lost in which forces are not those of the side.
-                return self._steps_to(2 * math.ulp(run.t), led, self._beside(y, np.where(led, beside, 0.0)))
-            dt *= 2
+            if not led.any():
+                dt *= 2
+                continue
+            # Where both sides of a switch push a motion that is at rest on it back, it sticks.
+            returns = led.copy()
+            for side in (y, 2 * bound.y - y):
+                k = rate(run.t + dt, side)
+                u, before, _ = self._at(run.t + dt, side, k)
+                after = self._at(run.t + 2 * dt, side + dt * k, k)[1]
+                returns &= u * (after - before) < 0.0
+            if returns.any():
+                raise StepFailure(sticking.at_rest(self._system, bound.y), STICKS)
+            # No time is lost in which forces are not those of the side.
+            return self._steps_to(2 * math.ulp(run.t), led, self._beside(y, np.where(led, beside, 0.0)))
         return None
-
-    def _led(self, dt: float) -> Floats:
-        """The state to which accelerations a time later lead, (2n + 1,)."""
-        run, y, n = self._run, self._run.bound.y.copy(), self._run.bound.y.size // 2
-        k = self._rate(run.t + dt, y + dt * run.bound.k)
-        k[n : 2 * n][np.abs(k[n : 2 * n]) <= self._rounding(dt)] = 0.0
-        y[:n] += dt * y[n : 2 * n] + dt * dt / 2 * k[n : 2 * n]
-        y[n : 2 * n] += dt * k[n : 2 * n]
-        return y
-
-    def _rounding(self, dt: float) -> Floats:
-        """Accelerations (n,) that are rounding of forces, a time later."""
-        run, numeric = self._run, self._run.bound.numeric
-        s = run.state_at(run.t + dt, run.bound.y + dt * run.bound.k)
-        h, _ = numeric.force_roundings(s.t, s.q, s.v, s.p)
-        inertia = np.diag(np.array(numeric.inertia(s.t, s.q, s.v, s.p)))
-        return np.asarray(ROUNDINGS * doubles.EPS * np.array(h).ravel() / inertia)
 
     def _beside(self, ahead: Floats, sides: Floats) -> Floats:
         """The state with some of its numbers moved by a few roundings to the sides (U,) of switches, 0 of those that do
         not matter; the state ahead (2n + 1,) where these move none of them there."""
         run, y, decided = self._run, self._run.bound.y.copy(), np.zeros(sides.size, dtype=bool)
         n, t, moved = y.size // 2, run.t + 2 * math.ulp(run.t), np.abs(ahead - run.bound.y)
-        extents, numbers = np.maximum(np.abs(y), moved), self._numbers_in_switches
+        extents = np.maximum(np.abs(y), moved)
+        # The numbers among (q, v) that stand in each of the switches.
+        numbers: list[list[int]] = [[] for _ in self._switches[0]]
+        for kind in (0, 1):
+            pattern = self._switches[1].jac_sparsity(0, 1 + kind)
+            for switch, number in zip(*pattern.get_triplet(), strict=True):
+                numbers[switch].append(kind * pattern.shape[1] + number)
         for switch in np.flatnonzero(sides).tolist():
             decided[switch] = True
             # What is led itself first: another one may be held.
@@ -130,32 +156,6 @@ class EdgeEvent(Event):
                 return ahead
         return y
 
-    @cached_property
-    def _numbers_in_switches(self) -> list[list[int]]:
-        """The numbers among (q, v) that stand in each of the switches (U,)."""
-        contacts, function = self._switches
-        found: list[list[int]] = [[] for _ in contacts]
-        for kind in (0, 1):
-            pattern = function.jac_sparsity(0, 1 + kind)
-            for switch, number in zip(*pattern.get_triplet(), strict=True):
-                found[switch].append(kind * pattern.shape[1] + number)
-        return found
-
-    def _rate(self, t: float, y: Floats) -> Floats:
-        self._run.count(1)
-        return np.array(self._run.bound.numeric.rhs(t, y, self._run.bound.p)).ravel()
-
-    def _require_no_return(self, dt: float, ahead: Floats, led: Flags) -> None:
-        """Raise `StepFailure` where both sides of a switch (U,) push a motion that is at rest on it back: it sticks."""
-        run, returns = self._run, led.copy()
-        for y in (ahead, 2 * run.bound.y - ahead):
-            k = self._rate(run.t + dt, y)
-            u, before, _ = self._at(run.t + dt, y, k)
-            after = self._at(run.t + 2 * dt, y + dt * k, k)[1]
-            returns &= u * (after - before) < 0.0
-        if returns.any():
-            raise StepFailure(sticking.at_rest(self._system, run.bound.y), STICKS)
-
     def found(self, step: FoundStep) -> Cut | None:
         """See `Event`: a step in which a force switches unforeseen ends before it."""
         run, found = self._run, step
@@ -166,29 +166,25 @@ class EdgeEvent(Event):
             return None
         begin, rates, sizes = self._at(run.t, run.bound.y, run.bound.k)
         are_watched &= (np.abs(begin) > doubles.EPS * sizes) | (begin * rates > 0)
-        part = 1.0
+        begin, part = np.where(are_watched, begin, 0.0), 1.0
+
+        def is_before(x: Floats | float) -> bool:
+            return not self._has_left(found, begin, float(x))
+
         while found.taken > self._nearest(found.taken):
-            crossed = self._first_crossing(found, np.where(are_watched, begin, 0.0))
-            if crossed is None or (found.barrier is not None and found.barrier.part < crossed):
+            # The part of the step at which a switch leaves its side.
+            spans = itertools.pairwise([0.0, *FEW[1:].tolist()])
+            span = next((span for span in spans if not is_before(span[1])), None)
+            if span is None:
+                break
+            crossed = float(sides.bracket(is_before, *span, narrow=BEFORE)[1])
+            if found.barrier is not None and found.barrier.part < crossed:
                 break
             found = run.trial.again(found, run.t + part * crossed * (1.0 - BEFORE) * found.taken)
             part /= 2
         if found is step:
             return None
         return Cut(found._replace(proposed=max(found.proposed, run.control.step)))
-
-    def _first_crossing(self, step: FoundStep, begin: Floats) -> float | None:
-        """The part of the step that was found at which a switch leaves the side of its value at the begin (U,)."""
-
-        def is_before(part: Floats) -> bool:
-            return not self._has_left(step, begin, float(part))
-
-        low = 0.0
-        for high in FEW[1:].tolist():
-            if not is_before(high):
-                return float(sides.bracket(is_before, low, high, narrow=BEFORE)[1])
-            low = high
-        return None
 
     def _has_left(self, step: FoundStep, begin: Floats, x: float) -> bool:
         """True where a switch has left the side of its value at the begin (U,) at a part of the step that was found: on
@@ -226,27 +222,20 @@ class EdgeEvent(Event):
         run = self._run
         return timetable.PARAMETERS.still * math.ulp(max(abs(run.origin + run.t), time))
 
-    def _times(self, watched: Flags) -> tuple[Floats, Floats]:
-        """The times to the switches (U,) by their rates, and those that forces need for the rounding of their terms."""
-        u, rates, sizes = self._at(self._run.t, self._run.bound.y, self._run.bound.k)
-        of_forces, are_watched = self._of_forces, watched[self._switches[0]]
-        is_on = of_forces & (u == 0) & (rates != 0)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            times = np.where(are_watched & ((u * rates < 0) | is_on), np.abs(u / rates), np.inf)
-            blurred = np.where(of_forces & are_watched, np.abs(doubles.EPS * sizes / rates), 0.0)
-        return times, np.where(np.isfinite(times), blurred, 0.0)
-
-    @property
-    def _of_forces(self) -> Flags:
-        """The switches (U,) that are those of forces."""
-        return np.asarray(self._switches[0] == self._kinked.size - 1)
-
     def _crosses(self, dt: float, which: Flags) -> FoundStep | None:
         """The step across some of the switches (U,); None where the motion turns round at one of a force."""
-        run = self._run
+        run, bound = self._run, self._run.bound
         if (which & self._of_forces).any():
-            self._require_no_stick(dt)
-            dt = self._beyond(dt, which)
+            switches = bound.enforced.plain.functions.numeric.force_switches
+            if switches is not None:
+                bound.h[0] = 2 * dt
+                sticking.require_step(bound, switches, run.origin + run.t)
+            # The time in which positions and velocities are told apart from those on the switches.
+            rates = self._at(run.t, bound.y, bound.k)[1]
+            while dt < run.control.step:
+                if (self._at(run.t + dt, self._ahead(dt), bound.k)[0] * rates > 0)[which].all():
+                    break
+                dt *= 2
             if dt >= run.control.step:
                 return None
         return self._steps_to(dt, which, self._ahead(dt))
@@ -266,21 +255,3 @@ class EdgeEvent(Event):
         y = bound.y + dt * bound.k
         y[:n] += dt * dt / 2 * bound.k[n : 2 * n]
         return np.asarray(y)
-
-    def _require_no_stick(self, dt: float) -> None:
-        run = self._run
-        switches = run.bound.enforced.plain.functions.numeric.force_switches
-        if switches is not None:
-            run.bound.h[0] = 2 * dt
-            sticking.require_step(run.bound, switches, run.origin + run.t)
-
-    def _beyond(self, dt: float, which: Flags) -> float:
-        """The time, not below dt, in which positions and velocities are told apart from those on the switches."""
-        run, bound = self._run, self._run.bound
-        rates = self._at(run.t, bound.y, bound.k)[1]
-        while dt < run.control.step:
-            u = self._at(run.t + dt, self._ahead(dt), bound.k)[0]
-            if (u * rates > 0)[which].all():
-                break
-            dt *= 2
-        return dt

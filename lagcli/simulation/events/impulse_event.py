@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from lagcli.simulation.singularity.singularity_step import SingularStep
 
 Floats = npt.NDArray[np.float64]
-# A function on arrays, with what it writes.
-_Bound = tuple[BoundFunction, Sequence[float]]
 
 # So many parts of a step are looked at for switches of what must not jump.
 PARTS = np.linspace(0.0, 1.0, 17)
@@ -45,35 +43,41 @@ class CurveFunctions:
     def margin(self) -> ca.Function:
         """margin(t, h, y, new, k, k new, p) -> above zero where a look at FEW parts says that no switch changes
         its sign in a step h from y."""
-        return self._on_cubic("margin", FEW, _margin)
+
+        def combined(found: list[ca.SX]) -> ca.SX:
+            least = most = found[0]
+            for u in found[1:]:
+                least, most = ca.fmin(least, u), ca.fmax(most, u)
+            return ca.mmin(ca.fmax(least, -most) - FAR * (most - least))
+
+        return self._on_cubic("margin", FEW, combined)
 
     @cached_property
     def changes(self) -> ca.Function:
         """changes(t, h, y, new, k, k new, p) -> zero where every switch has one sign at all PARTS."""
-        return self._on_cubic("changes", PARTS, _changes)
+
+        def combined(found: list[ca.SX]) -> ca.SX:
+            first = ca.sign(found[0])
+            return ca.sum1(sum(ca.fabs(ca.sign(u) - first) for u in found[1:]))
+
+        return self._on_cubic("changes", PARTS, combined)
 
     @cached_property
-    def switches(self) -> ca.Function:
-        """switches(t, h, x, y, coefficients, p) -> (K,), at the fraction x of the dense output of a step."""
-        return self._inside("switches", self._crossings.switches)
-
-    @cached_property
-    def values(self) -> ca.Function:
-        """values(t, h, x, y, coefficients, p) -> (J,), there."""
-        return self._inside("values", self._crossings.values)
-
-    def _inside(self, name: str, function: ca.Function) -> ca.Function:
+    def inside(self) -> tuple[ca.Function, ca.Function]:
+        """switches and values(t, h, x, y, coefficients, p) -> (K,) and (J,), at the fraction x of the dense output of a
+        step."""
         t, h, x = (ca.SX.sym(each) for each in ("t", "h", "x"))
         y, p = ca.SX.sym("y", self._size), ca.SX.sym("p", self._parameters)
         coefficients = ca.SX.sym("coefficients", self._size, self._method.dense_rows)
-        inputs = self._inputs_at(t, h, x, self._method.interpolated(y, coefficients, x), p)
-        return SizedFunction(name, [t, h, x, y, coefficients, p], [function(*inputs)])
-
-    def _inputs_at(self, t: ca.SX, h: ca.SX, x: ca.SX, state: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
-        n = self._n
-        return t + x * h, state[:n], state[n : 2 * n], p
+        state, given = self._method.interpolated(y, coefficients, x), [t, h, x, y, coefficients, p]
+        at, of = (t + x * h, state[: self._n], state[self._n : 2 * self._n], p), self._crossings
+        return (
+            SizedFunction("switches", given, [of.switches(*at)]),
+            SizedFunction("values", given, [of.values(*at)]),
+        )
 
     def _on_cubic(self, name: str, parts: Floats, combined: Callable[[list[ca.SX]], ca.SX]) -> ca.Function:
+        n = self._n
         t, h, x = (ca.SX.sym(each) for each in ("t", "h", "x"))
         y, new, k, k_new = (ca.SX.sym(each, self._size) for each in ("y", "new", "k", "k_new"))
         p = ca.SX.sym("p", self._parameters)
@@ -81,9 +85,9 @@ class CurveFunctions:
         bends = h * ((1 - x) * k - x * k_new) + (2 * x - 1) * ahead
         state = y + x * ahead + x * (1 - x) * bends
         inputs = [t, h, y, new, k, k_new, p]
-        switches = self._crossings.switches(*self._inputs_at(t, h, x, state, p))
+        switches = self._crossings.switches(t + x * h, state[:n], state[n : 2 * n], p)
         switches_at = SizedFunction("switches_at", [x, *inputs], [switches])
-        given = [ca.MX.sym(part.name(), part.numel()) for part in (t, h)]
+        given = [ca.MX.sym(each.name(), each.numel()) for each in (t, h)]
         given += [ca.MX.sym(each, self._size) for each in ("y", "new", "k", "k_new")]
         given.append(ca.MX.sym("p", self._parameters))
         found = [ca.SX.sym("u", switches.numel()) for _ in parts]
@@ -93,34 +97,30 @@ class CurveFunctions:
         return SizedFunction(function.expand()) if is_small else function
 
 
-def _margin(found: list[ca.SX]) -> ca.SX:
-    least = most = found[0]
-    for u in found[1:]:
-        least, most = ca.fmin(least, u), ca.fmax(most, u)
-    return ca.mmin(ca.fmax(least, -most) - FAR * (most - least))
-
-
-def _changes(found: list[ca.SX]) -> ca.SX:
-    first = ca.sign(found[0])
-    return ca.sum1(sum(ca.fabs(ca.sign(u) - first) for u in found[1:]))
-
-
 class StepCurve:
-    """The curve of the step that a run has just found, from its ends alone, and a `Way` with its dense output."""
+    """The curve of the step that a run has just found, from its ends alone, and a `Way` with its dense output; bound:
+    the functions with which the run steps."""
 
     def __init__(self, functions: CurveFunctions, run: Stepper) -> None:
-        self._run, self._bound, self._functions = run, run.bound, functions
+        self._run, self.bound, self._functions = run, run.bound, functions
         t, x = np.zeros(1), np.zeros(1)
         self._t, self._x = cells(t), cells(x)
         bound = run.bound
         _, h, y, k, _, _ = bound.step.arguments
         self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.enforced.p]
-        self._inside = [t, h, x, y, run.trial.rows.dense.results[0].T, bound.enforced.p]
-        self._margin, self._clear = _bound(functions.margin, self._on_cubic)
+        self._arguments = [t, h, x, y, run.trial.rows.dense.results[0].T, bound.enforced.p]
+        self._margin = BoundFunction(functions.margin, self._on_cubic)
+        self._clear = cells(self._margin.results[0])
 
-    def is_of(self, run: Stepper) -> bool:
-        """True as long as the run steps with the functions it did."""
-        return run.bound is self._bound
+    @cached_property
+    def _changes(self) -> BoundFunction:
+        return BoundFunction(self._functions.changes, self._on_cubic)
+
+    @cached_property
+    def _inside(self) -> list[tuple[BoundFunction, Sequence[float]]]:
+        """The switches and the values within the step, with what they write."""
+        bound = [BoundFunction(function, self._arguments) for function in self._functions.inside]
+        return [(each, cells(each.results[0])) for each in bound]
 
     def is_crossed(self) -> bool:
         """True if a switch changes its sign, as far as the ends of the step tell."""
@@ -128,39 +128,21 @@ class StepCurve:
         self._margin.trigger()
         if self._clear[0] > 0.0:
             return False
-        changes, found = self._changes
-        changes.trigger()
-        return found[0] != 0.0
+        self._changes.trigger()
+        return bool(self._changes.results[0][0] != 0.0)
 
     def switches(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
-        return self._at(part, self._switches)
+        return self._at(part, *self._inside[0])
 
     def values(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
-        return self._at(part, self._values)
+        return self._at(part, *self._inside[1])
 
-    def _at(self, part: float, function: _Bound) -> Sequence[float]:
+    def _at(self, part: float, function: BoundFunction, found: Sequence[float]) -> Sequence[float]:
         self._t[0], self._x[0] = self._run.origin + self._run.t, part
-        function[0].trigger()
-        return function[1]
-
-    @cached_property
-    def _changes(self) -> _Bound:
-        return _bound(self._functions.changes, self._on_cubic)
-
-    @cached_property
-    def _switches(self) -> _Bound:
-        return _bound(self._functions.switches, self._inside)
-
-    @cached_property
-    def _values(self) -> _Bound:
-        return _bound(self._functions.values, self._inside)
-
-
-def _bound(function: ca.Function, arguments: list[Floats]) -> _Bound:
-    bound = BoundFunction(function, arguments)
-    return bound, cells(bound.results[0])
+        function.trigger()
+        return found
 
 
 class SingularStepCurve:
@@ -171,16 +153,19 @@ class SingularStepCurve:
 
     def switches(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
-        return np.array(self._crossings.switches(*self._inputs_at(part))).ravel().tolist()
+        return self._at(part, self._crossings.switches)
 
     def values(self, part: float) -> Sequence[float]:
         """See `energy_jumps.Way`."""
-        return np.array(self._crossings.values(*self._inputs_at(part))).ravel().tolist()
+        return self._at(part, self._crossings.values)
 
-    def _inputs_at(self, x: float) -> tuple[float, Floats, Floats, Floats]:
+    def _at(self, x: float, function: ca.Function) -> Sequence[float]:
         run, state = self._run, self._step.state(x)
-        n = state.size // 2
-        return run.origin + run.t + x * self._step.h, state[:n], state[n : 2 * n], run.bound.enforced.p
+        n, t = state.size // 2, run.origin + run.t + x * self._step.h
+        found: list[float] = (
+            np.array(function(t, state[:n], state[n : 2 * n], run.bound.enforced.p)).ravel().tolist()
+        )
+        return found
 
 
 class ImpulseEvent(Event):
@@ -196,7 +181,7 @@ class ImpulseEvent(Event):
         run, curve = self._stepper, step.singular_step
         if step.is_still:
             return None
-        if not self._curve.is_of(run):
+        if self._curve.bound is not run.bound:
             self._curve = StepCurve(self._functions, run)
         if curve is None and not run.trial.has_dense:
             if not self._curve.is_crossed():

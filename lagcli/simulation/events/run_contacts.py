@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.linear import rank
-from lagcli.simulation.closed_contacts import contact_mode
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import (
     ContactInstant,
@@ -51,7 +50,7 @@ class RunContacts:
     @property
     def closed(self) -> tuple[int, ...]:
         """The contacts that press."""
-        return contact_mode.closed_in(self.run.bound.numeric, self.rows)
+        return tuple(i - self.rows for i in self.run.bound.numeric.closed_rows)
 
     @property
     def idle(self) -> tuple[int, ...]:

@@ -30,19 +30,25 @@ class SingularEvent(Event):
 
     def passes(self) -> FoundStep | None:
         """See `Event`."""
-        run = self._stepper
+        run, bound = self._stepper, self._stepper.bound
         predicted = run.watch.foreseen
         if predicted is NEVER or not predicted.is_any:
             return None
-        if predicted.is_here:
-            return self._leave()
-        if not predicted.is_near(run.t, run.control.step, run.tolerance[0], run.method.order):
-            return None
-        if predicted.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
-            return None
-        bound = run.bound
+        if not predicted.is_here:
+            if not predicted.is_near(run.t, run.control.step, run.tolerance[0], run.method.order):
+                return None
+            if predicted.angle > singularity_monitor.PARAMETERS.certain and self._is_dip():
+                return None
         from lagcli.simulation.singularity import singularity_step
 
+        if predicted.is_here:
+            left = singularity_step.away(bound.numeric, bound.scratch, self._point, run.control.step)
+            run.trial.count_scratch()
+            if left is None:
+                from lagcli.simulation.stepping import stop_diagnosis
+
+                raise StepFailure(*stop_diagnosis.NO_BRANCH)
+            return self._across(left)
         found = singularity_step.across(bound.numeric, bound.scratch, self._point, predicted)
         run.trial.count_scratch()
         if isinstance(found, Selection):
@@ -108,19 +114,6 @@ class SingularEvent(Event):
             return self._across(found)
         run.let_go(reached, new)
         return self.passes()
-
-    def _leave(self) -> FoundStep:
-        """The first step from a singular configuration."""
-        from lagcli.simulation.singularity import singularity_step
-
-        run, bound = self._stepper, self._stepper.bound
-        found = singularity_step.away(bound.numeric, bound.scratch, self._point, run.control.step)
-        run.trial.count_scratch()
-        if found is None:
-            from lagcli.simulation.stepping import stop_diagnosis
-
-            raise StepFailure(*stop_diagnosis.NO_BRANCH)
-        return self._across(found)
 
     @property
     def _point(self) -> Point:
