@@ -236,14 +236,14 @@ def instant(speed=1.0, **more):
     motion = MotionNumbers(acceleration=1.0, forces_blurred=0.0, size=1.0, speed=speed)
     given = {"state": state(), "_motion": motion, "units": np.ones(1)}
     given |= {
-        "_values": values,
+        "values": values,
         "_entries": np.ones(1),
         "g": np.zeros(1),
         "touching_gap": np.ones(1),
         "slow": np.ones(1),
     }
     given |= {"speeds": np.zeros(1), "pull": np.zeros(1), "_few": {}}
-    given |= {"_blurred": np.zeros(1), "_chosen": ContactParameters(rtol=1e-9)}
+    given |= {"_blurred": np.zeros(1), "chosen": ContactParameters(rtol=1e-9)}
     found.__dict__.update({**given, **more})
     return found
 

@@ -11,6 +11,7 @@ import lagcli
 from lagcli.model.settings import Simulation
 from lagcli.simulation import error_estimate, loop, reference_run
 from lagcli.simulation.closed_contacts import contact_change
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.loop import RunStart
 from lagcli.simulation.scheme import bound_scheme, step_end, step_tolerance
@@ -164,6 +165,7 @@ class Gap:
 
     has_gradient = near = np.array([True])
     units = np.ones(1)
+    displaced = ContactInstant.displaced
 
     def __init__(self, gap, gradient=None, q=0.0, touching=1e-12, looks=None):
         self.gap, self.gradient = gap, gradient or (lambda x: 1.0)
