@@ -10,7 +10,6 @@ the run goes on; they do not depend on where it ends.
 from __future__ import annotations
 
 import bisect
-import functools
 import math
 import sys
 from typing import NamedTuple
@@ -159,21 +158,12 @@ class Timetable:
 
     def _extend(self, t: float, until: float) -> None:
         """Find what is not known yet between two times, as far as the next step from the first may need it."""
-        limit, functions = until + PARAMETERS.still * math.ulp(until), self._functions
-        if self._known > limit or functions is None:
+        limit = until + PARAMETERS.still * math.ulp(until)
+        if self._known > limit:
             return
         # What lies behind is not asked for again.
         self._switches = [switch for switch in self._switches if switch.after >= t]
         self._stationary_times = [station for station in self._stationary_times if station >= t]
-        grain, earliest = (
-            PARAMETERS.grain * self._piece,
-            self._start - PARAMETERS.still * math.ulp(self._start),
-        )
-
-        def find(span: tuple[float, float]) -> tuple[list[SwitchSpan] | None, list[float] | None]:
-            switches = _switches(functions, span, grain)
-            return switches, _stationary_times(functions, functions.oscillations, span)
-
         while self._known <= limit:
             # A step from t ends at what is known.
             passed = bisect.bisect_right(self._stationary_times, t) + self._passing
@@ -184,25 +174,33 @@ class Timetable:
                     self._known if math.isfinite(self._known) else math.floor(t / self._piece) * self._piece
                 )
                 self._open.append((first, first + self._piece, self._halvings))
-            low, high, halvings = self._open.pop()
-            begin = max(low, earliest)
-            if begin < high and high >= t:
-                span = begin, high
-                switches, stations = functions.cached.answer(
-                    (*span, self._piece), functools.partial(find, span)
-                )
-                if halvings and (switches is None or stations is None):
-                    # The first half first where there is too much.
-                    middle = (low + high) / 2
-                    self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
-                    continue
-                # What is too much in the shortest piece is left to the error estimate and to the rows; of each function
-                # by itself there may be less.
-                if stations is None:
-                    each = (_stationary_times(functions, (wave,), span) for wave in functions.oscillations)
-                    stations = sorted({x for found in each for x in found or []})
-                self._add(switches or [], stations)
-            self._known = high
+            self._search(t, *self._open.pop())
+
+    def _search(self, t: float, low: float, high: float, halvings: int) -> None:
+        """Find all between two times that is ahead of t; the first half first where there is too much."""
+        assert self._functions is not None
+        functions, grain = self._functions, PARAMETERS.grain * self._piece
+        begin = max(low, self._start - PARAMETERS.still * math.ulp(self._start))
+        if begin < high and high >= t:
+            span = begin, high
+
+            def find() -> tuple[list[SwitchSpan] | None, list[float] | None]:
+                switches = _switches(functions, span, grain)
+                return switches, _stationary_times(functions, functions.oscillations, span)
+
+            # Kept for the next run; None where there is too much.
+            switches, stations = functions.cached.answer((*span, self._piece), find)
+            if halvings and (switches is None or stations is None):
+                middle = (low + high) / 2
+                self._open += [(middle, high, halvings - 1), (low, middle, halvings - 1)]
+                return
+            # What is too much in the shortest piece is left to the error estimate and to the rows; of each function by
+            # itself there may be less.
+            if stations is None:
+                each = (_stationary_times(functions, (wave,), span) for wave in functions.oscillations)
+                stations = sorted({x for found in each for x in found or []})
+            self._add(switches or [], stations)
+        self._known = high
 
     def _add(self, switches: list[SwitchSpan], stations: list[float]) -> None:
         for switch in switches:
