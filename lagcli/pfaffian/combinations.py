@@ -62,6 +62,10 @@ class Alphabet:
                     found.append(m)
         return found[:MAX_MONOMIALS]
 
+    def products(self, chosen: Sequence[tuple[int, ...]]) -> list[sympy.Expr]:
+        """The monomials of some index tuples."""
+        return [sympy.Mul(*(self.letters[i] for i in m)) for m in chosen]
+
     def largest(self, degree: int) -> bool:
         """True if the monomials of `degree` are few enough."""
         return comb(len(self.letters) + degree, degree) <= MAX_MONOMIALS

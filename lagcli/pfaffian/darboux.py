@@ -65,7 +65,12 @@ def angles(surfaces: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
             # 4 a p = (2 a x + b)**2 + (4 a c - b**2)
             v = _square_root(guarded.expand(4 * a * c - b**2), variables)
             if v is not None:
-                found.append(sympy.atan2(*_reduced(v, guarded.expand(2 * a * x + b))))
+                # Both without their common factor, with plain signs.
+                u = guarded.expand(2 * a * x + b)
+                common = guarded.gcd(v, u)
+                parts = [guarded.cancel(e / common) for e in (v, u)]
+                plain = (guarded.expand(-e if e.could_extract_minus_sign() else e) for e in parts)
+                found.append(sympy.atan2(*plain))
                 break
     return found
 
@@ -84,14 +89,6 @@ def _square_root(square: sympy.Expr, variables: Sequence[sympy.Symbol]) -> sympy
     return root * sympy.Mul(*(f ** (n // 2) for f, n in parts if f.free_symbols & moving))
 
 
-def _reduced(v: sympy.Expr, u: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
-    """Both without their common factor, with plain signs."""
-    common = guarded.gcd(v, u)
-    v, u = (guarded.cancel(e / common) for e in (v, u))
-    signs = (-1 if e.could_extract_minus_sign() else 1 for e in (v, u))
-    return tuple(guarded.expand(sign * e) for sign, e in zip(signs, (v, u), strict=True))
-
-
 def multipliers(frame: frames.KernelFrame, letters: combinations.Alphabet) -> list[sympy.Expr]:
     """Inverse multipliers V: polynomials in the letters over the common denominator of the frame.
 
@@ -108,7 +105,7 @@ def multipliers(frame: frames.KernelFrame, letters: combinations.Alphabet) -> li
         if not letters.largest(degree):
             break
         chosen = [(), *letters.monomials(degree)]
-        functions = [sympy.Mul(*(letters.letters[i] for i in m)) for m in chosen]
+        functions = letters.products(chosen)
         field = combinations.CombinationField(frame, weights, len(chosen))
         weight = np.array([field.sample.of(w) for w in weights])
         numbers = field.monomials(letters, chosen, weight)

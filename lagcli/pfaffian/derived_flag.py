@@ -24,7 +24,7 @@ import sympy
 from sympy.polys.fields import FracElement
 from sympy.polys.rings import PolyElement
 
-from lagcli.pfaffian.exact import normal_form, real_bounds, time_limit
+from lagcli.pfaffian.exact import enclosure, normal_form, time_limit
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.function_field import (
@@ -242,7 +242,7 @@ class _FlagSearch:
             kept = [
                 k
                 for k, e in enumerate(meanings)
-                if e.free_symbols & variables and not real_bounds.never_vanishes(e)
+                if e.free_symbols & variables and not enclosure.never_vanishes(e)
             ]
             own_rows = set(self._demanding(None if len(remainders) == 1 else g))
             demanding |= own_rows

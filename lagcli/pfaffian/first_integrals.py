@@ -1,40 +1,42 @@
 """First integrals of a completely integrable Pfaffian system (D.3, for rows that are holonomic jointly).
 
 By the theorem of Frobenius C such forms in n variables have C functionally independent integrals phi_a, whose
-differentials span the forms. They are sought "by some hook or crook", cheap ways first; each one counts only
-when X(phi) = 0 is proved for every field of a frame of the kernel, and all together only when they are proved
-independent.
+differentials span the forms. They are sought "by some hook or crook", cheap ways first: combinations of known
+functions, single forms, linear equations, fewer coordinates. Each counts only when X(phi) = 0 is proved for every field
+of a frame of the kernel, and all together only when they are proved independent.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy
 
-from lagcli.pfaffian import elimination, guesses, integral_search
-from lagcli.pfaffian.exact import guarded, time_limit
-from lagcli.pfaffian.forms import form as forms
-
-Found = integral_search.SearchResult
-
-_WAYS: integral_search.Ways = (
-    (guesses.fixed, 40_000),
-    (guesses.polynomials, 80_000),
-    (guesses.products, 80_000),
-    (guesses.rational, 40_000),
-    (guesses.turned, 60_000),
-    (guesses.linear_flow, 80_000),
-    (guesses.invariant_surfaces, 60_000),
-    (guesses.eliminations, 120_000),
-    (guesses.one_form, 120_000),
-    (guesses.single_rows, 80_000),
-    (guesses.eliminations, 120_000),
+from lagcli.pfaffian import (
+    combinations,
+    darboux,
+    elimination,
+    frobenius,
+    integral_search,
+    integrating_factors,
+    potential,
+    tidy_integral,
 )
-"""Ways of searching, cheap ones first, and the operations that each may take."""
+from lagcli.pfaffian import kernel_frame as frames
+from lagcli.pfaffian.exact import guarded, time_limit, zero_test
+from lagcli.pfaffian.exact.guarded import SympyFailure
+from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.integral_search import IntegralSearch, Proposals, SearchResult
+
+# Reciprocals among the letters; more letters leave lower degrees alone (`MAX_MONOMIALS`).
+MAX_RECIPROCALS = 8
+_POWERS = "as a product of powers and exponentials (linear equations for the exponents)"
+_SUMS = "as a sum of products with constant coefficients (linear equations for them)"
 
 
 def search(
     block: forms.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
-) -> tuple[Found, ...]:
+) -> tuple[SearchResult, ...]:
     """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
 
     The rows are completely integrable, on the surface of the block where it has one; the deadline is one of
@@ -42,33 +44,303 @@ def search(
     integrable, `wanted` tells how many integrals there are. `budget`: of operations for all ways together.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
-    back_to_callers = {r: s for s, r in real.items()}
+
+    def plain(e: sympy.Expr) -> sympy.Expr:
+        return forms.plain(sympy.sympify(e).xreplace(real))
+
+    def prepared() -> tuple[forms.PfaffianBlock, elimination.Substitutions]:
+        renamed = forms.PfaffianBlock(
+            block.names,
+            tuple(real[x] for x in block.variables),
+            tuple(tuple(plain(a) for a in row) for row in block.rows),
+            tuple(real[p] for p in block.parameters),
+            tuple(plain(f) for f in block.surface),
+        )
+        return elimination.in_angles(elimination.eliminated(renamed)[0])
+
     try:
-        flat = time_limit.run(deadline, lambda: elimination.eliminated(_renamed(block, real))[0])
-        plain, from_angles = time_limit.run(deadline, lambda: elimination.in_angles(flat))
+        flat, angles = time_limit.run(deadline, prepared)
     except time_limit.NO_ANSWER:
         return ()
-    found = integral_search.found_by(plain, _WAYS, deadline, wanted, budget)
-    return tuple(Found(_put_back(f.integral, from_angles).xreplace(back_to_callers), f.how) for f in found)
-
-
-def _renamed(block: forms.PfaffianBlock, names: dict[sympy.Symbol, sympy.Symbol]) -> forms.PfaffianBlock:
-    def turn(e: sympy.Expr) -> sympy.Expr:
-        return forms.plain(sympy.sympify(e).xreplace(names))
-
-    return forms.PfaffianBlock(
-        block.names,
-        tuple(names[x] for x in block.variables),
-        tuple(tuple(turn(a) for a in row) for row in block.rows),
-        tuple(names[p] for p in block.parameters),
-        tuple(turn(f) for f in block.surface),
-    )
-
-
-def _put_back(phi: sympy.Expr, angles: elimination.Substitutions) -> sympy.Expr:
-    """phi with the coordinates of circles instead of their angles."""
-    if not phi.free_symbols & angles.keys():
-        return phi
-    plain = guarded.expand_trig(phi)
+    back = {r: s for s, r in real.items()}
     outer = {e: value for e, value in angles.items() if not e.is_Symbol}
-    return plain.xreplace(outer).xreplace(angles)
+    found = []
+    for each in integral_search.found_by(flat, _WAYS, deadline, wanted, budget):
+        phi = each.integral
+        if phi.free_symbols & angles.keys():  # the coordinates of circles instead of their angles
+            phi = guarded.expand_trig(phi).xreplace(outer).xreplace(angles)
+        found.append(SearchResult(phi.xreplace(back), each.how))
+    return tuple(found)
+
+
+def fixed(search: IntegralSearch) -> Proposals:
+    """The variables as integrals of as many forms: all of them stay constant."""
+    if not search.frame.free:
+        yield from (SearchResult(x, "as a coordinate that cannot change") for x in search.frame.variables)
+
+
+def one_form(search: IntegralSearch) -> Proposals:
+    """A system of one form."""
+    if len(search.frame.pivots) == 1 and not search.block.surface:
+        row = next(r for r in search.block.rows if any(a != 0 for a in r))
+        form = forms.Form("row", search.block.variables, row, search.block.parameters)
+        verdict = frobenius.classify(form, search.deadline)
+        if verdict.integral is not None:
+            yield SearchResult(verdict.integral, "by an integrating factor")
+
+
+def polynomials(search: IntegralSearch) -> Proposals:
+    """Sums of products of the variables and functions that occur in the frame, with constant coefficients."""
+    yield from monomials(search, search.alphabet(), (1, 2, 3))
+
+
+def monomials(search: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
+    """Sums of products of the letters."""
+    for degree in degrees:
+        if degree > 1 and not letters.largest(degree):
+            return
+        chosen = letters.monomials(degree)
+        field = combinations.CombinationField(
+            search.frame, letters.letters, len(chosen), search.block.surface
+        )
+        yield from _combined(search, field, field.monomials(letters, chosen), letters.products(chosen), _SUMS)
+
+
+def _combined(
+    search: IntegralSearch,
+    field: combinations.CombinationField,
+    numbers: combinations.Numbers,
+    functions: Sequence[sympy.Expr],
+    how: str,
+) -> Proposals:
+    """Combinations of functions with these numbers, beside the integrals that are found meanwhile."""
+    known = combinations.Known(field, search.integrals)
+    for phi, slopes in combinations.proposals(search.frame, numbers, functions, known):
+        before = len(search.found)
+        yield SearchResult(phi, how)
+        if len(search.found) > before:
+            known.take(slopes)
+
+
+def turned(search: IntegralSearch) -> Proposals:
+    """Guesses with the sines and cosines of coordinates that the frame does not depend on, where others have some."""
+    occurring = set().union(*(e.free_symbols for e in search.entries))
+    cyclic = [x for x in search.frame.variables if x not in occurring and x.name != elimination.TIME]
+    angles = set().union(*(e.atoms(sympy.sin, sympy.cos) for e in search.entries))
+    if search.block.surface or not angles or not cyclic:
+        return
+    letters = search.alphabet(*(f(x) for x in cyclic for f in (sympy.sin, sympy.cos)))
+    # Angles by themselves would only burden the sums.
+    pairs = [
+        (e, 1 if isinstance(e, sympy.cos) else highest)
+        for e, highest in zip(letters.letters, letters.highest, strict=True)
+        if e not in cyclic and not any(e in f.free_symbols for f in angles)
+    ]
+    yield from monomials(search, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
+
+
+def rational(search: IntegralSearch) -> Proposals:
+    """Sums of products with the reciprocals of what the frame is divided by."""
+    below = darboux.denominator(search.entries)
+    factors = darboux.factors([below], search.frame.variables)
+    if search.block.surface or not below.free_symbols & set(search.frame.variables):
+        return
+    reciprocals = [1 / q for q in factors if below.has(q) or not q.is_Symbol]
+    yield from monomials(search, search.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
+
+
+def products(search: IntegralSearch) -> Proposals:
+    """Products of powers of invariant surfaces, exponentials, and angles."""
+    frame, surface = search.frame, search.block.surface
+    surfaces = darboux.surfaces_of([f.integral for f in search.found], frame.variables)
+    known_factors = darboux.factors(search.entries, frame.variables)
+    candidates = list(dict.fromkeys([*known_factors, *surfaces, *search.factors]))
+    letters = search.alphabet()
+    chosen = letters.monomials(2)
+    functions = letters.products(chosen)
+    logs = [sympy.log(p) for p in candidates]
+    logs += darboux.angles(candidates, frame.variables)
+    if surface:
+        logs += [c * e for c in sorted(combinations.constants_of(frame), key=str) for e in logs]
+    field = combinations.CombinationField(
+        frame, [*letters.letters, *candidates], len(chosen) + len(logs), surface
+    )
+    numbers = combinations.join(field.functions(logs), field.monomials(letters, chosen))
+    yield from _combined(search, field, numbers, [*logs, *functions], _POWERS)
+
+
+def invariant_surfaces(search: IntegralSearch) -> Proposals:
+    """More factors from an inverse multiplier; products of them, and polynomials over them."""
+    if search.block.surface:
+        return
+    found = darboux.multipliers(search.frame, search.alphabet())
+    for v in found[1:]:
+        yield SearchResult(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
+    search.factors = darboux.surfaces_of(found, search.frame.variables)
+    yield from products(search)
+    for q in search.factors:
+        if not q.is_Symbol:
+            yield from monomials(search, search.alphabet(1 / q), (2, 3))
+
+
+def single_rows(search: IntegralSearch) -> Proposals:
+    """Combinations of the forms with few differentials, each by itself."""
+    if search.block.surface:
+        return
+    tried: set[tuple[sympy.Expr, ...]] = set()
+    block = search.block
+    for last in ((), *((x,) for x in block.variables)):
+        frame = search.frame if not last else frames.of(block.rows, block.variables, block.parameters, last)
+        for a in sorted(range(len(frame.pivots)), key=lambda a: sum(e != 0 for e in frame.solved[a])):
+            row = frame.row(a)
+            if row in tried:
+                continue
+            tried.add(row)
+            form = integrating_factors.primitive(forms.Form("row", block.variables, row, block.parameters))
+            closed = zero_test.vanish(list(form.wedge().values()), search.deadline)
+            if closed.truth is not zero_test.Truth.YES:
+                continue
+            found = integrating_factors.search(form, search.deadline)
+            if found is not None:
+                yield SearchResult(found.integral, f"for a combination of the forms {found.how}")
+
+
+def eliminations(search: IntegralSearch) -> Proposals:
+    """An integral that is known gives a coordinate in terms of the others and of its constant value."""
+    if len(search.found) == search.used or search.block.surface:
+        return
+    search.used = len(search.found)
+    block = search.block
+    values: elimination.Substitutions = {}
+    constants: elimination.Substitutions = {}
+    for n, f in enumerate(search.found):
+        constant = sympy.Symbol(f"c{len(block.variables)}_{n}_", real=True)
+        found = _solved(f.integral.xreplace(values) - constant, block.variables)
+        if found is None:
+            continue
+        x, value = found
+        values = {y: v.xreplace({x: value}) for y, v in values.items()} | {x: value}
+        constants[constant] = f.integral
+    if not values:
+        return
+    remaining = tuple(x for x in block.variables if x not in values)
+    rows = tuple(elimination.pulled_back(block.variables, row, values, remaining) for row in block.rows)
+    smaller = forms.PfaffianBlock(block.names, remaining, rows, (*block.parameters, *constants))
+    for each in integral_search.found_by(smaller, _WAYS, search.deadline):
+        how = f"by eliminating a coordinate with another integral, {each.how}"
+        yield SearchResult(each.integral.xreplace(constants), how)
+
+
+def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Symbol, sympy.Expr] | None:
+    """(x, value) with f = 0 where x = value; linear equations first."""
+    occurring = [x for x in variables if x in f.free_symbols and x.name != elimination.TIME]
+    ways = []
+    for x in occurring:
+        slope = forms.partial(f, x)
+        if x not in slope.free_symbols:
+            value = tidy_integral.ratio(guarded.expand(slope * x - f), slope)
+            ways.append((slope.count_ops(), str(x), x, value))
+    if ways:
+        return min(ways, key=lambda w: w[:2])[2:]
+    for x in occurring:
+        try:
+            roots = guarded.solve(f, x, simplify=False, check=False)
+        except SympyFailure:
+            continue
+        good = [r for r in roots if potential.writable(r)]
+        if good:
+            return x, good[-1]
+    return None
+
+
+def linear_flow(search: IntegralSearch) -> Proposals:
+    """One field, with linear equations x' = A x + b(s)."""
+    if not search.block.surface and len(search.frame.free) == 1:
+        how = "as the solution of linear differential equations"
+        yield from (SearchResult(u, how) for u in linear(search.frame) or ())
+
+
+def linear(frame: frames.KernelFrame) -> tuple[sympy.Expr, ...] | None:
+    """The integrals exp(-A s) x - int exp(-A s) b ds (C,) along the free variable s.
+
+    None unless the equations are linear with constant matrix.
+    """
+    s = frame.variables[frame.free[0]]
+    x = sympy.Matrix([frame.variables[p] for p in frame.pivots])
+    speeds = sympy.Matrix([guarded.expand(row[0]) for row in frame.solved])
+    moving = {*x, s}
+    A = speeds.jacobian(x)
+    if any(e.free_symbols & moving for e in A):
+        return None
+    b = (speeds - A * x).applyfunc(guarded.expand)
+    if any(e.free_symbols & set(x) for e in b):
+        return None
+    back = _exponential(A, -s)
+    if back is None:
+        return None
+    drift = []
+    for e in back * b:
+        found = potential.antiderivative(guarded.expand(e), s)
+        if found is None:
+            return None
+        drift.append(found)
+    # Rows l with l A = k l for all rational k, where there are enough of them; else the unit matrix.
+    rows = []
+    if all(e.is_Rational for e in A):
+        for value, _, vectors in guarded.call(A.T.eigenvects, error_when_incomplete=False):
+            if value.is_Rational:
+                rows += [(v * sympy.ilcm(1, *(e.q for e in v))).T for v in vectors]
+    weights = sympy.Matrix.vstack(*rows) if len(rows) == A.rows else sympy.eye(A.rows)
+    return tuple((weights * (back * x - sympy.Matrix(drift))).applyfunc(guarded.expand))
+
+
+def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
+    """exp(A s) in real functions, or None."""
+    size = A.rows
+    total, power = sympy.eye(size), sympy.eye(size)
+    for n in range(1, size + 1):
+        power = (power * A).applyfunc(guarded.expand)
+        if power.is_zero_matrix:
+            return total
+        total += power * s**n / sympy.factorial(n)
+    if size == 1:
+        return sympy.Matrix([[sympy.exp(A[0] * s)]])
+    if size == 2:
+        # With A = h I + B, B**2 = q I: exp(A s) = exp(h s) (cosh(sqrt(q) s) I + sinh(sqrt(q) s)/sqrt(q) B)
+        h = A.trace() / 2
+        B = A - h * sympy.eye(2)
+        q = guarded.factor(-B.det())
+        if q == 0:
+            even, odd = sympy.Integer(1), s
+        else:
+            is_turning = q.is_negative or q.could_extract_minus_sign()
+            # sqrt(k**2) = k, of either sign: the functions of it are even.
+            w = sympy.sqrt(-q if is_turning else q).replace(sympy.Abs, lambda u: u)
+            if is_turning:
+                even, odd = sympy.cos(w * s), sympy.sin(w * s) / w
+            else:
+                even = (sympy.exp(w * s) + sympy.exp(-w * s)) / 2
+                odd = (sympy.exp(w * s) - sympy.exp(-w * s)) / (2 * w)
+        return (sympy.exp(h * s) * (even * sympy.eye(2) + odd * B)).applyfunc(guarded.expand)
+    try:
+        found = guarded.call((A * s).exp)
+        found = found.applyfunc(lambda e: guarded.expand(e, complex=e.has(sympy.I)))
+    except SympyFailure:
+        return None
+    return found if all(potential.writable(e) for e in found) else None
+
+
+_WAYS: integral_search.Ways = (
+    (fixed, 40_000),
+    (polynomials, 80_000),
+    (products, 80_000),
+    (rational, 40_000),
+    (turned, 60_000),
+    (linear_flow, 80_000),
+    (invariant_surfaces, 60_000),
+    (eliminations, 120_000),
+    (one_form, 120_000),
+    (single_rows, 80_000),
+    (eliminations, 120_000),
+)
+"""Ways of searching, cheap ones first, and the operations that each may take."""

@@ -70,19 +70,6 @@ class IntegralSearch:
 
         Raises `time_limit.TimeUpError` and `NoAnswerError`.
         """
-        time_limit.run(self.deadline, self._prepare)
-        for strategy, budget in self._ways:
-            if self.is_complete:
-                return
-            time_limit.check(self.deadline)
-            with contextlib.suppress(*time_limit.NO_ANSWER):
-                time_limit.run(self.deadline, partial(self._take, strategy), budget)
-
-    def smaller(self, block: forms.PfaffianBlock) -> list[SearchResult]:
-        """The findings of this search for another block."""
-        return found_by(block, self._ways, self.deadline)
-
-    def _prepare(self) -> None:
         block = self.block
         time = [x for x in block.variables if x.name == elimination.TIME]
         gradients = [tuple(forms.partial(f, x) for x in block.variables) for f in block.surface]
@@ -94,6 +81,12 @@ class IntegralSearch:
         for f in block.surface:
             if self._is_new(f):
                 self._holonomic.append(f)
+        for strategy, budget in self._ways:
+            if self.is_complete:
+                return
+            time_limit.check(self.deadline)
+            with contextlib.suppress(*time_limit.NO_ANSWER):
+                time_limit.run(self.deadline, partial(self._take, strategy), budget)
 
     @property
     def is_complete(self) -> bool:
@@ -111,38 +104,28 @@ class IntegralSearch:
         return combinations.alphabet(self.entries, self.frame.variables, [*more, *constants])
 
     def _take(self, strategy: Strategy) -> None:
+        """Keep each proposal, or its tidy form, that is proved to be an integral that is new."""
         for proposal in strategy(self):
-            self._accept(proposal)
+            ways = [proposal.integral]
+            with contextlib.suppress(NoAnswerError):
+                ways.insert(0, time_limit.run(self.deadline, partial(neat, proposal.integral, self.frame)))
+            for way in dict.fromkeys(ways):
+                if not potential.writable(way):
+                    continue
+                rates = zero_test.vanish(self.frame.rates(way), self.deadline, self.block.surface)
+                if rates.truth is zero_test.Truth.YES and self._is_new(way):
+                    # What comes after the budget is not found, at whatever moment it is ended.
+                    time_limit.check(self.deadline)
+                    self.found.append(SearchResult(way, proposal.how))
+                    break
             if self.is_complete:
                 return
 
-    def _accept(self, proposal: SearchResult) -> None:
-        """Keep the proposal, or its tidy form, if that is proved to be an integral that is new."""
-        phi = proposal.integral
-        ways = [phi]
-        with contextlib.suppress(NoAnswerError):
-            ways.insert(0, time_limit.run(self.deadline, lambda: neat(phi, self.frame)))
-        for way in dict.fromkeys(ways):
-            if self._is_integral(way) and self._is_new(way):
-                # What comes after the budget is not found, at whatever moment it is ended.
-                time_limit.check(self.deadline)
-                self.found.append(SearchResult(way, proposal.how))
-                return
-
-    def _is_integral(self, phi: sympy.Expr) -> bool:
-        """True if X(phi) = 0 is proved for all fields of the frame."""
-        if not potential.writable(phi):
-            return False
-        rates = self.frame.rates(phi)
-        return zero_test.vanish(rates, self.deadline, self.block.surface).truth is zero_test.Truth.YES
-
     def _is_new(self, phi: sympy.Expr) -> bool:
         """True if its differential is proved independent of those known, on every side of all kinks."""
-        matrix = [
-            [forms.partial(f, self.frame.variables[p]) for p in self.frame.pivots]
-            for f in (*self.integrals, phi)
-        ]
-        if len(matrix) > len(self.frame.pivots):
+        pivots = [self.frame.variables[p] for p in self.frame.pivots]
+        matrix = [[forms.partial(f, x) for x in pivots] for f in (*self.integrals, phi)]
+        if len(matrix) > len(pivots):
             return False
         sides = forms.kink_sides(matrix, forms.moduli(matrix)[:MAX_KINKS])
         return all(frames.has_rank(side, len(matrix), self.deadline, self.block.surface) for side in sides)

@@ -51,16 +51,12 @@ class KernelFrame:
 
     def divergences(self) -> tuple[sympy.Expr, ...]:
         """sum_a d solved[a][j]/dx_p for every free variable; shape (n - C,)."""
-        return tuple(
-            sum(
-                (
-                    forms.partial(row[j], self.variables[p])
-                    for p, row in zip(self.pivots, self.solved, strict=True)
-                ),
-                sympy.Integer(0),
-            )
-            for j in range(len(self.free))
-        )
+        found = []
+        for j in range(len(self.free)):
+            pairs = zip(self.pivots, self.solved, strict=True)
+            terms = (forms.partial(row[j], self.variables[p]) for p, row in pairs)
+            found.append(sum(terms, sympy.Integer(0)))
+        return tuple(found)
 
 
 def of(
@@ -71,9 +67,12 @@ def of(
 ) -> KernelFrame:
     """The frame of the rows (C, n). Rows that depend on the others are left out.
 
-    The variables `last` become pivots only where no other can. Raises what the normal form raises
-    (`NoAnswerError`).
+    The variables `last` become pivots only where no other can. Raises what the normal form raises (`NoAnswerError`).
     """
+
+    def size(element: FracElement) -> int:
+        return len(element.numer.terms()) + len(element.denom.terms()) + sum(map(sum, element.numer.monoms()))
+
     basis = normal_form.NormalForm([a for row in rows for a in row])
     table = [[basis.element(a) for a in row] for row in rows]
     waiting = list(range(len(rows)))
@@ -81,7 +80,7 @@ def of(
     done: list[int] = []
     while waiting:
         choices = [
-            (variables[k] in last, _size(table[i][k]), -k, i, k)
+            (variables[k] in last, size(table[i][k]), -k, i, k)
             for i in waiting
             for k in range(len(variables))
             if k not in pivots and table[i][k] != 0
@@ -106,19 +105,14 @@ def of(
     )
 
 
-def _size(element: FracElement) -> int:
-    return len(element.numer.terms()) + len(element.denom.terms()) + sum(map(sum, element.numer.monoms()))
-
-
 def belongs(
     frame: KernelFrame,
     rows: Sequence[Sequence[sympy.Expr]],
     deadline: float,
     surface: tuple[sympy.Expr, ...] = (),
 ) -> bool:
-    """True if it is proved that the frame is that of the rows: every row annihilates its fields, and the rows
-    have its rank, on the surface too.
-    """
+    """True if it is proved that the frame is that of the rows: every row annihilates its fields, and the rows have its
+    rank, on the surface too."""
     size = len(frame.pivots)
     if size == 0:
         return False
@@ -138,14 +132,10 @@ def has_rank(
 ) -> bool:
     """True if the matrix with `size` rows or columns is proved to have that rank at generic points of the surface."""
     chosen = sympy.Matrix([list(row) for row in matrix])
-    if chosen.rows == chosen.cols == size:
-        return _is_not_zero(guarded.call(chosen.det, method="berkowitz"), deadline, surface)
-    gram = chosen * chosen.T if chosen.rows == size else chosen.T * chosen
-    if gram.rows != size:
-        return False
-    # The sum of the squares of all minors (Cauchy, Binet).
-    return _is_not_zero(guarded.call(gram.det, method="berkowitz"), deadline, surface)
-
-
-def _is_not_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...]) -> bool:
-    return zero_test.is_zero(expression, deadline, surface).truth is zero_test.Truth.NO
+    if not chosen.rows == chosen.cols == size:
+        # Its determinant is the sum of the squares of all minors (Cauchy, Binet).
+        chosen = chosen * chosen.T if chosen.rows == size else chosen.T * chosen
+        if chosen.rows != size:
+            return False
+    determinant = guarded.call(chosen.det, method="berkowitz")
+    return zero_test.is_zero(determinant, deadline, surface).truth is zero_test.Truth.NO

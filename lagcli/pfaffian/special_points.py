@@ -1,17 +1,21 @@
-"""Points in the symbols of a block: what vanishes on all of them, and equations that say so.
+"""Points in the symbols of a block: what vanishes on all of them, equations that say so, and what motions keep to.
 
 A start is known to as many digits as are asked for: it is decimals and expressions, and where it was moved onto the
 surface that was done to 50 digits. An expression vanishes there where these leave nothing of it. Other points are those
 that motions were followed to, in doubles; what vanishes there but for their rounding may be zero, and where it is has
 to be proved. Each value goes with the sum of what it would change by if every coordinate and every intermediate result
 changed by its own size; one far below that is what cancellation leaves.
+
+A motion along the fields X of D = ker I keeps to a place e = 0 where e and all its derivatives X(e), X(Y(e)), ...
+vanish at the start: rows are analytic. On e = 0 the X(e) may vanish identically, and then it is kept; one that does not
+vanish at the start leads away; else the place where they vanish too is looked at in its turn.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
@@ -21,10 +25,11 @@ import sympy
 from lagcli import doubles
 from lagcli.expression import term_sizes
 from lagcli.pfaffian import elimination
-from lagcli.pfaffian.exact import enclosure, normal_form, operations
+from lagcli.pfaffian.exact import enclosure, guarded, normal_form
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.function_field import FunctionField, NotDecidedError
 
 
 class SpecialPointParameters:
@@ -38,6 +43,8 @@ class SpecialPointParameters:
 
 
 PARAMETERS = SpecialPointParameters()
+# Derivatives of derivatives: a place of more generations is left open.
+GENERATIONS = 8
 Doubles = Mapping[sympy.Symbol, float]
 Expression: TypeAlias = sympy.Expr  # as an equation: where it is zero
 Symbol: TypeAlias = sympy.Symbol
@@ -80,8 +87,21 @@ def is_nothing(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:
 
 def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> bool:
     """True if the value of an expression at a point is zero but for rounding; `otherwise` where it has none."""
+
+    def leaf(e: sympy.Basic) -> term_sizes.Pair:
+        if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
+            return float(e), 0.0 if e.is_Integer else abs(float(e))
+        value = point.doubles.get(e, math.nan)
+        return value, max(abs(value), point.sizes.get(e, 0.0))
+
+    def result(name: str, *parts: term_sizes.Pair) -> term_sizes.Pair:
+        value, size = parts[0]
+        if value == 0.0 and (name == "sqrt" or (name == "pow" and parts[1][0] > 0.0)):
+            return 0.0, size  # a root rises without bound there, and is zero
+        return term_sizes.result(name, *parts)
+
     try:
-        value, size = _sized(expression, point)
+        value, size = notation.folded(expression, leaf, result, {})
         if not (math.isfinite(value) and math.isfinite(size)):
             return otherwise
         if point.digits is None or abs(value) > doubles.ZERO * size:
@@ -101,20 +121,17 @@ def sheets(block: PfaffianBlock, points: Sequence[SpecialPoint]) -> list[sympy.E
     found = []
     for f in block.surface:
         basis = normal_form.NormalForm([f])
-        parts = [basis.expression(part) for part, _ in basis.element(f).numer.factor_list()[1]]
-        own = [e for e in parts if vanishes(e, points)]
-        if len(parts) > 1 or basis.element(f).numer.factor_list()[1][0][1] > 1:
+        powers = basis.element(f).numer.factor_list()[1]
+        own = [e for e in (basis.expression(part) for part, _ in powers) if vanishes(e, points)]
+        if len(powers) > 1 or powers[0][1] > 1:
             found += own
     return found
 
 
 def of(divisors: Iterable[sympy.Expr | None], points: Sequence[SpecialPoint]) -> list[sympy.Expr]:
     """The factors of expressions (None: unknown) that vanish on all points."""
-    found = []
-    for divisor in divisors:
-        if divisor is not None and vanishes(divisor, points):
-            found += [factor for factor in factors(divisor) if vanishes(factor, points)]
-    return found
+    there = (one for one in divisors if one is not None and vanishes(one, points))
+    return [factor for divisor in there for factor in factors(divisor) if vanishes(factor, points)]
 
 
 def factors(expression: sympy.Expr) -> list[sympy.Expr]:
@@ -155,20 +172,55 @@ def is_positive(u: sympy.Expr, here: SpecialPoint) -> bool:
     return float(u.xreplace({x: sympy.Float(v) for x, v in here.doubles.items()})) > 0
 
 
-def _sized(expression: sympy.Expr, point: SpecialPoint) -> term_sizes.Pair:
-    """The value and its size, which is infinite where it has none here."""
+def kept(
+    block: PfaffianBlock,
+    equations: Sequence[sympy.Expr],
+    rank: int | None,
+    vanishes: Callable[[sympy.Expr], bool],
+    deadline: float,
+) -> tuple[sympy.Expr, ...]:
+    """All equations that follow for the motions from a start on a place, or none where they leave it.
 
-    def leaf(e: sympy.Basic) -> term_sizes.Pair:
-        if isinstance(e, (sympy.Number, sympy.NumberSymbol)):
-            return float(e), 0.0 if e.is_Integer else abs(float(e))
-        value = point.doubles.get(e, math.nan)
-        return value, max(abs(value), point.sizes.get(e, 0.0))
+    equations: of the place, the last of which is in question, while the others hold on the motions; rank: that of all
+    rows of the block, its surface among them, where the others hold, None if it is not known; vanishes: whether an
+    expression does at the start. Raises `NotDecidedError` where the rows that are independent at the start are fewer
+    and do not keep to the place by themselves, and where algebra comes to no end.
+    """
+    all_of_them, new = [*equations], [equations[-1]]
+    for _ in range(GENERATIONS):
+        try:
+            # The X(e) of the new ones that do not vanish where all equations hold, X being the fields of the rows that
+            # are independent at the start.
+            there = dataclasses.replace(block, surface=(*block.surface, *all_of_them))
+            field = FunctionField(there, deadline, {})
+            rows = field.rows([*field.gradients[: len(block.surface)], *block.rows])
+            solved = field.solved(rows, vanishes=vanishes)
+            gradients = field.rows([forms.partial(e, x) for x in block.variables] for e in new)
+            frame = field.frame(solved)
+            found = [field.sum(zip(X, gradient, strict=True)) for X in frame for gradient in gradients]
+            if any(vanishes(field.expression(a.denom)) for a in found):
+                raise NotDecidedError("a place has no differential at the start")
+            slopes = [field.expression(a.numer) for a in found if a]
+        except guarded.NoAnswerError as error:
+            raise NotDecidedError(str(error)) from error
+        if not slopes:
+            return tuple(all_of_them)
+        if solved.count != rank:
+            raise NotDecidedError("the rows have another rank at the start than beside it")
+        if not all(map(vanishes, slopes)):
+            return ()
+        # The factors that vanish at the start, each once, say all that an expression does around it.
+        new = [product(part for part in factors(e) if vanishes(part)) for e in distinct(slopes)]
+        all_of_them += new
+    raise NotDecidedError("the places on which motions from the start stay have no end that algebra sees")
 
-    return operations.folded(expression, leaf, _result, {})
 
-
-def _result(name: str, *parts: term_sizes.Pair) -> term_sizes.Pair:
-    value, size = parts[0]
-    if value == 0.0 and (name == "sqrt" or (name == "pow" and parts[1][0] > 0.0)):
-        return 0.0, size  # a root rises without bound there, and is zero
-    return term_sizes.result(name, *parts)
+def vanishing(block: PfaffianBlock, equations: Sequence[sympy.Expr]) -> frozenset[str]:
+    """The rows that vanish on a place. Raises `NotDecidedError`."""
+    rows = [[forms.plain(a) for a in row] for row in block.rows]
+    try:
+        basis = normal_form.NormalForm([a for row in rows for a in row], (*block.surface, *equations))
+        found = [not any(map(basis.element, row)) for row in rows]
+    except guarded.NoAnswerError as error:
+        raise NotDecidedError(str(error)) from error
+    return frozenset(name for name, is_nothing in zip(block.names, found, strict=True) if is_nothing)

@@ -15,7 +15,7 @@ import sympy
 import lagcli
 from lagcli import progress
 from lagcli.derivation.symbolic import tidy
-from lagcli.pfaffian import kernel_frame, matrix_flow
+from lagcli.pfaffian import first_integrals, kernel_frame
 from lagcli.pfaffian.exact import guarded, sampling, time_limit
 
 HEAD = """\
@@ -149,7 +149,7 @@ def test_failures_hold_no_slip() -> None:
 
 def test_one_linear_equation_is_solved() -> None:
     frame = kernel_frame.of([[sympy.Integer(1), -3 * x]], (x, y), ())
-    integrals = matrix_flow.linear(frame, 0)
+    integrals = first_integrals.linear(frame)
     assert integrals is not None
     assert sympy.expand(integrals[0] - x * sympy.exp(-3 * y)) == 0
 

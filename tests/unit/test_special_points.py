@@ -8,7 +8,7 @@ import pytest
 import sympy
 
 from lagcli.pfaffian import special_points
-from lagcli.pfaffian.exact import real_bounds
+from lagcli.pfaffian.exact import enclosure
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.special_points import SpecialPoint
 
@@ -48,4 +48,4 @@ def test_an_expression_without_a_value_vanishes_and_is_not_nothing() -> None:
 
 @pytest.mark.parametrize(("more", "never"), [(3e-9, True), (3e-10, False)])
 def test_what_keeps_off_zero_by_more_than_round_off_never_vanishes(more: float, never: bool) -> None:
-    assert real_bounds.never_vanishes(sympy.cos(x) + 1 + sympy.Float(more)) == never
+    assert enclosure.never_vanishes(sympy.cos(x) + 1 + sympy.Float(more)) == never

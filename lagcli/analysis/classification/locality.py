@@ -21,7 +21,7 @@ from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import frobenius, function_field, joint, kept_places, special_points, translate
+from lagcli.pfaffian import frobenius, function_field, joint, special_points, translate
 from lagcli.pfaffian.exact import enclosure, time_limit
 from lagcli.pfaffian.forms import form, notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
@@ -164,7 +164,7 @@ class Locality:
         if not equations and not is_sided:
             return Settled((), found, 0, frozenset(), False)
         plain = block.with_values(self._translation.values)
-        vanishing = self._asked(lambda: kept_places.vanishing(plain, equations))
+        vanishing = self._asked(lambda: special_points.vanishing(plain, equations))
         if vanishing is None:
             return None
         return Settled(equations, found, _surface_rank(found) - _surface_rank(flagged), vanishing, is_sided)
@@ -180,7 +180,7 @@ class Locality:
         (the factors of what vanishes there); None where that is open."""
 
         def asked(place: Expression) -> tuple[Expression, ...]:
-            return kept_places.kept(block, (*equations, place), rank, self.is_at_start, self._deadline)
+            return special_points.kept(block, (*equations, place), rank, self.is_at_start, self._deadline)
 
         is_open = False
         for e in own:

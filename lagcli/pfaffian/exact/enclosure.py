@@ -8,6 +8,7 @@ vanish on the surface.
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,11 +20,12 @@ import numpy as np
 import sympy
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
 
-from lagcli import memory
+from lagcli import doubles, memory
+from lagcli.expression import intervals
 from lagcli.expression.enclosures import Enclosures, NoBounds
 from lagcli.linear import surface
-from lagcli.pfaffian.exact import operations
 from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.forms import notation
 
 # Cancellation of thirty digits leaves a sign.
 DIGITS = 50
@@ -127,13 +129,26 @@ class Evaluator:
         functions.
         """
         try:
-            interval = operations.folded(expression, _leaf, _ENCLOSURES.result, self._memo)
+            interval = notation.folded(expression, _leaf, _ENCLOSURES.result, self._memo)
         except NoBounds as error:
             raise NoValueError(str(error)) from error
         bounds = (float(interval.a), float(interval.b), float(interval.delta))
         if any(b != b or b in (float("inf"), float("-inf")) for b in bounds):
             raise NoValueError("not finite")
         return interval
+
+
+def never_vanishes(expression: sympy.Expr) -> bool:
+    """True if an expression of real symbols is certainly other than zero wherever it has a value."""
+    if expression.is_positive or expression.is_negative or isinstance(expression, sympy.exp):
+        return True
+
+    def leaf(e: sympy.Basic) -> intervals.Ends:
+        number = float(e) if isinstance(e, (sympy.Number, sympy.NumberSymbol)) else None
+        return (-math.inf, math.inf) if number is None else (number, number)
+
+    low, high = notation.folded(expression, leaf, intervals.FLOATS.result, {})
+    return bool(low > doubles.ZERO or high < -doubles.ZERO)
 
 
 def _leaf(e: sympy.Basic) -> ivmpf:

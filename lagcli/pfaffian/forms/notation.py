@@ -1,5 +1,7 @@
 """The notation of the model format in SymPy: what its expressions stand for there, and expressions written in it.
 
+`folded` takes an expression of SymPy to any other arithmetic.
+
 Exact numbers have as many digits as they are written with, and powers multiply them. Arithmetic with millions of
 digits cannot be interrupted, so that no time limit would hold: what would need them is refused as `TooLarge`.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping
+from functools import reduce
 from typing import TypeVar
 
 import sympy
@@ -33,22 +36,17 @@ _CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
 
 
 class NotationParameters:
-    """Bounds on what is read into exact algebra.
-
-    The tests are of `tests/unit/test_notation.py`.
-    """
+    """Bounds on what is read into exact algebra. The tests are of `tests/unit/test_notation.py`."""
 
     __slots__ = ()
 
     most_nodes: int = 4000
     """Nodes of a formula: SymPy needs time quadratic in the terms of a sum only to add them up.
-    `tests/unit/test_notation.py::test_a_formula_of_many_terms_is_refused` fails at 400 and at 40 000."""
+    `test_a_formula_of_many_terms_is_refused` fails at 400 and at 40 000."""
     most_digits: int = 300
-    """Digits of a number as it is written. `test_notation.py::test_a_number_of_many_digits_is_refused` fails at 30 and
-    at 3000."""
+    """Digits of a number as it is written. `test_a_number_of_many_digits_is_refused` fails at 30 and at 3000."""
     most_exponent: int = 200
-    """The absolute value of a rational exponent. `test_notation.py::test_a_large_power_is_refused` fails at 20 and at
-    2000."""
+    """The absolute value of a rational exponent. `test_a_large_power_is_refused` fails at 20 and at 2000."""
     most_digits_made: int = 1200
     """Digits of any other number, above and below together: Python writes none of more than 4300, and a search for
     prime factors of longer ones hears no interrupt for minutes. `test_a_power_of_a_long_number_is_refused` there fails
@@ -57,7 +55,10 @@ class NotationParameters:
 
 PARAMETERS = NotationParameters()
 
+T = TypeVar("T")
 V = TypeVar("V")
+# Of several operands, by two at a time.
+_SEVERAL = {sympy.Add: "add", sympy.Mul: "mul", sympy.Min: "fmin", sympy.Max: "fmax"}
 
 
 class TooLarge(Exception):
@@ -156,14 +157,10 @@ def _is_long(number: sympy.Rational, power: float = 1.0) -> bool:
 class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
     """Prints in the notation of the model format."""
 
-    def _print_Abs(self, expression: sympy.Expr) -> str:
-        return f"abs({self._print(expression.args[0])})"
+    def _print_call(self, expression: sympy.Expr) -> str:
+        return f"{type(expression).__name__.lower()}({', '.join(map(self._print, expression.args))})"
 
-    def _print_Min(self, expression: sympy.Expr) -> str:
-        return f"min({', '.join(map(self._print, expression.args))})"
-
-    def _print_Max(self, expression: sympy.Expr) -> str:
-        return f"max({', '.join(map(self._print, expression.args))})"
+    _print_Abs = _print_Min = _print_Max = _print_call  # noqa: N815 - SymPy's names
 
     def _as_ordered_terms(self, expression: sympy.Expr, order: str | None = None) -> list[sympy.Expr]:
         """The terms in SymPy's order, but no minus sign first where a term has none."""
@@ -178,3 +175,32 @@ class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
 def written(expression: sympy.Expr) -> str:
     """The text of an expression in the notation of the model format."""
     return str(_Printer().doprint(expression))
+
+
+def folded(
+    e: sympy.Basic,
+    leaf: Callable[[sympy.Basic], T],
+    result: Callable[..., T],
+    known: dict[sympy.Basic, T],
+) -> T:
+    """Found for an expression by its operations, named as in a `Program`, from what is found for symbols and numbers.
+
+    known: what was found before, which grows; a function that the language does not have goes by its name in SymPy.
+    """
+    if e in known:
+        return known[e]
+    if not e.args:
+        found = leaf(e)
+    elif isinstance(e, sympy.Pow) and e.exp == sympy.Rational(1, 2):
+        found = result("sqrt", folded(e.base, leaf, result, known))
+    else:
+        parts = [folded(part, leaf, result, known) for part in e.args]
+        if type(e) in _SEVERAL:
+            found = reduce(lambda a, b: result(_SEVERAL[type(e)], a, b), parts)
+        elif isinstance(e, sympy.Pow):
+            found = result("pow", *parts)
+        else:
+            row = ROWS.get(type(e))
+            found = result(e.func.__name__ if row is None else row.operation or row.name, *parts)
+    known[e] = found
+    return found
