@@ -39,9 +39,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
         if isinstance(meaning, (sympy.sin, sympy.cos)):
             found.append(1 + meaning)
     for e in listed:
-        element = basis.element(e)
-        for part in (element.numer, element.denom):
-            found += [basis.expression(f) for f, _ in part.factor_list()[1]]
+        found += basis.factors(e)
     moving = set(variables)
     return [f for f in dict.fromkeys(found) if f.free_symbols & moving][:MAX_FACTORS]
 

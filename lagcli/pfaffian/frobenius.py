@@ -92,20 +92,27 @@ def classify(form: forms.Form, deadline: float) -> FormVerdict:
     A form without a finite real value and one that vanishes identically are undecided, with the reason.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*form.variables, *form.parameters)}
-    back = {r: s for s, r in real.items()}
     prepared = forms.Form(
         form.name,
         tuple(real[x] for x in form.variables),
         tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
         tuple(real[p] for p in form.parameters),
     )
-    return _judge(prepared, deadline).in_symbols(back)
+    return _judge(prepared, deadline).in_symbols({r: s for s, r in real.items()})
 
 
 def _judge(form: forms.Form, deadline: float) -> FormVerdict:
-    form, undecided = _without_zeros(form, deadline)
-    if undecided is not None:
-        return undecided
+    coefficients = []
+    for x, a in zip(form.variables, form.coefficients, strict=True):
+        finding = zero_test.is_zero(a, deadline)
+        if finding.truth is zero_test.Truth.UNKNOWN:
+            has_value = True
+            with contextlib.suppress(time_limit.TimeUpError):
+                has_value = time_limit.run(deadline, partial(enclosure.has_value, a))
+            if not has_value:
+                return _undecided(f"the coefficient of d({x}) has no finite real value at any point tried")
+        coefficients.append(sympy.Integer(0) if finding.truth is zero_test.Truth.YES else a)
+    form = replace(form, coefficients=tuple(coefficients))
     if all(a == 0 for a in form.coefficients):
         return _undecided("all coefficients vanish identically, the form states nothing")
     closed = zero_test.vanish((c for _, c in form.curls()), deadline)
@@ -116,62 +123,13 @@ def _judge(form: forms.Form, deadline: float) -> FormVerdict:
             return FormVerdict("exact", None, sympy.Integer(1), method, "symbolic")
         method = f"{_CLOSED}; its integral was verified by differentiation."
         return FormVerdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
-    return _not_exact(form, closed, deadline)
-
-
-def _without_zeros(form: forms.Form, deadline: float) -> tuple[forms.Form, FormVerdict | None]:
-    """The form with coefficients that vanish identically replaced by 0, or the reason why it cannot be
-    judged.
-    """
-    coefficients = []
-    for x, a in zip(form.variables, form.coefficients, strict=True):
-        finding = zero_test.is_zero(a, deadline)
-        if finding.truth is zero_test.Truth.UNKNOWN and not _has_value(a, deadline):
-            return form, _undecided(f"the coefficient of d({x}) has no finite real value at any point tried")
-        coefficients.append(sympy.Integer(0) if finding.truth is zero_test.Truth.YES else a)
-    return forms.Form(form.name, form.variables, tuple(coefficients), form.parameters), None
-
-
-def _has_value(expression: sympy.Expr, deadline: float) -> bool:
-    try:
-        return time_limit.run(deadline, lambda: enclosure.has_value(expression))
-    except time_limit.TimeUpError:
-        return True
-
-
-def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
-    """A verified potential of the exact form, tidy if that can be verified."""
-    orders = [form, forms.Form(form.name, form.variables[::-1], form.coefficients[::-1], form.parameters)]
-    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
-    for way in orders:
-        with contextlib.suppress(*time_limit.NO_ANSWER):
-            work = partial(_potential_of, way, form, given, deadline)
-            phi = time_limit.run(deadline, work, integrating_factors.PROOF)
-            if phi is not None:
-                return phi
-    return None
-
-
-def _potential_of(
-    way: forms.Form, form: forms.Form, given: frozenset[sympy.Expr], deadline: float
-) -> sympy.Expr | None:
-    """A verified potential of the form, found in one order of its variables."""
-    phi = potential.of(way)
-    if phi is None:
-        return None
-    for each in (tidy_integral.potential(phi, form.variables, given), phi):
-        pairs = zip(form.variables, form.coefficients, strict=True)
-        defects = [forms.partial(each, x) - a for x, a in pairs]
-        if potential.writable(each) and zero_test.vanish(defects, deadline).truth is zero_test.Truth.YES:
-            return each
-    return None
-
-
-def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> FormVerdict:
     verdict = _frobenius(form, deadline)
     if verdict.kind == "nonholonomic":
         return verdict
-    found = _search(form, deadline)
+    found = None
+    with contextlib.suppress(time_limit.TimeUpError):
+        until = progress.soon(deadline, _SEARCH_SHARE)
+        found = time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH)
     exactly = (
         "" if closed.truth is zero_test.Truth.NO else " Whether it is exact as it is written was not decided."
     )
@@ -185,26 +143,38 @@ def _not_exact(form: forms.Form, closed: zero_test.Finding, deadline: float) -> 
     return verdict
 
 
-def _search(form: forms.Form, deadline: float) -> integrating_factors.FactorResult | None:
-    try:
-        until = progress.soon(deadline, _SEARCH_SHARE)
-        return time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH)
-    except time_limit.TimeUpError:
+def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
+    """A verified potential of the exact form, tidy if that can be verified."""
+    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
+
+    def of(way: forms.Form) -> sympy.Expr | None:
+        phi = potential.of(way)
+        if phi is None:
+            return None
+        for each in (tidy_integral.potential(phi, form.variables, given), phi):
+            pairs = zip(form.variables, form.coefficients, strict=True)
+            defects = [forms.partial(each, x) - a for x, a in pairs]
+            if potential.writable(each) and zero_test.vanish(defects, deadline).truth is zero_test.Truth.YES:
+                return each
         return None
+
+    for way in (form, replace(form, variables=form.variables[::-1], coefficients=form.coefficients[::-1])):
+        with contextlib.suppress(*time_limit.NO_ANSWER):
+            phi = time_limit.run(deadline, partial(of, way), integrating_factors.PROOF)
+            if phi is not None:
+                return phi
+    return None
 
 
 def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
     """Tell if omega ^ d omega = 0. With one A_k != 0 the components that hold k suffice."""
-    k = min(
-        (i for i, a in enumerate(form.coefficients) if a != 0),
-        key=lambda i: (form.coefficients[i].count_ops(), i),
-    )
+    size = [a.count_ops() for a in form.coefficients]
+    k = min((i for i, a in enumerate(form.coefficients) if a != 0), key=lambda i: (size[i], i))
     active = [i for i in form.active() if i != k]
     if len(active) < 2:
         text = "A form in two variables always has an integrating factor."
         return FormVerdict("integrable", None, None, text, "symbolic")
     reason = ""
-    size = [a.count_ops() for a in form.coefficients]
     triples = sorted(combinations(active, 2), key=lambda pair: size[pair[0]] + size[pair[1]])
     components: Iterable[tuple[tuple[int, ...], sympy.Expr]] = (
         ((*sorted((i, j, k)),), form.wedge_component(*sorted((i, j, k)))) for i, j in triples
@@ -227,11 +197,11 @@ def _nonholonomic(
     form: forms.Form, index: tuple[int, ...], component: sympy.Expr, deadline: float
 ) -> FormVerdict:
     numeric = zero_test.is_zero(component, deadline).value
-    try:
-        work = partial(zero_test.is_zero_exactly, component, deadline)
-        is_symbolic = time_limit.run(deadline, work, _WITNESS).proof == "symbolic"
-    except time_limit.TimeUpError:
-        is_symbolic = False
+    proof: zero_test.Proof = "numeric"
+    with contextlib.suppress(time_limit.TimeUpError):
+        exactly = partial(zero_test.is_zero_exactly, component, deadline)
+        if time_limit.run(deadline, exactly, _WITNESS).proof == "symbolic":
+            proof = "symbolic"
     shown = component
     with contextlib.suppress(*time_limit.NO_ANSWER):
         tidy = partial(tidy_integral.ratio, component, sympy.Integer(1))
@@ -243,7 +213,6 @@ def _nonholonomic(
     exceptional = tuple(p for p in shared if p.free_symbols <= set(form.parameters))
     special = tuple(p for p in shared if p not in exceptional)
     i, j, k = (form.variables[n] for n in index)
-    proof: zero_test.Proof = "symbolic" if is_symbolic else "numeric"
     value = f" = {notation.written(shown)}" if len(str(shown)) <= _SHOWN else ""
     text = (
         f"The component ({i}, {j}, {k}) of omega ^ d omega{value} is not zero: no integrating factor exists"
@@ -253,13 +222,15 @@ def _nonholonomic(
         error = max(numeric.error, 1e-300)
         text += f" (value {numeric.value:.6g}, error below {error:.1g}, at {point})"
     if exceptional:
-        text += "; it may for " + " or ".join(f"{notation.written(e)} = 0" for e in exceptional)
+        text += f"; it may for {_zeros(exceptional)}"
     if special:
-        text += "; omega ^ d omega drops to zero where " + " or ".join(
-            f"{notation.written(e)} = 0" for e in special
-        )
+        text += f"; omega ^ d omega drops to zero where {_zeros(special)}"
     witness = FrobeniusWitness((i, j, k), shown, numeric)
     return FormVerdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)
+
+
+def _zeros(expressions: Iterable[sympy.Expr]) -> str:
+    return " or ".join(f"{notation.written(e)} = 0" for e in expressions)
 
 
 def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
@@ -278,19 +249,19 @@ def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
             return ()
 
     def factors_of(common: PolyElement) -> dict[sympy.Expr, None]:
-        return dict.fromkeys(_plain_zero(basis.expression(p)) for p, _ in common.factor_list()[1])
+        """What vanishes with the factors: where |u| or a root of u does, u."""
+        found: dict[sympy.Expr, None] = {}
+        for part, _ in common.factor_list()[1]:
+            factor = basis.expression(part)
+            while isinstance(factor, sympy.Abs) or (factor.is_Pow and factor.exp.is_positive):
+                factor = factor.args[0]
+            found[-factor if factor.could_extract_minus_sign() else factor] = None
+        return found
 
     jumps = factors_of(below)  # |u|/u jumps where u = 0 and does not vanish
-    factors = [f for f in factors_of(above) if f not in jumps]
-    shown = [f for f in _with_cosines(factors) if f.free_symbols and _may_vanish(f)]
+    factors = _with_cosines([f for f in factors_of(above) if f not in jumps])
+    shown = (f for f in factors if f.free_symbols and not (f.is_positive or f.is_negative or f.is_Pow))
     return tuple(sorted(shown, key=str))
-
-
-def _plain_zero(factor: sympy.Expr) -> sympy.Expr:
-    """The expression that vanishes where |u| or a root of u does: u."""
-    while isinstance(factor, sympy.Abs) or (factor.is_Pow and factor.exp.is_positive):
-        factor = factor.args[0]
-    return -factor if factor.could_extract_minus_sign() else factor
 
 
 def _with_cosines(factors: list[sympy.Expr]) -> list[sympy.Expr]:
@@ -302,10 +273,6 @@ def _with_cosines(factors: list[sympy.Expr]) -> list[sympy.Expr]:
                 cosine = sympy.cos(sine.args[0])
                 return _with_cosines([cosine, *(f for f in factors if f not in (*both, cosine))])
     return factors
-
-
-def _may_vanish(factor: sympy.Expr) -> bool:
-    return not (factor.is_positive or factor.is_negative or factor.is_Pow)
 
 
 def _poles(phi: sympy.Expr, form: forms.Form) -> tuple[sympy.Expr, ...]:

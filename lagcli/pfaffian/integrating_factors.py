@@ -1,21 +1,24 @@
-"""Integrals of an integrable form "by some hook or crook" (D.3): one strategy after the other, each result
-verified.
+"""Integrals of an integrable form "by some hook or crook" (D.3): one strategy after the other, each result verified.
 
-A strategy proposes a first integral phi; it counts only when mu omega = d phi has been proved for mu =
-phi_k/A_k.
+A strategy proposes a first integral phi or an integrating factor mu; phi counts only when mu omega = d phi has been
+proved for mu = phi_k/A_k. Most proposals have unknown constants, found by solving linear equations d phi ^ omega = 0 or
+d(mu omega) = 0. For an integrable omega it is enough to ask for the components (i, k) with one fixed k, A_k != 0: a
+2-form eta with omega ^ eta = 0 is beta ^ omega, and beta may be chosen with beta_k = 0. The factors of the coefficients
+are the natural Darboux polynomials (G. Darboux, Bull. Sci. Math. 2, 1878); mu = 1/V with V d omega = dV ^ omega is the
+inverse integrating factor.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 from typing import TypeVar
 
 import sympy
 
-from lagcli.pfaffian import ansatz, potential, tidy_integral
-from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
+from lagcli.pfaffian import potential, tidy_integral
+from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, time_limit, zero_test
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
 
@@ -25,6 +28,10 @@ Value = TypeVar("Value")
 STEP = 50_000
 PROOF = 100_000
 MAX_KINKS = 4
+# Columns of the linear systems: eight letters and their products of two; factors; monomials of an inverse factor.
+MAX_SUMMANDS = 44
+MAX_FACTORS = 24
+MAX_INVERSE = 90
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +45,25 @@ class FactorResult:
 
 def search(form: forms.Form, deadline: float) -> FactorResult | None:
     """A verified integral and integrating factor of the integrable form, or None. Ends at `deadline`."""
-    for phi, how in _proposals(form, deadline):
-        found = _attempt(partial(_accepted, form, phi, how, deadline), deadline, PROOF)
-        if found is not None:
-            return found
+    slim = _attempt(lambda: primitive(form), deadline) or _active_part(form)
+    below = {sympy.fraction(guarded.together(a))[1] for a in form.coefficients}
+    once = sorted((b for b in below if b.free_symbols & set(slim.variables)), key=str)
+    parts = _attempt(lambda: _pieces(slim, once), deadline) or Pieces(slim.variables, slim.variables)
+    tried: set[sympy.Expr] = set()
+    for strategy, how in _STRATEGIES:
+        hints = _attempt(partial(lambda of: list(of(slim, parts)), strategy), deadline) or []
+        for hint in sorted(hints, key=lambda h: h.is_factor):  # quadratures are the slow part
+            phi: sympy.Expr | None = hint.proposal
+            if hint.is_factor:
+                if hint.proposal in tried:
+                    continue
+                tried.add(hint.proposal)
+                phi = _attempt(partial(_closed, slim, hint.proposal), deadline)
+            found = None
+            if phi is not None:
+                found = _attempt(partial(_accepted, form, phi, how, deadline), deadline, PROOF)
+            if found is not None:
+                return found
     return None
 
 
@@ -60,10 +82,8 @@ def primitive(form: forms.Form) -> forms.Form:
     common = reduce(lambda a, b: a.gcd(b), above, basis.ring.zero)
     slim = [basis.remainder(p.exquo(common)) for p in above]
     scale = reduce(lambda a, b: a.lcm(b), (basis.ring(p.clear_denoms()[0]) for p in slim), basis.ring.one)
-    written = forms.Form(
-        form.name, form.variables, tuple(basis.expression(p * scale) for p in slim), form.parameters
-    )
-    return _active_part(written)
+    written = tuple(basis.expression(p * scale) for p in slim)
+    return _active_part(forms.Form(form.name, form.variables, written, form.parameters))
 
 
 def _active_part(form: forms.Form) -> forms.Form:
@@ -72,35 +92,8 @@ def _active_part(form: forms.Form) -> forms.Form:
     return forms.Form(form.name, tuple(x[i] for i in active), tuple(a[i] for i in active), form.parameters)
 
 
-def _proposals(form: forms.Form, deadline: float) -> Iterator[tuple[sympy.Expr, str]]:
-    """First integrals that are proposed for the form, and how they were found."""
-    slim = _attempt(lambda: primitive(form), deadline) or _active_part(form)
-    below = {sympy.fraction(guarded.together(a))[1] for a in form.coefficients}
-    once = sorted((b for b in below if b.free_symbols & set(slim.variables)), key=str)
-    parts = _attempt(lambda: ansatz.pieces(slim, once), deadline) or ansatz.Pieces(
-        slim.variables, slim.variables
-    )
-    tried: set[sympy.Expr] = set()
-    for strategy, how in _STRATEGIES:
-        hints = _attempt(partial(_listed, strategy, slim, parts), deadline) or []
-        for hint in sorted(hints, key=lambda h: isinstance(h, Factor)):  # quadratures are the slow part
-            if isinstance(hint, SingleIntegral):
-                yield hint.phi, how
-            elif hint.mu not in tried:
-                tried.add(hint.mu)
-                phi = _attempt(partial(_closed, slim, hint.mu), deadline)
-                if phi is not None:
-                    yield phi, how
-
-
-def _listed(strategy: "Strategy", form: forms.Form, parts: ansatz.Pieces) -> "list[SingleIntegral | Factor]":
-    return list(strategy(form, parts))
-
-
 def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> Value | None:
-    """The value of one step, None where it fails or is late. Raises `time_limit.TimeUpError` after the whole
-    deadline.
-    """
+    """The value of one step, None where it fails or is late. Raises `TimeUpError` after the whole deadline."""
     time_limit.check(deadline)
     try:
         return time_limit.run(deadline, work, budget)
@@ -108,77 +101,10 @@ def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> 
         return None
 
 
-def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> FactorResult | None:
-    """phi made tidy, with its factor, if d phi = mu omega is proved; the tidy form first, then phi as it
-    came.
-    """
-    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
-    try:
-        ways = [time_limit.run(deadline, lambda: tidy_integral.integral(phi, form.variables, given))]
-    except time_limit.NO_ANSWER:
-        ways = []
-    for way in dict.fromkeys([*ways, phi]):
-        try:
-            mu = guarded.attempt(verified, form, way, deadline)
-        except time_limit.NO_ANSWER:
-            continue
-        if mu is not None:
-            return FactorResult(way, mu, how)
-    return None
-
-
-def verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr | None:
-    """mu with mu omega = d phi != 0, proved, or None. Raises `time_limit.TimeUpError`."""
-    if not potential.writable(phi):
-        return None
-    gradient = [forms.partial(phi, x) for x in form.variables]
-    k = ansatz.pivot(form)
-    for i, a in enumerate(form.coefficients):
-        if (
-            i != k
-            and zero_test.is_zero(gradient[i] * form.coefficients[k] - gradient[k] * a, deadline).truth
-            is not zero_test.Truth.YES
-        ):
-            return None
-    own = [[gradient[k]]]
-    for ((side,),) in forms.kink_sides(own, forms.moduli(own)[:MAX_KINKS]):
-        if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
-            return None
-    choices = [i for i, a in enumerate(form.coefficients) if a != 0]
-    choices = sorted(choices, key=lambda i: form.coefficients[i].count_ops() + gradient[i].count_ops())[:2]
-    ways = time_limit.run(
-        deadline, lambda: [tidy_integral.ratio(gradient[i], form.coefficients[i]) for i in choices]
-    )
-    mu = min(ways, key=lambda way: (way.count_ops(), len(str(way))))
-    sound = zero_test.is_zero(mu * form.coefficients[k] - gradient[k], deadline).truth is zero_test.Truth.YES
-    return mu if sound else tidy_integral.ratio(gradient[k], form.coefficients[k])
-
-
-# The strategies: each takes the primitive form and the pieces of its coefficients and yields hints.
-
-
-@dataclass(frozen=True, slots=True)
-class SingleIntegral:
-    """A proposal for phi."""
-
-    phi: sympy.Expr
-
-
-@dataclass(frozen=True, slots=True)
-class Factor:
-    """A proposal for mu."""
-
-    mu: sympy.Expr
-
-
-Hints = Iterator[SingleIntegral | Factor]
-Strategy = Callable[[forms.Form, ansatz.Pieces], Hints]
-
-
 def _closed(form: forms.Form, factor: sympy.Expr) -> sympy.Expr | None:
     """The potential of factor * omega, if that is exact."""
     scaled = form.times(factor)
-    if not all(_vanishes(c) for c in scaled.exterior().values()):
+    if not all(map(_vanishes, [c for _, c in scaled.curls()])):
         return None
     slim = tuple(tidy_integral.ratio(a * factor, sympy.Integer(1)) for a in form.coefficients)
     for coefficients in dict.fromkeys((slim, scaled.coefficients)):
@@ -192,30 +118,215 @@ def _vanishes(expression: sympy.Expr) -> bool:
     return zero_test.is_zero(expression, math.inf).truth is zero_test.Truth.YES  # a step of a strategy
 
 
-def _without_common_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
-    yield Factor(sympy.Integer(1))
-
-
-def _products(form: forms.Form, parts: ansatz.Pieces) -> Hints:
-    found = [p for p in ansatz.integrals(form, parts) if p.free_symbols]
-    for phi in sorted(found, key=lambda p: (p.count_ops(), str(p)))[:4]:
-        yield SingleIntegral(phi)
-
-
-def _product_factor(form: forms.Form, parts: ansatz.Pieces) -> Hints:
-    mu = ansatz.factor(form, parts)
-    if mu is not None:
-        yield Factor(mu)
-
-
-def _one_variable(form: forms.Form, parts: ansatz.Pieces) -> Hints:
-    for m in range(len(form.variables)):
-        mu = ansatz.factor_with_function(form, parts, m)
+def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> FactorResult | None:
+    """phi with its factor, if d phi = mu omega is proved; the tidy form first, then phi as it came."""
+    given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
+    try:
+        ways = [time_limit.run(deadline, lambda: tidy_integral.integral(phi, form.variables, given))]
+    except time_limit.NO_ANSWER:
+        ways = []
+    for way in dict.fromkeys([*ways, phi]):
+        try:
+            mu = guarded.attempt(_verified, form, way, deadline)
+        except time_limit.NO_ANSWER:
+            continue
         if mu is not None:
-            yield Factor(mu)
+            return FactorResult(way, mu, how)
+    return None
 
 
-def _one_combination(form: forms.Form, parts: ansatz.Pieces) -> Hints:
+def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr | None:
+    """mu with mu omega = d phi != 0, proved, or None. Raises `time_limit.TimeUpError`."""
+    if not potential.writable(phi):
+        return None
+    gradient = [forms.partial(phi, x) for x in form.variables]
+    k, coefficients = _pivot(form), form.coefficients
+    for i, a in enumerate(coefficients):
+        if i != k:
+            minor = zero_test.is_zero(gradient[i] * coefficients[k] - gradient[k] * a, deadline)
+            if minor.truth is not zero_test.Truth.YES:
+                return None
+    own = [[gradient[k]]]
+    for ((side,),) in forms.kink_sides(own, forms.moduli(own)[:MAX_KINKS]):
+        if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
+            return None
+    choices = [i for i, a in enumerate(coefficients) if a != 0]
+    choices = sorted(choices, key=lambda i: coefficients[i].count_ops() + gradient[i].count_ops())[:2]
+    ways = time_limit.run(
+        deadline, lambda: [tidy_integral.ratio(gradient[i], coefficients[i]) for i in choices]
+    )
+    mu = min(ways, key=lambda way: (way.count_ops(), len(str(way))))
+    sound = zero_test.is_zero(mu * coefficients[k] - gradient[k], deadline).truth is zero_test.Truth.YES
+    return mu if sound else tidy_integral.ratio(gradient[k], coefficients[k])
+
+
+def _pivot(form: forms.Form) -> int:
+    """The index of the simplest coefficient that is not zero."""
+    candidates = [i for i, a in enumerate(form.coefficients) if a != 0]
+    return min(candidates, key=lambda i: (form.coefficients[i].count_ops(), i))
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """The pieces of a logarithm: phi or log mu = sum a_j log(factors[j]) + sum b_l summands[l]."""
+
+    factors: tuple[sympy.Expr, ...]
+    summands: tuple[sympy.Expr, ...]
+
+    def gradients(self, variables: Sequence[sympy.Symbol]) -> list[list[sympy.Expr]]:
+        """Partial derivatives of every log factor and summand; shape (pieces, n)."""
+        logs = [[forms.partial(p, x) / p for x in variables] for p in self.factors]
+        return logs + [[forms.partial(m, x) for x in variables] for m in self.summands]
+
+    def exponential(self, constants: Sequence[sympy.Expr]) -> sympy.Expr:
+        """mu of these constants a_j and b_l, as a product of powers."""
+        count = len(self.factors)
+        powers = (p**c for p, c in zip(self.factors, constants, strict=False))
+        terms = (c * m for c, m in zip(constants[count:], self.summands, strict=False))
+        exponent = sum(terms, sympy.Integer(0))
+        return sympy.Mul(*powers) * sympy.exp(exponent)
+
+
+def _pieces(form: forms.Form, below: Sequence[sympy.Expr]) -> Pieces:
+    """Candidates from the coefficients: their letters and irreducible factors, monomials of degree two.
+
+    `below` are denominators the form once had. Raises `normal_form.NoNormalFormError`.
+    """
+    variables = set(form.variables)
+    euler = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
+    basis = normal_form.NormalForm([*form.coefficients, *form.variables, *below])
+    factors: list[sympy.Expr] = []
+    letters: list[sympy.Expr] = []
+    summands: list[sympy.Expr] = []
+    for letter in reversed(basis.letters):
+        meaning = basis.means(letter)
+        if not meaning.free_symbols & variables:
+            continue
+        letters.append(letter)
+        if isinstance(meaning, sympy.exp):
+            summands.append(meaning.args[0])
+            continue
+        factors.append(meaning)
+        if isinstance(meaning, (sympy.sin, sympy.cos)):
+            factors.append(1 + meaning)
+    for a in [*form.coefficients, euler, *below]:
+        factors += basis.factors(a)
+    products = [*letters, *(a * b for a, b in combinations_with_replacement(letters, 2))]
+    for product in products[:MAX_SUMMANDS]:
+        meaning = basis.to_functions(product)
+        # cos(u)**2 is 1 - sin(u)**2: it would only add a constant.
+        if not (meaning.is_Pow and isinstance(meaning.base, sympy.cos)):
+            summands.append(meaning)
+    useful = [f for f in dict.fromkeys(factors) if f.free_symbols & variables]
+    return Pieces(tuple(useful[:MAX_FACTORS]), tuple(dict.fromkeys(summands)))
+
+
+# The strategies: each takes the primitive form and the pieces of its coefficients and yields hints.
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """A proposal for phi, or for mu."""
+
+    proposal: sympy.Expr
+    is_factor: bool = True
+
+
+Hints = Iterator[Hint]
+Strategy = Callable[[forms.Form, Pieces], Hints]
+
+
+def _without_common_factor(form: forms.Form, parts: Pieces) -> Hints:
+    yield Hint(sympy.Integer(1))
+
+
+def _products(form: forms.Form, parts: Pieces) -> Hints:
+    """phi = sum a_j log p_j + sum b_l m_l with d phi ^ omega = 0."""
+    logarithms = [*(sympy.log(p) for p in parts.factors), *parts.summands]
+    found = []
+    for constants in constant_combinations.null_vectors(_minors(form, parts), frozenset(form.parameters)):
+        terms = (c * p for c, p in zip(constants, logarithms, strict=True) if c != 0)
+        found.append(sum(terms, sympy.Integer(0)))
+    found = [p for p in found if p.free_symbols]
+    for phi in sorted(found, key=lambda p: (p.count_ops(), str(p)))[:4]:
+        yield Hint(phi, is_factor=False)
+
+
+def _minors(form: forms.Form, parts: Pieces) -> list[list[sympy.Expr]]:
+    """Of d piece ^ omega the components (i, k), for every piece."""
+    a, k = form.coefficients, _pivot(form)
+    others = [i for i in range(len(a)) if i != k]
+    return [[g[i] * a[k] - g[k] * a[i] for i in others] for g in parts.gradients(form.variables)]
+
+
+def _product_factor(form: forms.Form, parts: Pieces) -> Hints:
+    """mu = product of powers p_j^a_j times exp(sum b_l m_l) with d(mu omega) = 0."""
+    k = _pivot(form)
+    columns = _minors(form, parts)
+    columns.append([form.curl(i, k) for i in range(len(form.variables)) if i != k])
+    for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
+        if v[-1] != 0:
+            yield Hint(parts.exponential([guarded.cancel(c / v[-1]) for c in v[:-1]]))
+            return
+
+
+def _one_variable(form: forms.Form, parts: Pieces) -> Hints:
+    for m in range(len(form.variables)):
+        mu = _factor_with_function(form, Pieces(parts.factors, ()), m)
+        if mu is not None:
+            yield Hint(mu)
+
+
+def _factor_with_function(form: forms.Form, parts: Pieces, m: int) -> sympy.Expr | None:
+    """mu = product of powers p_j^a_j times an unknown function of the variable m, with d(mu omega) = 0.
+
+    Covers factors of one variable, linear and Bernoulli equations and separable ones. Its derivative h'
+    follows from the component (m, k) and must not depend on the other variables, which is linear in the a_j.
+    """
+    a, x = form.coefficients, form.variables
+    choices = [i for i, c in enumerate(a) if c != 0 and i != m]
+    if not choices:
+        return None
+    k = min(choices, key=lambda i: (a[i].count_ops(), i))
+    others = [i for i in range(len(a)) if i not in (k, m)]
+    rates: list[sympy.Expr] = []
+    columns: list[list[sympy.Expr]] = []
+    for g in [*parts.gradients(x), None]:
+        if g is None:
+            entries, rate = [form.curl(i, k) for i in others], form.curl(m, k) / a[k]
+        else:
+            entries, rate = [g[i] * a[k] - g[k] * a[i] for i in others], g[m] - g[k] * a[m] / a[k]
+        rates.append(rate)
+        columns.append([*entries, *(forms.partial(rate, x[i]) for i in range(len(a)) if i != m)])
+    for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
+        if v[-1] == 0:
+            continue
+        constants = [guarded.cancel(c / v[-1]) for c in v]
+        total = sum((c * r for c, r in zip(constants, rates, strict=True)), sympy.Integer(0))
+        rate = _function_of(-total, x, m)
+        primitive = None if rate is None else potential.antiderivative(rate, x[m])
+        if primitive is not None:
+            growth = guarded.powsimp(guarded.expand_log(sympy.exp(guarded.expand(primitive)), force=True))
+            return parts.exponential(constants[:-1]) * growth
+    return None
+
+
+def _function_of(rate: sympy.Expr, x: Sequence[sympy.Symbol], m: int) -> sympy.Expr | None:
+    """The rate, known to depend on x[m] only, written so."""
+    foreign = set(x) - {x[m]}
+    if rate.free_symbols & foreign:
+        basis = normal_form.NormalForm([rate])
+        rate = basis.expression(basis.element(rate))
+    for symbol in sorted(rate.free_symbols & foreign, key=lambda s: s.name):
+        values = [guarded.subs(rate, symbol, sympy.Rational(n, 7)) for n in (3, 5, 11)]
+        good = [v for v in values if not v.has(sympy.nan, sympy.zoo, sympy.I)]
+        if not good:
+            return None
+        rate = good[0]
+    return rate
+
+
+def _one_combination(form: forms.Form, parts: Pieces) -> Hints:
     letter = sympy.Dummy("u", positive=True)
     for x, y in combinations(form.variables, 2):
         choices: list[tuple[sympy.Expr, dict[sympy.Symbol, sympy.Expr]]] = [
@@ -227,45 +338,72 @@ def _one_combination(form: forms.Form, parts: ansatz.Pieces) -> Hints:
         ]
         for u, inverse in choices:
             rate = _rate(form, u, (x, y))
-            rate = None if rate is None else _shortest_with(rate, inverse)
-            if rate is None or rate.free_symbols & set(form.variables):
+            if rate is None:
+                continue
+            rate = tidy_integral.shortest(guarded.subs(rate, inverse, simultaneous=True))
+            if rate.free_symbols & set(form.variables):
                 continue
             growth = potential.antiderivative(rate, letter)
             if growth is not None:
                 mu = guarded.powsimp(sympy.exp(guarded.expand_log(growth, force=True)))
-                yield Factor(guarded.subs(mu, letter, u))
-
-
-def _shortest_with(rate: sympy.Expr, values: dict[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
-    return tidy_integral.shortest(guarded.subs(rate, values, simultaneous=True))
+                yield Hint(guarded.subs(mu, letter, u))
 
 
 def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbol]) -> sympy.Expr | None:
     """mu'/mu = -(d omega)_ik/(du ^ omega)_ik if that is a function of u alone."""
-    a, v, k = form.coefficients, form.variables, ansatz.pivot(form)
+    a, v, k = form.coefficients, form.variables, _pivot(form)
     i = next(n for n, x in enumerate(v) if x in pair and n != k)
     wedge = forms.partial(u, v[i]) * a[k] - forms.partial(u, v[k]) * a[i]
     if _vanishes(wedge):
         return None
-    rate = (forms.partial(a[i], v[k]) - forms.partial(a[k], v[i])) / wedge
+    rate = form.curl(k, i) / wedge
     x, y = pair
     jacobian = forms.partial(rate, x) * forms.partial(u, y) - forms.partial(rate, y) * forms.partial(u, x)
     foreign = (forms.partial(rate, other) for other in v if other not in pair)
     return tidy_integral.ratio(rate, sympy.Integer(1)) if all(map(_vanishes, (jacobian, *foreign))) else None
 
 
-def _inverse_polynomial(form: forms.Form, parts: ansatz.Pieces) -> Hints:
+def _inverse_polynomial(form: forms.Form, parts: Pieces) -> Hints:
     """The factors of an inverse factor V are invariant surfaces: products of their powers come first."""
     for degree in (2, 4, 5):
-        found = ansatz.inverse_factors(form, degree)
+        found = _inverse_factors(form, degree)
         surfaces = [p for v in found[:2] for p, _ in guarded.factor_list(v)[1]]
         varying = [p for p in dict.fromkeys(surfaces) if p.free_symbols & set(form.variables)]
         if varying:
-            yield from _products(form, ansatz.Pieces(tuple(varying), form.variables))
-            yield from (Factor(1 / guarded.factor(v)) for v in found[:2])
+            yield from _products(form, Pieces(tuple(varying), form.variables))
+            yield from (Hint(1 / guarded.factor(v)) for v in found[:2])
         if len(found) > 1:
-            yield SingleIntegral(tidy_integral.ratio(found[0], found[1]))
+            yield Hint(tidy_integral.ratio(found[0], found[1]), is_factor=False)
             return
+
+
+def _inverse_factors(form: forms.Form, degree: int) -> list[sympy.Expr]:
+    """Polynomials V in the letters up to `degree` with V d omega = dV ^ omega: 1/V is an integrating factor."""
+    basis = normal_form.NormalForm([*form.coefficients, *form.variables])
+    meanings = [basis.means(g) for g in reversed(basis.letters)]
+    varying = [m for m in meanings if m.free_symbols & set(form.variables)]
+    monomials: list[sympy.Expr] = []
+    for d in range(degree + 1):
+        products = [sympy.Mul(*c) for c in combinations_with_replacement(varying, d)]
+        if len(monomials) + len(products) > MAX_INVERSE:
+            break
+        monomials += products
+    monomials = [
+        v for v in monomials if not any(b.func is sympy.cos and n > 1 for b, n in v.as_powers_dict().items())
+    ]
+    a, x, k = form.coefficients, form.variables, _pivot(form)
+    curls = {i: form.curl(i, k) for i in range(len(a)) if i != k}
+    columns = [
+        [
+            v * curl - (forms.partial(v, x[i]) * a[k] - forms.partial(v, x[k]) * a[i])
+            for i, curl in curls.items()
+        ]
+        for v in monomials
+    ]
+    found = []
+    for vector in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
+        found.append(sum((c * v for c, v in zip(vector, monomials, strict=True)), sympy.Integer(0)))
+    return found
 
 
 _STRATEGIES: tuple[tuple[Strategy, str], ...] = (

@@ -1,13 +1,15 @@
 """Coupled forms together: their derived flag and the first integrals of its end I^(oo) (D.3, jointly).
 
 Holonomic rows that give a coordinate as a function of others are solved for it first; then the flag is found on
-the coordinates that remain.
+the coordinates that remain. What is found for one form or block holds for all that differ in names alone (`Memo`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +17,17 @@ import sympy
 
 from lagcli import doubles
 from lagcli.linear import decompositions
+from lagcli.memory import Memory
 from lagcli.pfaffian import derived_flag as flags
 from lagcli.pfaffian import elimination, first_integrals, frobenius
 from lagcli.pfaffian.exact import enclosure, guarded, time_limit
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.forms.form import PfaffianBlock
+from lagcli.pfaffian.forms.form import Form, PfaffianBlock
+from lagcli.pfaffian.frobenius import FormVerdict
 from lagcli.pfaffian.function_field import NotDecidedError, Values
 
 Floats = npt.NDArray[np.float64]
+T = TypeVar("T")
 
 # Operations for the search of joint integrals, which rarely ends by itself without a closed form.
 SEARCH = 40_000
@@ -67,7 +72,7 @@ def flagged(block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: 
     return Flagged(plain, gone, flags.flag(plain, deadline, time, values))
 
 
-def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], deadline: float) -> Solution:
+def solution(found: Flagged, verdicts: Sequence[FormVerdict | None], deadline: float) -> Solution:
     """Independent first integrals of I^(oo): those of rows alone first. `verdicts`: of the rows alone."""
     wanted = found.flag.dims[-1]
     block = found.block
@@ -76,7 +81,9 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], d
     for i, (verdict, inside) in enumerate(zip(verdicts, found.flag.inside, strict=True)):
         # A row that says nothing on the surface may have an integral beside it.
         if inside and i not in found.flag.vanishing and len(accepted) < wanted:
-            phi = _of_row(found, i, verdict, deadline)
+            phi = None if verdict is None else verdict.integral
+            if phi is None and found.values:  # that of the row on the coordinates that remain
+                phi = frobenius.classify(block.form(i), deadline).integral
             if phi is not None and basis.takes(phi.xreplace(found.values)):
                 accepted.append(phi)
     if len(accepted) < wanted:
@@ -85,23 +92,15 @@ def solution(found: Flagged, verdicts: Sequence[frobenius.FormVerdict | None], d
         more = first_integrals.search(end, deadline, budget=SEARCH)
         accepted += [one.integral for one in more if basis.takes(one.integral)]
     solved = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in accepted)
-    unsolved = [_as_text(block, row) for row in found.flag.integrable if not basis.holds(row)]
+    unsolved = []
+    for row in (row for row in found.flag.integrable if not basis.holds(row)):
+        terms = (a * differential(x) for a, x in zip(row, block.variables, strict=True))
+        unsolved.append(sympy.fraction(guarded.together(sum(terms, sympy.Integer(0))))[0])
     return Solution(solved, tuple(unsolved[: wanted - len(accepted)]))
 
 
-def _of_row(
-    found: Flagged, i: int, verdict: frobenius.FormVerdict | None, deadline: float
-) -> sympy.Expr | None:
-    """An integral of one row, as it is declared or on the coordinates that remain."""
-    if verdict is not None and verdict.integral is not None:
-        return verdict.integral
-    if not found.values:
-        return None
-    return frobenius.classify(found.block.form(i), deadline).integral
-
-
 def without_flag(
-    block: PfaffianBlock, wanted: int, verdicts: Sequence[frobenius.FormVerdict | None], deadline: float
+    block: PfaffianBlock, wanted: int, verdicts: Sequence[FormVerdict | None], deadline: float
 ) -> Solution:
     """Solve as `solution` does, from rows of which is known only how many integrals they have, `wanted`."""
     left, gone = elimination.eliminated(block)
@@ -116,12 +115,6 @@ def without_flag(
     )
 
 
-def _as_text(block: PfaffianBlock, row: Iterable[sympy.Expr]) -> sympy.Expr:
-    terms = (a * differential(x) for a, x in zip(row, block.variables, strict=True))
-    above, _ = sympy.fraction(guarded.together(sum(terms, sympy.Integer(0))))
-    return above
-
-
 def differential(x: sympy.Symbol) -> sympy.Symbol:
     """The symbol of dx."""
     return sympy.Symbol(f"d({x.name})", real=True)
@@ -132,53 +125,48 @@ class _Independent:
 
     def __init__(self, block: PfaffianBlock) -> None:
         self._block = block
-        self._points = _points(block)
-        self._surface = [self._values(_gradient(block, f)) for f in block.surface]
+        symbols = (*block.variables, *block.parameters)
+        self._points: Sequence[enclosure.Point] = (
+            enclosure.points_on(block.surface, symbols)
+            if block.surface
+            else list(enclosure.points(symbols))[:8]
+        )
+        self._surface = [self._gradient(f) for f in block.surface]
         self._rows = [self._values(row) for row in block.rows]
         self._accepted: list[list[Floats | None]] = []
 
     def takes(self, phi: sympy.Expr) -> bool:
         """True if d phi is independent of those taken before; then it is taken."""
-        values = self._values(_gradient(self._block, phi))
-        if self._spans([*self._surface, *self._accepted], values):
+        values = self._gradient(phi)
+        if self._spans(values):
             return False
         self._accepted.append(values)
         return True
 
     def holds(self, row: Iterable[sympy.Expr]) -> bool:
         """True if a form is a combination of what was taken."""
-        return self._spans([*self._surface, *self._accepted], self._values(row))
+        return self._spans(self._values(row))
 
     def rows_of(self, phi: sympy.Expr) -> tuple[str, ...]:
         """The rows of the block whose combination d phi is."""
-        gradient = self._values(_gradient(self._block, phi))
         taking: set[int] = set()
-        for i, point in enumerate(gradient):
-            rows = [values[i] for values in (*self._surface, *self._rows)]
-            if point is None or any(row is None for row in rows):
-                continue
-            weights = decompositions.least_squares(
-                decompositions.unit(np.array(rows)).T, decompositions.unit(point[None])[0]
-            )
-            first = len(self._surface)
-            taking |= {k - first for k in range(first, len(rows)) if abs(weights[k]) > doubles.ZERO}
+        for rows, gradient in _together([*self._surface, *self._rows], self._gradient(phi)):
+            weights = decompositions.least_squares(rows.T, gradient)
+            own = np.abs(weights[len(self._surface) :]) > doubles.ZERO
+            taking |= set(np.flatnonzero(own).tolist())
         return tuple(name for i, name in enumerate(self._block.names) if i in taking)
 
-    def _spans(self, others: list[list[Floats | None]], values: list[Floats | None]) -> bool:
-        """True if the gradient is a combination of the others at every point where all have values."""
-        for i, point in enumerate(values):
-            rows = [other[i] for other in others]
-            if point is None or any(row is None for row in rows):
-                continue
-            unit = decompositions.unit(point[None])[0]
-            if not rows:
-                return not unit.any()
-            if (
-                np.abs(decompositions.residual(decompositions.unit(np.array(rows)).T, unit)).max()
-                > doubles.ZERO
-            ):
+    def _spans(self, values: list[Floats | None]) -> bool:
+        """True if a gradient is a combination of the df and of what was taken at every point where all have values."""
+        for rows, gradient in _together([*self._surface, *self._accepted], values):
+            if not rows.size:
+                return not gradient.any()
+            if np.abs(decompositions.residual(rows.T, gradient)).max() > doubles.ZERO:
                 return False
         return True
+
+    def _gradient(self, phi: sympy.Expr) -> list[Floats | None]:
+        return self._values(forms.partial(phi, x) for x in self._block.variables)
 
     def _values(self, row: Iterable[sympy.Expr]) -> list[Floats | None]:
         """The coefficients at the points; None where one has no value."""
@@ -193,13 +181,115 @@ class _Independent:
         return found
 
 
-def _points(block: PfaffianBlock) -> Sequence[enclosure.Point]:
-    """Some points of the surface, or of all space where there is none."""
-    symbols = (*block.variables, *block.parameters)
-    if block.surface:
-        return enclosure.points_on(block.surface, symbols)
-    return list(enclosure.points(symbols))[:8]
+def _together(
+    others: list[list[Floats | None]], values: list[Floats | None]
+) -> Iterator[tuple[Floats, Floats]]:
+    """Rows (k, n) and a gradient (n,), all of length one, at each point where all have values."""
+    for i, gradient in enumerate(values):
+        rows = [row for other in others if (row := other[i]) is not None]
+        if gradient is not None and len(rows) == len(others):
+            unit = decompositions.unit(np.array(rows)) if rows else np.zeros((0, gradient.size))
+            yield unit, decompositions.unit(gradient[None])[0]
 
 
-def _gradient(block: PfaffianBlock, phi: sympy.Expr) -> list[sympy.Expr]:
-    return [forms.partial(phi, x) for x in block.variables]
+class Memo:
+    """Judges forms and blocks, each kind of them once: those that differ in names alone are renamed.
+
+    The members of a family of laws are such.
+    """
+
+    def __init__(self) -> None:
+        self._placeholders: list[sympy.Symbol] = []
+        self._forms, self._blocks = Memory(), Memory()
+
+    def _numbered(self, variables: Sequence[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Symbol]:
+        """Symbols for coordinates by their numbers."""
+        for n in range(len(self._placeholders), len(variables)):
+            self._placeholders.append(sympy.Dummy(f"x{n}", real=True))
+        return dict(zip(variables, self._placeholders, strict=False))
+
+    def classify(self, form: Form, deadline: float) -> FormVerdict:
+        """Classify as `frobenius.classify` does."""
+        numbered = self._numbered(form.variables)
+        pattern = tuple(a.xreplace(numbered) for a in form.coefficients), form.parameters
+        known, verdict = self._forms.answer(pattern, lambda: (form, frobenius.classify(form, deadline)))
+        if known is form:
+            return verdict
+        renamed = dict(zip(known.variables, form.variables, strict=True))
+        # Every name that differs is that of a member, `x[1]`: it is then told from words in a sentence.
+        if not all(x == y or "[" in x.name for x, y in renamed.items()):
+            return frobenius.classify(form, deadline)
+        moved = verdict.in_symbols(renamed)
+        names = {x.name: y.name for x, y in renamed.items() if x != y}
+        if not names:
+            return moved
+        longest_first = sorted(map(re.escape, names), key=len, reverse=True)
+        written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)")
+        moved = replace(moved, method=written.sub(lambda m: names[m[0]], verdict.method))
+        witness = moved.witness
+        if witness is None or witness.value is None:
+            return moved
+        point = tuple((names.get(name, name), number) for name, number in witness.value.point)
+        return replace(moved, witness=replace(witness, value=replace(witness.value, point=point)))
+
+    def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
+        """Find the flag as `flagged` does."""
+        renaming, found = self._of_block("flag", block, lambda: flagged(block, time, values, deadline))
+        return found if renaming is None else renaming.flagged(found)
+
+    def solution(
+        self,
+        block: PfaffianBlock,
+        found: Flagged,
+        verdicts: Sequence[FormVerdict | None],
+        deadline: float,
+    ) -> Solution:
+        """Solve as `solution` does, with the `found` flag of the block."""
+        renaming, solved = self._of_block("solution", block, lambda: solution(found, verdicts, deadline))
+        return solved if renaming is None else renaming.solution(solved)
+
+    def _of_block(self, kind: str, block: PfaffianBlock, find: Callable[[], T]) -> tuple[_Renaming | None, T]:
+        """What is found for a block, or for one alike and how that is renamed."""
+        numbered = self._numbered(block.variables)
+        rows = tuple(tuple(a.xreplace(numbered) for a in row) for row in block.rows)
+        pattern = kind, rows, tuple(f.xreplace(numbered) for f in block.surface), block.parameters
+        known, found = self._blocks.answer(pattern, lambda: (block, find()))
+        return None if known is block else _Renaming(known, block), found
+
+
+class _Renaming:
+    """From one block to another that differs in the names of its coordinates and rows alone."""
+
+    def __init__(self, known: PfaffianBlock, block: PfaffianBlock) -> None:
+        self._rows = dict(zip(known.names, block.names, strict=True))
+        self._symbols = dict(zip(known.variables, block.variables, strict=True))
+        self._symbols |= {differential(x): differential(y) for x, y in self._symbols.items()}
+
+    def flagged(self, found: Flagged) -> Flagged:
+        block, flag = found.block, found.flag
+        moved = PfaffianBlock(
+            tuple(self._rows[name] for name in block.names),
+            tuple(self._symbols[x] for x in block.variables),
+            tuple(map(self._each, block.rows)),
+            block.parameters,
+            self._each(block.surface),
+        )
+        values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
+        flag = replace(
+            flag,
+            integrable=tuple(map(self._each, flag.integrable)),
+            special=self._each(flag.special),
+            divisors=tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors),
+            conditions=tuple(replace(one, factors=self._each(one.factors)) for one in flag.conditions),
+        )
+        return Flagged(moved, values, flag)
+
+    def solution(self, found: Solution) -> Solution:
+        integrals = (
+            JointIntegral(one.phi.xreplace(self._symbols), tuple(self._rows[name] for name in one.rows))
+            for one in found.integrals
+        )
+        return Solution(tuple(integrals), self._each(found.unsolved))
+
+    def _each(self, expressions: Iterable[sympy.Expr]) -> tuple[sympy.Expr, ...]:
+        return tuple(e.xreplace(self._symbols) for e in expressions)

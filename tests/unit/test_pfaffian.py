@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli import progress
-from lagcli.pfaffian import frobenius, memo, potential
+from lagcli.pfaffian import frobenius, joint, potential
 from lagcli.pfaffian.exact import (
     constant_combinations,
     enclosure,
@@ -297,7 +297,7 @@ def test_nonholonomic_forms_come_with_a_witness(name):
 
 def test_wedge_components_are_those_of_the_contact_form():
     row = pfaffian((x, y, z), (-y, 0, 1))
-    assert row.exterior() == {(0, 1): 1, (0, 2): 0, (1, 2): 0}
+    assert dict(row.curls()) == {(0, 1): 1, (0, 2): 0, (1, 2): 0}
     assert row.wedge() == {(0, 1, 2): 1}
 
 
@@ -334,7 +334,7 @@ def test_surfaces_where_a_form_ceases_to_be_nonholonomic_are_named(coefficients,
 
 def test_what_is_found_for_one_member_is_told_of_the_others():
     members = [sympy.symbols(f"p[{n}].x p[{n}].x2 p[{n}].z", real=True) for n in (1, 2)]
-    judge = memo.VerdictMemo()
+    judge = joint.Memo()
     first, second = (
         judge.classify(pfaffian(m, (-abs(m[1]) * m[1] ** 2, 0, 1)), progress.after(SECONDS)) for m in members
     )

@@ -21,7 +21,7 @@ from lagcli.analysis.classification.verdict import (
 )
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import frobenius, function_field, joint, memo, translate
+from lagcli.pfaffian import frobenius, function_field, joint, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
@@ -45,7 +45,7 @@ class Classifier:
         self._case, self._deadline = case, deadline
         self._translation = translate.Translation(case.system.model)
         self._forms = self._translation.forms()
-        self._alike, self._joint = memo.VerdictMemo(), memo.JointMemo()
+        self._alike = joint.Memo()
 
     def judge(self, group: CoupledGroup) -> tuple[tuple[Verdict, ...], JointVerdict]:
         """The verdicts of the rows of a group, and their joint one."""
@@ -158,7 +158,7 @@ class Classifier:
         values = {p: self._translation.values[p] for p in block.parameters}
 
         def work() -> joint.Flagged:
-            return self._joint.flagged(block, notation.TIME, values, self._deadline)
+            return self._alike.flagged(block, notation.TIME, values, self._deadline)
 
         try:
             found = time_limit.run(self._deadline, work, budget)
@@ -197,7 +197,7 @@ class Classifier:
         integrals: tuple[FirstIntegral, ...] = ()
         unsolved: tuple[str, ...] = ()
         if found.dims[-1]:
-            solved = self._joint.solution(block, flagged, single, self._deadline)
+            solved = self._alike.solution(block, flagged, single, self._deadline)
             integrals = tuple(
                 translate.first_integral(one.phi, one.rows, self._translation.values)
                 for one in solved.integrals

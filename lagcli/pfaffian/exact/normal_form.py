@@ -117,6 +117,12 @@ class NormalForm:
         """The SymPy expression of a `ring` or `field` element."""
         return self.to_functions(element.as_expr())
 
+    def factors(self, expression: sympy.Expr) -> list[sympy.Expr]:
+        """The irreducible factors above and below."""
+        element = self.element(expression)
+        parts = (f for part in (element.numer, element.denom) for f, _ in part.factor_list()[1])
+        return [self.expression(f) for f in parts]
+
     def means(self, letter: sympy.Symbol) -> sympy.Expr:
         """The function that a letter stands for, or the symbol it is."""
         return self.meaning.get(letter, letter)

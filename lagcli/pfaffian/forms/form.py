@@ -31,10 +31,9 @@ class Form:
     parameters: tuple[sympy.Symbol, ...] = ()
 
     def __post_init__(self) -> None:
-        if len(self.variables) != len(self.coefficients):
-            raise ValueError(
-                f"{self.name}: {len(self.coefficients)} coefficients for {len(self.variables)} variables"
-            )
+        own, wanted = len(self.coefficients), len(self.variables)
+        if own != wanted:
+            raise ValueError(f"{self.name}: {own} coefficients for {wanted} variables")
         names = [symbol.name for symbol in (*self.variables, *self.parameters)]
         if len(set(names)) != len(names):
             raise ValueError(f"{self.name}: two symbols have one name")
@@ -56,14 +55,15 @@ class Form:
         """The form for given values of all parameters."""
         return Form(self.name, self.variables, tuple(a.xreplace(values) for a in self.coefficients))
 
-    def exterior(self) -> dict[tuple[int, int], sympy.Expr]:
-        """Components (d omega)_ij = dA_j/dx_i - dA_i/dx_j for i < j, not simplified."""
-        return dict(self.curls())
+    def curl(self, i: int, j: int) -> sympy.Expr:
+        """The component (d omega)_ij = dA_j/dx_i - dA_i/dx_j, not simplified."""
+        x, a = self.variables, self.coefficients
+        return partial(a[j], x[i]) - partial(a[i], x[j])
 
     def curls(self) -> Iterator[tuple[tuple[int, int], sympy.Expr]]:
-        """The components of d omega, one after the other."""
+        """The components of d omega for i < j, one after the other."""
         for i, j in combinations(range(len(self.variables)), 2):
-            yield (i, j), self._curl(i, j)
+            yield (i, j), self.curl(i, j)
 
     def wedge(self) -> dict[tuple[int, int, int], sympy.Expr]:
         """All components (omega ^ d omega)_ijk for i < j < k, not simplified."""
@@ -71,15 +71,9 @@ class Form:
         return {(i, j, k): self.wedge_component(i, j, k) for i, j, k in triples}
 
     def wedge_component(self, i: int, j: int, k: int) -> sympy.Expr:
-        """(omega ^ d omega)_ijk = A_i (d omega)_jk + A_j (d omega)_ki + A_k (d omega)_ij; alternating in i,
-        j, k.
-        """
+        """A_i (d omega)_jk + A_j (d omega)_ki + A_k (d omega)_ij; alternating in i, j, k."""
         a = self.coefficients
-        return a[i] * self._curl(j, k) + a[j] * self._curl(k, i) + a[k] * self._curl(i, j)
-
-    def _curl(self, i: int, j: int) -> sympy.Expr:
-        x, a = self.variables, self.coefficients
-        return partial(a[j], x[i]) - partial(a[i], x[j])
+        return a[i] * self.curl(j, k) + a[j] * self.curl(k, i) + a[k] * self.curl(i, j)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +103,8 @@ class PfaffianBlock:
     def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> PfaffianBlock:
         """The block for given values of all parameters."""
         rows = tuple(tuple(a.xreplace(values) for a in row) for row in self.rows)
-        return PfaffianBlock(
-            self.names, self.variables, rows, (), tuple(f.xreplace(values) for f in self.surface)
-        )
+        surface = tuple(f.xreplace(values) for f in self.surface)
+        return PfaffianBlock(self.names, self.variables, rows, (), surface)
 
 
 @memory.remembered(4096)
@@ -131,6 +124,10 @@ def has_kinks(expression: sympy.Expr) -> bool:
 
 def plain(coefficient: sympy.Expr) -> sympy.Expr:
     """Rational numbers, min, max and sign in terms of |u|, |u v| as |u| |v|, roots of roots made single."""
+
+    def is_nested(e: sympy.Basic) -> bool:
+        return bool(e.is_Pow and e.exp == sympy.Rational(1, 2) and e.base.is_number and e.base.has(sympy.Pow))
+
     if coefficient.has(sympy.Float):
         coefficient = sympy.nsimplify(coefficient, rational=True)
     if coefficient.has(sympy.Min, sympy.Max):
@@ -141,16 +138,8 @@ def plain(coefficient: sympy.Expr) -> sympy.Expr:
             sympy.Max, lambda *u: reduce(lambda a, b: (a + b + sympy.Abs(a - b)) / 2, u)
         )
     coefficient = coefficient.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
-    coefficient = coefficient.replace(sympy.Abs, _modulus)
-    return coefficient.replace(_is_nested, sympy.sqrtdenest)
-
-
-def _modulus(u: sympy.Expr) -> sympy.Expr:
-    return sympy.Mul(*(sympy.Abs(f) for f in sympy.Mul.make_args(u)))
-
-
-def _is_nested(e: sympy.Basic) -> bool:
-    return bool(e.is_Pow and e.exp == sympy.Rational(1, 2) and e.base.is_number and e.base.has(sympy.Pow))
+    coefficient = coefficient.replace(sympy.Abs, lambda u: sympy.Mul(*map(sympy.Abs, sympy.Mul.make_args(u))))
+    return coefficient.replace(is_nested, sympy.sqrtdenest)
 
 
 def moduli(rows: Sequence[Sequence[sympy.Expr]]) -> list[sympy.Abs]:
