@@ -98,64 +98,61 @@ class _FlagSearch:
     def __init__(
         self, block: PfaffianBlock, deadline: float, time: sympy.Symbol | None, values: Values
     ) -> None:
-        self._block = block
+        self._variables = block.variables
         self._time = block.variables.index(time) if time in block.variables else -1
         self._field = FunctionField(block, deadline, values)
-        self._holonomic, self._declared = (
-            self._field.rows(self._field.gradients),
-            self._field.rows(block.rows),
-        )
+        self._holonomic = self._field.rows(self._field.gradients)
+        self._declared = self._field.rows(block.rows)
 
     def flag(self) -> Flag:
-        surface = self._field.solved(self._holonomic, self._time)
-        start = self._field.solved([*self._holonomic, *self._declared], self._time)
+        field = self._field
+        surface = field.solved(self._holonomic, self._time)
+        start = field.solved([*self._holonomic, *self._declared], self._time)
         if self._time in start.pivots:
             # The column of time is taken last: this row is a multiple of dt.
-            return self._conditions(self._field.remainders)
-        holonomic_rank = surface.count
-        first, special = (start, ()) if self._is_closed(start) else self._derived(start, start)
+            return self._conditions(field.remainders)
+        # Where d omega = 0 modulo I is seen for each row, I' = I. The df are closed, and rows as they are declared have
+        # shorter entries than those solved for pivots.
+        try:
+            pairs = self._pairs(start, start)
+            is_closed = not any(self._raw_curl(omega, X, Y) for X, Y in pairs for omega in self._declared)
+        except NotDecidedError:  # expressions that are too large
+            is_closed = False
+        first, special = (start, ()) if is_closed else self._derived(start, start)
         dims, terms = [start.count, first.count], [start, first]
-        while dims[-1] not in (dims[-2], holonomic_rank):
+        while dims[-1] not in (dims[-2], surface.count):
             terms.append(self._derived(terms[-1], terms[-1])[0])
             dims.append(terms[-1].count)
-        growth = self._growth(start, terms)
         last = terms[-1]
-        extra = tuple(d - holonomic_rank for d in dims)
-        if extra[-1] == extra[-2]:
-            extra = extra[:-1]
+        # dim (D_k / D) with D_(k+1) = D_k + [D, D_k]. The first step is that of the flag; beyond, [D, D_k] may give
+        # less than [D_k, D_k].
+        counts, here = [start.count, first.count], first
+        while counts[-1] != counts[-2] and here.count > last.count:
+            here = self._derived(here, start)[0]
+            counts.append(here.count)
+        if counts[-1] == counts[-2]:
+            counts.pop()
+        extra = tuple(d - surface.count for d in dims)
         inside = tuple(self._lies_in(row, last) for row in self._declared)
         # A basis of I^(oo) without the df: those of its forms that are independent of them
         basis_rows: list[tuple[FracElement, ...]] = list(surface.rows)
-        found = []
+        beyond = []
         for row in last.rows:
-            if self._field.solved([*map(list, basis_rows), list(row)]).count > len(basis_rows):
+            if field.solved([*map(list, basis_rows), list(row)]).count > len(basis_rows):
                 basis_rows.append(row)
-                found.append(tuple(self._field.expression(a) for a in row))
-        beyond = tuple(found)
+                beyond.append(tuple(field.expression(a) for a in row))
         return Flag(
-            extra,
-            growth,
+            extra[:-1] if extra[-1] == extra[-2] else extra,
+            tuple(counts[0] - d for d in counts),
             inside,
-            beyond,
+            tuple(beyond),
             special=special,
-            is_exact=self._field.is_exact,
-            exceptional=self._field.exceptional,
+            is_exact=field.is_exact,
+            exceptional=tuple(field.exceptional),
             vanishing=tuple(i for i, row in enumerate(self._declared) if not any(row)),
-            holonomic_rank=holonomic_rank,
-            divisors=self._field.divisors,
+            holonomic_rank=surface.count,
+            divisors=field.divisors,
         )
-
-    def _is_closed(self, start: SolvedForms) -> bool:
-        """True if d omega = 0 modulo I is seen for each row as it is declared: then I' = I.
-
-        The df are closed, and the declared rows have shorter entries than the rows solved for pivots.
-        """
-        try:
-            return not any(
-                self._raw_curl(omega, X, Y) for X, Y in self._pairs(start, start) for omega in self._declared
-            )
-        except NotDecidedError:  # expressions that are too large
-            return False
 
     def _derived(self, here: SolvedForms, first: SolvedForms) -> tuple[SolvedForms, tuple[sympy.Expr, ...]]:
         """The forms theta of `here` with d theta(X, Y) = 0 for X in ker `first`, Y in ker `here`; and where the values
@@ -170,18 +167,15 @@ class _FlagSearch:
         if not values:
             return here, ()
         solved = self._field.solved(values)
-        free = [i for i in range(C) if i not in solved.pivots]
         vanishing = []  # combinations c with c_i = 1, c_pivot = -value
-        for i in free:
+        for i in (i for i in range(C) if i not in solved.pivots):
             c = [self._field.zero] * C
             c[i] = self._field.one
             for pivot, entries in zip(solved.pivots, solved.rows, strict=True):
                 c[pivot] = -entries[i]
             vanishing.append(c)
-        n = len(self._block.variables)
-        basis_rows = [
-            [self._field.sum((c[i], here.rows[i][k]) for i in range(C)) for k in range(n)] for c in vanishing
-        ]
+        columns = list(zip(*here.rows, strict=True))
+        basis_rows = [[self._field.sum(zip(c, column, strict=True)) for column in columns] for c in vanishing]
         return self._field.solved(basis_rows, self._time), self._common(values, solved.count)
 
     def _pairs(self, here: SolvedForms, first: SolvedForms) -> list[tuple[Row, Row]]:
@@ -201,18 +195,6 @@ class _FlagSearch:
                 terms.append((-self._field.along(Y, a), X[k]))
         return self._field.sum(terms)
 
-    def _growth(self, start: SolvedForms, terms: list[SolvedForms]) -> tuple[int, ...]:
-        """dim (D_k / D) with D_(k+1) = D_k + [D, D_k]."""
-        dims = [terms[0].count, terms[1].count]
-        here = terms[1]
-        while dims[-1] != dims[-2] and here.count > terms[-1].count:
-            # The first step is that of the flag; beyond, [D, D_k] may give less than [D_k, D_k].
-            here = self._derived(here, start)[0]
-            dims.append(here.count)
-        if dims[-1] == dims[-2]:
-            dims.pop()
-        return tuple(dims[0] - d for d in dims)
-
     def _lies_in(self, row: Row, last: SolvedForms) -> bool:
         for k in range(len(row)):
             rest = [(-row[p], theta[k]) for p, theta in zip(last.pivots, last.rows, strict=True)]
@@ -230,7 +212,7 @@ class _FlagSearch:
         """
         own = {self._field.expression(g.numer) for g in remainders}
         divisors, found = tuple(e for e in self._field.divisors if e not in own), list[Demand]()
-        variables = set(self._block.variables) - {self._block.variables[self._time]}
+        variables = set(self._variables) - {self._variables[self._time]}
         before: list[PolyElement] = []
         demanding: set[int] = set()
         for g in sorted(remainders, key=lambda g: len(g.numer)):
@@ -239,11 +221,8 @@ class _FlagSearch:
                 continue
             parts = [part for part, _ in left.factor_list()[1]]
             meanings = [self._field.expression(part) for part in parts]
-            kept = [
-                k
-                for k, e in enumerate(meanings)
-                if e.free_symbols & variables and not enclosure.never_vanishes(e)
-            ]
+            varying = (k for k, e in enumerate(meanings) if e.free_symbols & variables)
+            kept = [k for k in varying if not enclosure.never_vanishes(meanings[k])]
             own_rows = set(self._demanding(None if len(remainders) == 1 else g))
             demanding |= own_rows
             taking_part = own_rows if left == g.numer else demanding
@@ -265,24 +244,18 @@ class _FlagSearch:
 
     def _common(self, values: list[Row], rank: int) -> tuple[sympy.Expr, ...]:
         """The factors all minors of the rank share, where they hold variables: at their zeros the rank is less."""
-        if rank > 1 and len(values) > 12:
+        if rank > 2 or (rank > 1 and len(values) > 12):
             return ()
-        minors = [m for m in self._minors(values, rank) if m]
-        common = (
-            reduce(lambda a, b: a.gcd(b), (m.numer for m in minors)) if minors else self._field.basis.ring.one
-        )
-        variables = set(self._block.variables)
+        minors = [a for row in values for a in row]
+        if rank == 2:
+            pairs = list(combinations(range(len(values[0])), 2))
+            minors = [
+                self._field.sum([(r[i], s[j]), (-r[j], s[i])])
+                for r, s in combinations(values, 2)
+                for i, j in pairs
+            ]
+        above = [m.numer for m in minors if m]
+        common = reduce(lambda a, b: a.gcd(b), above) if above else self._field.basis.ring.one
+        variables = set(self._variables)
         parts = [self._field.expression(part) for part, _ in common.factor_list()[1]]
         return tuple(part for part in parts if part.free_symbols & variables and may_vanish(part))
-
-    def _minors(self, values: list[Row], rank: int) -> Row:
-        C = len(values[0])
-        if rank == 1:
-            return [a for row in values for a in row]
-        if rank > 2:
-            return []
-        return [
-            self._field.sum([(r[i], s[j]), (-r[j], s[i])])
-            for r, s in combinations(values, 2)
-            for i, j in combinations(range(C), 2)
-        ]

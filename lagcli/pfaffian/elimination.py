@@ -36,7 +36,31 @@ def eliminated(
     remaining coordinates only: apply them with `xreplace` to what is looked for. Coefficients are those of
     generic parameters, and not zero for those given.
     """
-    steps, surface = _solved(block, parameters or {})
+    pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
+    indices = {x: n for n, x in enumerate(block.variables)}
+    holding: dict[sympy.Symbol, set[int]] = {}
+    for n, f in pending.items():
+        for x in f.free_symbols:
+            holding.setdefault(x, set()).add(n)
+    # The coordinates are solved for one after the other.
+    steps: list[tuple[sympy.Symbol, sympy.Expr]] = []
+    waiting = sorted(pending)
+    while waiting:
+        changed: set[int] = set()
+        for n in waiting:
+            found = _solution(pending[n], indices, parameters or {}) if n in pending else None
+            if found is None:
+                continue
+            del pending[n]
+            steps.append(found)
+            x, value = found
+            for other in sorted(holding.get(x, set()) & pending.keys()):
+                pending[other] = _substituted(pending[other], {x: value})
+                changed.add(other)
+                for y in pending[other].free_symbols:
+                    holding.setdefault(y, set()).add(other)
+        waiting = sorted(changed & pending.keys())
+    surface = [f for f in pending.values() if f != 0]
     if not steps:
         return dataclasses.replace(block, surface=tuple(surface)), {}
     values: Substitutions = {}
@@ -71,36 +95,6 @@ def pulled_back(
     return tuple(_expanded(a) for a in total.values())
 
 
-def _solved(
-    block: forms.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr]
-) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], list[sympy.Expr]]:
-    """The coordinates solved for, one after the other, and the f that are left."""
-    pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
-    indices = {x: n for n, x in enumerate(block.variables)}
-    holding: dict[sympy.Symbol, set[int]] = {}
-    for n, f in pending.items():
-        for x in f.free_symbols:
-            holding.setdefault(x, set()).add(n)
-    steps: list[tuple[sympy.Symbol, sympy.Expr]] = []
-    waiting = sorted(pending)
-    while waiting:
-        changed: set[int] = set()
-        for n in waiting:
-            found = _solution(pending[n], indices, parameters) if n in pending else None
-            if found is None:
-                continue
-            del pending[n]
-            steps.append(found)
-            x, value = found
-            for other in sorted(holding.get(x, set()) & pending.keys()):
-                pending[other] = _substituted(pending[other], {x: value})
-                changed.add(other)
-                for y in pending[other].free_symbols:
-                    holding.setdefault(y, set()).add(other)
-        waiting = sorted(changed & pending.keys())
-    return steps, [f for f in pending.values() if f != 0]
-
-
 def _solution(
     f: sympy.Expr, indices: Mapping[sympy.Symbol, int], parameters: Mapping[sympy.Symbol, sympy.Expr]
 ) -> tuple[sympy.Symbol, sympy.Expr] | None:
@@ -108,24 +102,7 @@ def _solution(
 
     `indices`: the coordinates with their numbers.
     """
-    slopes, coupled = _slopes(f, indices)
-    candidates = []
-    for x, slope in slopes.items():
-        if x in coupled or x.name == TIME or not _is_not_zero(slope, parameters):
-            continue
-        value = _expanded((slope * x - f) / slope)
-        # A slope that is a number vanishes for no value of the parameters.
-        candidates.append((not slope.is_Rational, value.count_ops(), -indices[x], x, value))
-    if not candidates:
-        return None
-    *_, x, value = min(candidates, key=lambda c: c[:3])
-    return x, value
-
-
-def _slopes(
-    f: sympy.Expr, indices: Mapping[sympy.Symbol, int]
-) -> tuple[dict[sympy.Symbol, sympy.Expr], set[sympy.Symbol]]:
-    """The constant coefficients of the coordinates in the linear terms of f, and the coordinates in the others."""
+    # The constant coefficients of the coordinates in the linear terms of f, and the coordinates in the others
     slopes: dict[sympy.Symbol, sympy.Expr] = {}
     coupled: set[sympy.Symbol] = set()
     for term in sympy.Add.make_args(_expanded(f)):
@@ -136,7 +113,14 @@ def _slopes(
             coupled |= occurring
         elif plain:
             slopes[plain[0]] = slopes.get(plain[0], sympy.Integer(0)) + rest
-    return slopes, coupled
+    candidates = []
+    for x, slope in slopes.items():
+        if x in coupled or x.name == TIME or not _is_not_zero(slope, parameters):
+            continue
+        value = _expanded((slope * x - f) / slope)
+        # A slope that is a number vanishes for no value of the parameters.
+        candidates.append((not slope.is_Rational, value.count_ops(), -indices[x], x, value))
+    return min(candidates, key=lambda c: c[:3])[3:] if candidates else None
 
 
 def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.Expr]) -> bool:
@@ -171,8 +155,7 @@ def in_angles(block: forms.PfaffianBlock) -> tuple[forms.PfaffianBlock, Substitu
     two coordinates of its own, of which no other f depends, is left.
     """
     back: Substitutions = {}
-    found = _own_ellipse(block)
-    while found is not None:
+    while (found := _own_ellipse(block)) is not None:
         f, (x, y), (u, v), (A, B) = found
         angle = sympy.Symbol(f"angle_{x}_{y}", real=True)
         values = {
@@ -187,16 +170,21 @@ def in_angles(block: forms.PfaffianBlock) -> tuple[forms.PfaffianBlock, Substitu
         scale = guarded.gcd(A, B)  # of whatever sign: it turns the angle by pi
         across = sympy.atan2(v * guarded.cancel(A / scale), u * guarded.cancel(B / scale))
         back |= {sympy.cos(angle): u / A, sympy.sin(angle): v / B, angle: across}
-        found = _own_ellipse(block)
     return block, back
 
 
 Pair = tuple[sympy.Expr, sympy.Expr]
-Ellipse = tuple[sympy.Expr, Pair, Pair, Pair]
 
 
-def _own_ellipse(block: forms.PfaffianBlock) -> Ellipse | None:
+def _own_ellipse(block: forms.PfaffianBlock) -> tuple[sympy.Expr, Pair, Pair, Pair] | None:
     """(f, (x, y), (u, v), (A, B)) with f = k ((u/A)**2 + (v/B)**2 - 1), u = x - a and v = y - b."""
+
+    def root(square: sympy.Expr) -> sympy.Expr | None:
+        """One of the two square roots, if it is known to be real and not zero."""
+        found = sympy.sqrt(square).replace(sympy.Abs, lambda length: length)
+        known = not any(p.base.free_symbols and not p.exp.is_Integer for p in found.atoms(sympy.Pow))
+        return found if known and square != 0 and not found.has(sympy.I) else None
+
     moving = set(block.variables)
     for f in block.surface:
         taken = {s for g in block.surface if g is not f for s in g.free_symbols}
@@ -209,17 +197,10 @@ def _own_ellipse(block: forms.PfaffianBlock) -> Ellipse | None:
                 continue
             u, v = (guarded.expand(sympy.diff(f, z) / (2 * s)) for z, s in zip((x, y), slopes, strict=True))
             size = guarded.expand(slopes[0] * u**2 + slopes[1] * v**2 - f)
-            A, B = (_root(guarded.cancel(size / s)) for s in slopes)
+            A, B = (root(guarded.cancel(size / s)) for s in slopes)
             if A is not None and B is not None and not size.free_symbols & moving:
                 return f, (x, y), (u, v), (A, B)
     return None
-
-
-def _root(square: sympy.Expr) -> sympy.Expr | None:
-    """One of the two square roots, if it is known to be real and not zero."""
-    root = sympy.sqrt(square).replace(sympy.Abs, lambda length: length)
-    known = not any(p.base.free_symbols and not p.exp.is_Integer for p in root.atoms(sympy.Pow))
-    return root if known and square != 0 and not root.has(sympy.I) else None
 
 
 def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
@@ -254,10 +235,7 @@ def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
         if not e.args or not e.free_symbols & moving:
             return e
         is_inner = isinstance(e, sympy.Function) or (e.is_Pow and not e.exp.is_Integer)
-        parts = [replaced(a) for a in e.args]
-        if is_inner:
-            parts = [constant(a) for a in parts]
+        parts = [constant(replaced(a)) if is_inner else replaced(a) for a in e.args]
         return e if tuple(parts) == e.args else e.func(*parts)
 
-    rows: Sequence[tuple[sympy.Expr, ...]] = tuple(tuple(replaced(a) for a in row) for row in block.rows)
-    return dataclasses.replace(block, rows=tuple(rows))
+    return dataclasses.replace(block, rows=tuple(tuple(map(replaced, row)) for row in block.rows))

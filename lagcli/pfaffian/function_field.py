@@ -66,18 +66,22 @@ class FunctionField:
         slopes = [forms.partial(p, x) for p in parts for x in block.variables if x in p.free_symbols]
         self.basis = normal_form.NormalForm([*entries, *slopes], block.surface)
         self.zero, self.one = self.basis.field.zero, self.basis.field.one
-        self._slopes = self._letters()
+        self.expression = self.basis.expression
+        # d letter/d variable for every variable, without zeros
+        meanings = [self.basis.means(g) for g in self.basis.letters]
+        self._slopes: list[dict[PolyElement, FracElement]] = []
+        for x in block.variables:
+            pairs = zip(meanings, self.basis.ring.gens, strict=True)
+            varying = ((meaning, g) for meaning, g in pairs if x in meaning.free_symbols)
+            self._slopes.append({g: self.basis.element(forms.partial(meaning, x)) for meaning, g in varying})
         # The letters that hold parameters alone, by their index, with their values or nan
-        found = {}
-        parameters = set(self._block.parameters)
-        for index, letter in enumerate(self.basis.letters):
-            meaning = self.basis.means(letter)
-            if meaning.free_symbols <= parameters:
-                number = guarded.subs(meaning, self._values).evalf() if self._values else sympy.nan
-                found[index] = float(number) if number.is_real else math.nan
-        self._constants = found
+        self._constants: dict[int, float] = {}
+        for index, meaning in enumerate(meanings):
+            if meaning.free_symbols <= set(block.parameters):
+                number = guarded.subs(meaning, values).evalf() if values else sympy.nan
+                self._constants[index] = float(number) if number.is_real else math.nan
         self._proved: dict[FracElement, bool] = {}
-        self._exceptional: dict[sympy.Expr, None] = {}
+        self.exceptional: dict[sympy.Expr, None] = {}
         self._divisors: dict[PolyElement, None] = {}
         self.remainders: tuple[FracElement, ...] = ()
 
@@ -94,34 +98,23 @@ class FunctionField:
         """True if no entry was told from zero by digits alone."""
         return not (self._block.surface and self._proved)
 
-    @property
-    def exceptional(self) -> tuple[sympy.Expr, ...]:
-        """Expressions of the parameters at whose zeros a divisor vanishes."""
-        return tuple(self._exceptional)
-
     def rows(self, table: Iterable[Iterable[sympy.Expr]]) -> list[Row]:
         """Rows of expressions as elements."""
         return [[self.basis.element(a) for a in row] for row in table]
 
-    def expression(self, a: FracElement | PolyElement) -> sympy.Expr:
-        """An element as an expression."""
-        return self.basis.expression(a)
-
     def along(self, X: Row, a: FracElement) -> FracElement:
         """X(a) = sum_k X_k da/dx_k."""
-        own = {g: self._partial(a, g) for g in dict.fromkeys(g for slopes in self._slopes for g in slopes)}
+        field, above, below = self.basis.field, a.numer, a.denom
+        own = {}
+        for g in dict.fromkeys(g for slopes in self._slopes for g in slopes):
+            rise = field(above.diff(g)) / field(below)
+            fall = below.diff(g)
+            own[g] = rise if not fall else rise - field(above) * field(fall) / field(below) ** 2
         terms = []
         for X_k, slopes in zip(X, self._slopes, strict=True):
             if X_k:
                 terms += [(X_k * slope, own[g]) for g, slope in slopes.items() if own[g]]
         return self.sum(terms)
-
-    def _partial(self, a: FracElement, generator: PolyElement) -> FracElement:
-        field = self.basis.field
-        above, below = a.numer, a.denom
-        rise = field(above.diff(generator)) / field(below)
-        fall = below.diff(generator)
-        return rise if not fall else rise - field(above) * field(fall) / field(below) ** 2
 
     def sum(self, products: Iterable[tuple[FracElement, FracElement]]) -> FracElement:
         total = self.zero
@@ -139,15 +132,16 @@ class FunctionField:
         if not a or a.numer.is_ground or (self.basis.independent and not self._block.surface):
             return a
         if a not in self._proved:
-            self._proved[a] = self._is_not_zero(self.basis.expression(a))
+            expression, surface = self.expression(a), self._block.surface
+            if surface:
+                values = enclosure.values_on(expression, surface)
+                self._proved[a] = any(abs(v) > enclosure.ZERO for v in values)
+            else:
+                found = zero_test.is_zero(expression, self._deadline)
+                self._proved[a] = found.truth is zero_test.Truth.NO
         if not self._proved[a]:
             raise NotDecidedError("whether a component of the flag vanishes could not be proved")
         return a
-
-    def _is_not_zero(self, expression: sympy.Expr) -> bool:
-        if self._block.surface:
-            return any(abs(v) > enclosure.ZERO for v in enclosure.values_on(expression, self._block.surface))
-        return zero_test.is_zero(expression, self._deadline).truth is zero_test.Truth.NO
 
     def frame(self, solved: SolvedForms) -> list[Row]:
         """The fields X_j of the kernel of solved forms, for every free j."""
@@ -171,12 +165,21 @@ class FunctionField:
         vanishes: at a point of the surface, where no pivot may do so; the forms are as many as are independent there.
         """
         left = [list(row) for row in rows]
+
+        def weight(i: int, k: int) -> tuple[bool, bool, int, int, int]:
+            """The order of pivots: constants first, then short entries in thin rows and columns."""
+            a = left[i][k]
+            is_varying = not (a.numer.is_ground and a.denom.is_ground)
+            spread = sum(1 for row in left if row[k])
+            length = len(a.numer) + len(a.denom)
+            return k == last, is_varying, length, spread, sum(1 for b in left[i] if b)
+
         done: list[Row] = []
         pivots: list[int] = []
         while left:
             time_limit.check(self._deadline)
             indices = [(i, k) for i, row in enumerate(left) for k in range(len(row)) if row[k]]
-            indices.sort(key=lambda index: (index[1] == last, *_weight(left, *index)))
+            indices.sort(key=lambda index: weight(*index))
             if vanishes is not None:
                 regular = (one for one in indices if not vanishes(self.expression(left[one[0]][one[1]])))
                 indices = list(itertools.islice(regular, 1))
@@ -191,28 +194,13 @@ class FunctionField:
             pivot = [self.sum([(scale, a)]) for a in pivot]
             pivot[k] = self.one
             for row in (*left, *done):
-                factor = row[k]
-                if factor:
-                    row[:] = [
-                        self.sum([(self.one, a), (-factor, b)]) for a, b in zip(row, pivot, strict=True)
-                    ]
+                if factor := row[k]:
+                    pairs = zip(row, pivot, strict=True)
+                    row[:] = [self.sum([(self.one, a), (-factor, b)]) for a, b in pairs]
             done.append(pivot)
             pivots.append(k)
         order = sorted(range(len(pivots)), key=lambda i: pivots[i])
         return SolvedForms(tuple(pivots[i] for i in order), tuple(tuple(done[i]) for i in order))
-
-    def _letters(self) -> list[dict[PolyElement, FracElement]]:
-        """d letter/d variable for every variable, without zeros."""
-        basis = self.basis
-        found: list[dict[PolyElement, FracElement]] = []
-        for x in self._block.variables:
-            slopes = {}
-            for letter, generator in zip(basis.letters, basis.ring.gens, strict=True):
-                meaning = basis.means(letter)
-                if x in meaning.free_symbols:
-                    slopes[generator] = basis.element(forms.partial(meaning, x))
-            found.append(slopes)
-        return found
 
     def require_regular(self, a: FracElement) -> None:
         """Note it as a divisor, and its factors of parameters alone; raise `ExceptionalError` where it vanishes for the
@@ -228,28 +216,18 @@ class FunctionField:
             for i, value in self._constants.items():
                 size *= value ** powers[i] if powers[i] else 1.0
             coefficients.setdefault(rest, []).append(size)
-        if self._values and all(
-            abs(sum(c)) <= doubles.VALUE * sum(map(abs, c)) for c in coefficients.values()
-        ):
+        sums = coefficients.values()
+        if self._values and all(abs(sum(c)) <= doubles.VALUE * sum(map(abs, c)) for c in sums):
             raise ExceptionalError("a divisor vanishes for the values of the parameters")
-        if len(coefficients) > 1 and any(
-            not any(p[i] for i in self._constants) for p in a.numer.itermonoms()
-        ):
+        monomials = a.numer.itermonoms()
+        if len(coefficients) > 1 and any(not any(p[i] for i in self._constants) for p in monomials):
             return  # a term without parameters: they share no factor
         for part, _ in a.numer.factor_list()[1]:
             expression = self.basis.expression(part)
             if expression.free_symbols <= set(self._block.parameters) and may_vanish(expression):
-                self._exceptional[expression] = None
+                self.exceptional[expression] = None
 
 
 def may_vanish(part: sympy.Expr) -> bool:
     """True if a factor may have real zeros: exponentials and sums of positive terms have none, |u| has a kink."""
     return not (part.is_positive or part.is_negative or part.has(sympy.Abs) or isinstance(part, sympy.exp))
-
-
-def _weight(rows: list[Row], i: int, k: int) -> tuple[bool, int, int, int]:
-    """The order of pivots: constants first, then short entries in thin rows and columns."""
-    a = rows[i][k]
-    constant = a.numer.is_ground and a.denom.is_ground
-    spread = sum(1 for row in rows if row[k])
-    return not constant, len(a.numer) + len(a.denom), spread, sum(1 for b in rows[i] if b)

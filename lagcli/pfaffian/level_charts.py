@@ -30,6 +30,8 @@ Quotient = tuple[sympy.Expr, sympy.Expr]
 # Larger powers are not multiplied out; longer expressions are not searched for common factors.
 MOST_TURNS, SHORT = 6, 300
 BUDGET = 60_000  # operations
+_ONE = sympy.Integer(1)
+_ANGLES = (sympy.atan2, sympy.atan)
 _REGULAR = tuple(kind for kind, row in notation.ROWS.items() if row.is_entire)
 
 
@@ -39,23 +41,26 @@ def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[inv
     constants: the parameters; all other symbols are coordinates and time.
     """
     variables = tuple(sorted(phi.free_symbols - set(constants), key=sympy.default_sort_key))
+
+    def found() -> tuple[invariant.LevelFunction, ...]:
+        if any(_jumps(angle, variables) for angle in phi.atoms(*_ANGLES)):
+            return _of_angles(phi, variables)
+        quotients = _quotients(phi, variables)
+        quotients = [q for q in quotients if all(_is_continuous(part, variables) for part in q)]
+        quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
+        return tuple(dict.fromkeys(_written(*quotient) for quotient in quotients))
+
     try:
-        return time_limit.run(math.inf, lambda: _charts(phi, variables), BUDGET)
+        return time_limit.run(math.inf, found, BUDGET)
     except time_limit.NO_ANSWER:
-        pass
-    if not _is_continuous(phi, variables):
-        return ()
-    return (invariant.LevelFunction(notation.written(phi)),)
+        return (_written(phi),) if _is_continuous(phi, variables) else ()
 
 
-def _charts(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunction, ...]:
-    if any(_jumps(angle, variables) for angle in phi.atoms(sympy.atan2, sympy.atan)):
-        return _of_angles(phi, variables)
-    quotients = _quotients(phi, variables)
-    quotients = [q for q in quotients if all(_is_continuous(part, variables) for part in q)]
-    quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
-    found = (invariant.LevelFunction(notation.written(a), notation.written(b)) for a, b in quotients)
-    return tuple(dict.fromkeys(found))
+def _written(
+    above: sympy.Expr, below: sympy.Expr = _ONE, period: sympy.Expr | None = None
+) -> invariant.LevelFunction:
+    around = None if period is None else notation.written(period)
+    return invariant.LevelFunction(notation.written(above), notation.written(below), around)
 
 
 def _jumps(angle: sympy.Expr, variables: Variables) -> bool:
@@ -69,13 +74,22 @@ def _fraction(expression: sympy.Expr) -> Quotient:
     return above, below
 
 
-# Angles.
-
-
 def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFunction, ...]:
     """Charts of phi = sum c_i theta_i + u, or of exp(phi), with commensurate c_i."""
-    angles, rest = _angles(phi, variables)
-    if not angles or any(isinstance(e, (sympy.atan2, sympy.atan)) for e in _jumping(rest, variables)):
+    if not phi.is_Add and not any(isinstance(f, _ANGLES) for f in sympy.Mul.make_args(phi)):
+        phi = guarded.expand_log(sympy.log(phi), force=True)
+    angles, others = [], []
+    for term in sympy.Add.make_args(guarded.expand(phi)):
+        constant, varying = term.as_independent(*variables, as_Add=False)
+        if not (isinstance(varying, _ANGLES) and _jumps(varying, variables)):
+            others.append(term)
+            continue
+        # atan2 and an arc tangent of the quotient differ by whole half turns, and these are of no account where
+        # the real and the imaginary part change signs together; a period of whole turns allows for continuation.
+        y, x = varying.args if isinstance(varying, sympy.atan2) else _fraction(varying.args[0])
+        angles.append((constant, x, y))
+    rest = sympy.Add(*others)
+    if not angles or any(isinstance(e, _ANGLES) for e in _jumping(rest, variables)):
         return ()
     first = angles[0][0]
     ratios = [guarded.cancel(c / first) for c, _, _ in angles]
@@ -85,52 +99,23 @@ def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFu
     unit = guarded.cancel(first / scale)
     rest = _untangled(rest)
     u = guarded.expand(rest / unit)
-    found = []
-    turns = sum(abs(n) for n in numbers)
-    if turns <= MOST_TURNS and _is_regular(u, variables):
-        found.append(_product([(x, y, n) for n, (_, x, y) in zip(numbers, angles, strict=True)], u))
-    result = [invariant.LevelFunction(notation.written(a), notation.written(b)) for a, b in found]
+    result = []
+    if sum(map(abs, numbers)) <= MOST_TURNS and _is_regular(u, variables):
+        # The imaginary and the real part of prod (x + i y)^n exp(i u)
+        real, imaginary = sympy.cos(u), sympy.sin(u)
+        for n, (_, x, y) in zip(numbers, angles, strict=True):
+            for _ in range(abs(n)):
+                turned = y if n > 0 else -y
+                real, imaginary = real * x - imaginary * turned, real * turned + imaginary * x
+        result.append(_written(guarded.expand(imaginary), guarded.expand(real)))
     if _is_continuous(rest, variables):
         phi = sum((c * sympy.atan2(y, x) for c, x, y in angles), rest)
-        period = notation.written(2 * sympy.pi * unit)
-        result.append(invariant.LevelFunction(notation.written(phi), period=period))
+        result.append(_written(phi, period=2 * sympy.pi * unit))
     return tuple(result)
 
 
-def _angles(
-    phi: sympy.Expr, variables: Variables
-) -> tuple[list[tuple[sympy.Expr, sympy.Expr, sympy.Expr]], sympy.Expr]:
-    """phi, or its logarithm, as angles (c, x, y) and the rest."""
-    if not phi.is_Add and not any(isinstance(f, (sympy.atan2, sympy.atan)) for f in sympy.Mul.make_args(phi)):
-        phi = guarded.expand_log(sympy.log(phi), force=True)
-    angles, rest = [], []
-    for term in sympy.Add.make_args(guarded.expand(phi)):
-        constant, varying = term.as_independent(*variables, as_Add=False)
-        if not (isinstance(varying, (sympy.atan2, sympy.atan)) and _jumps(varying, variables)):
-            rest.append(term)
-            continue
-        # atan2 and an arc tangent of the quotient differ by whole half turns, and these are of no account where
-        # the real and the imaginary part change signs together; a period of whole turns allows for continuation.
-        y, x = varying.args if isinstance(varying, sympy.atan2) else _fraction(varying.args[0])
-        angles.append((constant, x, y))
-    return angles, sympy.Add(*rest)
-
-
 def _jumping(expression: sympy.Expr, variables: Variables) -> list[sympy.Expr]:
-    return [a for a in expression.atoms(sympy.atan2, sympy.atan) if _jumps(a, variables)]
-
-
-def _product(angles: list[tuple[sympy.Expr, sympy.Expr, int]], u: sympy.Expr) -> Quotient:
-    """The imaginary and the real part of prod (x + i y)^n exp(i u)."""
-    real, imaginary = sympy.cos(u), sympy.sin(u)
-    for x, y, n in angles:
-        for _ in range(abs(n)):
-            turned = y if n > 0 else -y
-            real, imaginary = real * x - imaginary * turned, real * turned + imaginary * x
-    return guarded.expand(imaginary), guarded.expand(real)
-
-
-# Quotients.
+    return [a for a in expression.atoms(*_ANGLES) if _jumps(a, variables)]
 
 
 def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
@@ -138,8 +123,7 @@ def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
     phi = _untangled(phi)
     if any(a.args[0].has(*variables) for a in phi.atoms(sympy.log)):
         phi = _untangled(tidy_integral.integral(phi, variables))
-    phi = _cancelled(phi)
-    powers, exponential = _powers(phi, variables)
+    powers, exponential = _powers(_cancelled(phi), variables)
     if not powers:
         return _quotients(exponential, variables)  # phi = exp(w), and w has the same levels
     numbers = list(powers.values())
@@ -148,9 +132,10 @@ def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
     integers, scale = _coprime_integers(numbers)
     exponential *= scale
     bases = list(powers)
-    found = [_split(dict(zip(bases, map(sympy.Integer, integers), strict=True)), exponential)]
+    whole = dict(zip(bases, map(sympy.Integer, integers), strict=True))
+    found = [_split(whole, exponential)]
     if exponential != 0:
-        plain = _split(dict(zip(bases, map(sympy.Integer, integers), strict=True)), sympy.Integer(0))
+        plain = _split(whole, sympy.Integer(0))
         found.append((plain[0], plain[1] * sympy.exp(guarded.expand(-exponential))))
     # On the level zero of a factor that is squared the gradient vanishes: there a root of the product serves.
     for n in sorted({abs(n) for n in integers if abs(n) > 1}):
@@ -245,20 +230,13 @@ def _coprime_integers(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.R
     return [int(n.p) * (below // int(n.q)) // common for n in numbers], sympy.Rational(below, common)
 
 
-# What is regular.
-
-
 def _is_regular(expression: sympy.Expr, variables: Variables) -> bool:
     """True if an expression is made of whole powers and functions that are regular everywhere."""
-    if not expression.has(*variables):
-        return True
-    if expression.is_Symbol:
+    if expression.is_Symbol or not expression.has(*variables):
         return True
     if expression.is_Pow and not isinstance(expression, sympy.exp):
-        exponent = expression.exp
-        if not (exponent.is_Integer and exponent > 0):
-            return False
-        return _is_regular(expression.base, variables)
+        is_whole = expression.exp.is_Integer and expression.exp > 0
+        return is_whole and _is_regular(expression.base, variables)
     if not (expression.is_Add or expression.is_Mul or isinstance(expression, _REGULAR)):
         return False
     return all(_is_regular(part, variables) for part in expression.args)
@@ -269,7 +247,6 @@ def _is_continuous(expression: sympy.Expr, variables: Variables) -> bool:
     if expression.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo):
         return False
     functions = {f.func for f in expression.atoms(sympy.Function) if f.has(*variables)}
-    smooth = functions <= {
-        kind for kind, row in notation.ROWS.items() if not row.poles and row.jumps != "zero"
-    }
-    return smooth and not _jumping(expression, variables)
+    rows = notation.ROWS.items()
+    smooth = {kind for kind, row in rows if not row.poles and row.jumps != "zero"}
+    return functions <= smooth and not _jumping(expression, variables)

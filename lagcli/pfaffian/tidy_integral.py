@@ -1,7 +1,7 @@
-"""Integrals and factors as a person would write them: products instead of sums of logarithms, no idle
-constants.
-"""
+"""Integrals and factors as a person would write them: products instead of sums of logarithms, no idle constants."""
 
+import contextlib
+from collections.abc import Callable, Sequence
 from functools import reduce
 from math import gcd, lcm
 
@@ -19,14 +19,9 @@ _HIGH = 12
 """Higher powers are left as logarithms: 37*log(x) + 121*log(y)."""
 
 
-def shortest(expression: sympy.Expr) -> sympy.Expr:
-    """The shortest of the usual ways to write the expression."""
-    return _shortest(expression, fine=False)
-
-
-def _shortest(expression: sympy.Expr, fine: bool) -> sympy.Expr:
-    """`fine` also tries the slow ways, for what is shown."""
-    ways = [expression]
+def shortest(expression: sympy.Expr, fine: bool = False) -> sympy.Expr:
+    """The shortest of the usual ways to write the expression; `fine`: of the slow ones too, for what is shown."""
+    tools: list[Callable[[sympy.Expr], sympy.Expr]] = []
     size = expression.count_ops()
     if size <= _SHORT:
         tools = [guarded.expand, guarded.factor, _normal]
@@ -38,15 +33,14 @@ def _shortest(expression: sympy.Expr, fine: bool) -> sympy.Expr:
                 tools.append(_hyperbolics)
         if size <= _SMALL and len(expression.atoms(sympy.exp)) > 1:
             tools.append(guarded.simplify)  # knows the hyperbolic functions
-        for tool in tools:
-            try:
-                ways.append(guarded.attempt(tool, expression))
-            except NoAnswerError:
-                continue
-    return _best(ways)
+    return _best(expression, tools)
 
 
-def _best(ways: list[sympy.Expr]) -> sympy.Expr:
+def _best(expression: sympy.Expr, tools: Sequence[Callable[[sympy.Expr], sympy.Expr]]) -> sympy.Expr:
+    ways = [expression]
+    for tool in tools:
+        with contextlib.suppress(NoAnswerError):
+            ways.append(guarded.attempt(tool, expression))
     few = sorted(dict.fromkeys(ways), key=sympy.count_ops)[:_FEW]
     return min((_joined(way) for way in few), key=_length)
 
@@ -83,12 +77,8 @@ def _normal(expression: sympy.Expr) -> sympy.Expr:
 def _trigonometric(expression: sympy.Expr) -> sympy.Expr:
     """Shortened by the addition theorems, if no multiples of angles come in."""
     found = guarded.trigsimp(expression)
-    old = _angles(expression)
-    return expression if any((new / u).is_Rational for new in _angles(found) - old for u in old) else found
-
-
-def _angles(expression: sympy.Expr) -> set[sympy.Expr]:
-    return {f.args[0] for f in expression.atoms(TrigonometricFunction)}
+    old, new = ({f.args[0] for f in e.atoms(TrigonometricFunction)} for e in (expression, found))
+    return expression if any((v / u).is_Rational for v in new - old for u in old) else found
 
 
 def _tangents(expression: sympy.Expr) -> sympy.Expr:
@@ -139,7 +129,7 @@ def potential(
         ways = (guarded.expand(phi), guarded.factor(phi))
         short = min((w for w in ways if w.is_Mul or w is ways[0]), key=sympy.count_ops)
     else:
-        short = _shortest(phi, fine=True)
+        short = shortest(phi, fine=True)
     return _both_sides(_with_atan2(_without_constant(short, variables), variables), given)
 
 
@@ -158,11 +148,18 @@ def integral(
 ) -> sympy.Expr:
     """A simple function of phi: every function of a first integral is one. `given` as in `potential`."""
     phi = _exponentiated(_without_constant(phi, variables), variables)
-    phi = _without_constant(_shortest(phi, fine=True), variables)
-    factored = phi if phi.is_Mul or phi.is_Pow else shortest(_factored(phi))
+    phi = factored = _without_constant(shortest(phi, fine=True), variables)
+    if not (phi.is_Mul or phi.is_Pow):
+        with contextlib.suppress(SympyFailure):
+            factored = guarded.factor(phi)
+        factored = shortest(factored)
     if factored.is_Mul or factored.is_Pow:
         phi = min((phi, _root_free(factored, variables)), key=_length)
-    phi = _upright(_primitive(phi))
+    phi = _primitive(phi)
+    # A quotient of sums with the simpler one, or one without zeros, below
+    above, below = sympy.fraction(phi)
+    if all(_has_sum(e) for e in (above, below)) and not below.is_positive:
+        phi = below / above if above.is_positive or above.count_ops() < below.count_ops() else phi
     if phi.is_Add and phi.is_polynomial(*variables):
         phi = guarded.expand(phi)
     hyperbolic = [_primitive(_hyperbolic(way)) for way in (phi, factored)]
@@ -170,51 +167,29 @@ def integral(
     return _both_sides(_with_atan2(_joined(_primitive(min(ways, key=_length))), variables), given)
 
 
+def _has_sum(e: sympy.Expr) -> bool:
+    return any(b.is_Add for b in e.as_powers_dict())
+
+
 def ratio(above: sympy.Expr, below: sympy.Expr) -> sympy.Expr:
     """above/below, with common factors cancelled in the normal form."""
-    plain = above / below
-    ways = [plain]
-    for way in (_normal, guarded.factor):
-        try:
-            ways.append(guarded.attempt(way, plain))
-        except NoAnswerError:
-            continue
-    best = _best(ways)
-    return _signed(shortest(best) if best.is_Add or best.has(sympy.exp) else best)
-
-
-def _signed(expression: sympy.Expr) -> sympy.Expr:
-    """-1/(x + y) for 1/(-x - y)."""
-    for base, n in expression.as_powers_dict().items():
+    best = _best(above / below, (_normal, guarded.factor))
+    found = shortest(best) if best.is_Add or best.has(sympy.exp) else best
+    for base, n in found.as_powers_dict().items():  # -1/(x + y) for 1/(-x - y)
         if base.is_Add and n.is_Integer and n < 0 and all(a.could_extract_minus_sign() for a in base.args):
-            expression = expression / base**n * (-base) ** n * sympy.Integer(-1) ** n
-    return expression
+            found = found / base**n * (-base) ** n * sympy.Integer(-1) ** n
+    return found
 
 
 def _turned(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> list[sympy.Expr]:
     """A product with a sum in its denominator alone turned upside down, also as a sum: 1/x - 1/y."""
     above, below = sympy.fraction(phi)
-    if not below.free_symbols or not any(b.is_Add for b in below.as_powers_dict()):
+    if not below.free_symbols or not _has_sum(below):
         return []
     turned = below / above
     ways = [guarded.expand(turned), guarded.expand(guarded.expand_trig(turned))]
     split = [_primitive(_without_constant(_joined(way), variables)) for way in ways]
-    return split if any(b.is_Add for b in above.as_powers_dict()) else [turned, *split]
-
-
-def _upright(phi: sympy.Expr) -> sympy.Expr:
-    """A quotient of sums with the simpler one, or one without zeros, below."""
-    above, below = sympy.fraction(phi)
-    if not all(any(b.is_Add for b in e.as_powers_dict()) for e in (above, below)) or below.is_positive:
-        return phi
-    return below / above if above.is_positive or above.count_ops() < below.count_ops() else phi
-
-
-def _factored(phi: sympy.Expr) -> sympy.Expr:
-    try:
-        return guarded.factor(phi)
-    except SympyFailure:
-        return phi
+    return split if _has_sum(above) else [turned, *split]
 
 
 def _without_constant(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Expr:
@@ -246,16 +221,9 @@ def _exponentiated(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> symp
         return sum((n * sympy.log(p) for n, (_, p) in zip(exponents, logs, strict=True)), left)
     product = sympy.Mul(*(p**n for n, (_, p) in zip(exponents, logs, strict=True)))
     if left.has(sympy.atan, sympy.atan2):  # an angle that runs on is easier to follow outside of exp
-        return _single_log(product, variables) + left
+        varying = shortest(product).as_independent(*variables, as_Add=False)[1]
+        return _both_sides(sympy.log(varying), frozenset()) + left
     return product * sympy.exp(left)
-
-
-def _single_log(product: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Expr:
-    return _both_sides(sympy.log(_without_factor(shortest(product), variables)), frozenset())
-
-
-def _without_factor(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Expr:
-    return phi.as_independent(*variables, as_Add=False)[1]
 
 
 def _scale(numbers: list[sympy.Rational]) -> sympy.Rational:
@@ -277,11 +245,13 @@ def _root_free(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Ex
         return phi
     plain = [n for b, n in powers.items() if not isinstance(b, sympy.exp)]
     scale = _scale(plain) if plain else sympy.Integer(1)
-    return sympy.Mul(*(_power(b, n * scale) for b, n in factors.items()))
-
-
-def _power(base: sympy.Expr, n: sympy.Expr) -> sympy.Expr:
-    return sympy.exp(guarded.expand(base.args[0] * n)) if isinstance(base, sympy.exp) else base**n
+    raised = []
+    for b, n in factors.items():
+        is_exponential = isinstance(b, sympy.exp)
+        raised.append(
+            sympy.exp(guarded.expand(b.args[0] * (n * scale))) if is_exponential else b ** (n * scale)
+        )
+    return sympy.Mul(*raised)
 
 
 def _hyperbolic(phi: sympy.Expr) -> sympy.Expr:
@@ -331,9 +301,8 @@ def _primitive(phi: sympy.Expr) -> sympy.Expr:
     content, rest = phi.primitive() if phi.is_Add else phi.as_coeff_Mul(rational=True)
     if rest.is_Mul or rest.is_Pow:
         powers = rest.as_powers_dict()
-        rest = sympy.Mul(
-            *((b.primitive()[1] if b.is_Add and n.is_Rational else b) ** n for b, n in powers.items())
-        )
+        bases = ((b.primitive()[1] if b.is_Add and n.is_Rational else b, n) for b, n in powers.items())
+        rest = sympy.Mul(*(b**n for b, n in bases))
     if rest.could_extract_minus_sign() and (-rest).count_ops() <= rest.count_ops():
         rest = -rest
     return rest if content != 0 else phi
@@ -345,16 +314,13 @@ def _with_atan2(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.E
     The later coordinate stands above: atan(x/y) is a constant less atan(y/x).
     """
 
+    def rank(e: sympy.Expr) -> int:
+        return max((n for n, x in enumerate(variables) if x in e.free_symbols), default=-1)
+
     def turn(u: sympy.Expr) -> sympy.Expr:
         above, below = sympy.fraction(guarded.together(u))
-        if _rank(below, variables) < 0:
+        if rank(below) < 0:
             return sympy.atan(u)
-        if _rank(above, variables) < _rank(below, variables):
-            return -sympy.atan2(below, above)
-        return sympy.atan2(above, below)
+        return sympy.atan2(above, below) if rank(above) >= rank(below) else -sympy.atan2(below, above)
 
     return phi.replace(sympy.atan, turn)
-
-
-def _rank(expression: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> int:
-    return max((n for n, x in enumerate(variables) if x in expression.free_symbols), default=-1)

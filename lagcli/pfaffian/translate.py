@@ -44,10 +44,25 @@ class Translation:
 
     def forms(self) -> dict[str, Form | TooLarge]:
         """The form of every differential row, by row name; `TooLarge` in place of one that is not attempted."""
-        return {
-            row: value if isinstance(value, TooLarge) else self._form(row, value)
-            for row, value in self._differences(self._model.differential)
-        }
+        found: dict[str, Form | TooLarge] = {}
+        for row, value in self._differences(self._model.differential):
+            try:
+                found[row] = self._form(row, _require_small(_given(value)))
+            except TooLarge as failure:
+                found[row] = failure
+        return found
+
+    def _form(self, row: str, value: sympy.Expr) -> Form:
+        names = self._names
+        coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(value.free_symbols)}
+        at_rest = dict.fromkeys((*(names.differentials[x] for x in coefficients), _DT), ZERO)
+        # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
+        coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
+        used = set().union(*(c.free_symbols for c in coefficients.values()))
+        moving = {x for x, a in coefficients.items() if a != 0}
+        variables = names.ordered(used | moving)
+        parameters = tuple(p for p in names.parameters if p in used)
+        return Form(row, variables, tuple(coefficients.get(x, ZERO) for x in variables), parameters)
 
     def surface(self, rows: frozenset[str]) -> dict[str, sympy.Expr | TooLarge]:
         """f of the holonomic rows of these names, by row name; `TooLarge` in place of one that is not attempted.
@@ -95,10 +110,14 @@ class Translation:
             symbols, value = self._names.parameter(parameter.name), parameter.value
             if isinstance(value, tuple):
                 found |= {symbol: exact(part) for symbol, part in zip(symbols, value, strict=True)}
-            else:
+                continue
+            found[symbols] = exact(value)
+            if parameter.formula is not None:
                 # pi/3 is pi/3 and not a decimal near it: an angle may be the one for which a verdict changes.
-                written = None if parameter.formula is None else self._constant(parameter.formula)
-                found[symbols] = exact(value) if written is None else written.xreplace(found)
+                with contextlib.suppress(TooLarge):
+                    notation.require_short(parameter.formula.tree)
+                    written: sympy.Expr = _require_small(evaluate.value(parameter.formula.tree, self._names))
+                    found[symbols] = written.xreplace(found)
         return found
 
     def written(self, x: sympy.Symbol) -> sympy.Expr | None:
@@ -131,20 +150,6 @@ class Translation:
         names = self._model.coordinate_names
         return {name: entry for name, entry in zip(names, found, strict=True) if entry[2]}
 
-    def _constant(self, formula: nouns.Expression) -> sympy.Expr | None:
-        """The value of a parameter in terms of others; None where it is too large."""
-        try:
-            notation.require_short(formula.tree)
-            return _require_small(evaluate.value(formula.tree, self._names))
-        except TooLarge:
-            return None
-
-    def _form(self, row: str, value: sympy.Expr) -> Form | TooLarge:
-        try:
-            return _form(self._names, row, value)
-        except TooLarge as failure:
-            return failure
-
     def _differences(
         self, laws: Iterable[nouns.Holonomic | nouns.Differential]
     ) -> Iterator[tuple[str, sympy.Expr | TooLarge]]:
@@ -160,20 +165,6 @@ class Translation:
                     yield from zip(rows, evaluate.difference(law.equation.tree, there), strict=True)
                 except TooLarge as failure:
                     yield from dict.fromkeys(rows, failure).items()
-
-
-def _form(names: _FormNames, row: str, value: sympy.Expr) -> Form:
-    _require_small(value)
-    present = value.free_symbols
-    coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(present)}
-    at_rest = dict.fromkeys((*(names.differentials[x] for x in coefficients), _DT), ZERO)
-    # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
-    coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
-    used = set().union(*(c.free_symbols for c in coefficients.values()))
-    moving = {x for x, a in coefficients.items() if a != 0}
-    variables = names.ordered(used | moving)
-    parameters = tuple(p for p in names.parameters if p in used)
-    return Form(row, variables, tuple(coefficients.get(x, ZERO) for x in variables), parameters)
 
 
 def _require_small(value: V) -> V:
@@ -202,11 +193,8 @@ class _FormNames(notation.SympyAlgebra):
         self._positions: dict[int, Triple[sympy.Expr] | TooLarge] = {}
         self._indices: dict[str, int] = {}
         self.resolver = Resolver(self._names, self, {}, {})
-        self.parameters = [
-            s
-            for value in self._parameters.values()
-            for s in (value if isinstance(value, tuple) else (value,))
-        ]
+        values = (value if isinstance(value, tuple) else (value,) for value in self._parameters.values())
+        self.parameters = [symbol for each in values for symbol in each]
         # In this order each finds what it uses: a chain of any length needs no recursion.
         # What is too large is met again where a law uses it, and else does no harm.
         for step in model.order:
@@ -240,17 +228,13 @@ class _FormNames(notation.SympyAlgebra):
 
     def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
         if exponent.free_symbols and not base.free_symbols.isdisjoint((*self._moved, _DT)):
-            exponent = self._integer_exponent(exponent)
+            # In a row, which is linear in differentials, it is 0 or 1 for the values of the parameters.
+            numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
+            values = dict(zip(self.parameters, map(exact, numbers), strict=True))
+            value = exponent.xreplace(values).evalf()
+            if value.is_number and abs(value - round(value)) <= doubles.VALUE:
+                exponent = sympy.Integer(round(value))  # else that of a definition that no row can hold
         return super().power(node, base, exponent)
-
-    def _integer_exponent(self, exponent: sympy.Expr) -> sympy.Expr:
-        """An exponent of a differential: in a row, which is linear, it is 0 or 1 for the values of the parameters."""
-        numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
-        values = dict(zip(self.parameters, map(exact, numbers), strict=True))
-        value = exponent.xreplace(values).evalf()
-        if not value.is_number or abs(value - round(value)) > doubles.VALUE:
-            return exponent  # of a definition that no row can hold
-        return sympy.Integer(round(value))
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
         """t, dt, a constant or a parameter; None for another name."""
@@ -262,7 +246,7 @@ class _FormNames(notation.SympyAlgebra):
 
     def velocity(self, numbers: Integers) -> Triple[sympy.Expr]:
         """v of a particle."""
-        x, y, z = map(self._rate, self.position(numbers))
+        x, y, z = (self._along(r) + sympy.diff(r, TIME) for r in self.position(numbers))
         return x, y, z
 
     def generalized(self, numbers: Integers, rates: bool) -> sympy.Expr:
@@ -272,46 +256,44 @@ class _FormNames(notation.SympyAlgebra):
 
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition. Raises `TooLarge`."""
+
+        def value() -> Value[sympy.Expr]:
+            notation.require_short(self._names.definitions[name])
+            return evaluate.value(self._names.definitions[name], self.at(_ALONE, 0))
+
         if name not in self._values:
-            self._values[name] = _attempted(lambda: self._defined(name))
+            self._values[name] = _attempted(value)
         return _given(self._values[name])
 
     def differential(self, value: sympy.Expr) -> sympy.Expr:
         """d value, over the differentials of coordinates and dt. Raises `TooLarge`."""
         return self._along(_require_small(value)) + sympy.diff(value, TIME) * _DT
 
-    def _rate(self, value: sympy.Expr) -> sympy.Expr:
-        """d value / dt."""
-        return self._along(value) + sympy.diff(value, TIME)
-
     def _along(self, value: sympy.Expr) -> sympy.Expr:
         used = (x for x in self.ordered(value.free_symbols) if x != TIME)
         return sum((sympy.diff(value, x) * self.differentials[x] for x in used), ZERO)
 
-    def _defined(self, name: str) -> Value[sympy.Expr]:
-        notation.require_short(self._names.definitions[name])
-        return evaluate.value(self._names.definitions[name], self.at(_ALONE, 0))
-
     def _position(self, number: int) -> Triple[sympy.Expr]:
         """r of the particle of this number."""
-        if number not in self._positions:
-            self._positions[number] = _attempted(lambda: self._evaluated_position(number))
-        return _given(self._positions[number])
 
-    def _evaluated_position(self, number: int) -> Triple[sympy.Expr]:
-        entry = int(self._particles.entries(np.array([number]))[0])
-        particle = self._model.particles[entry]
-        if not particle.is_dependent:
-            name = self._particles.names[number]
-            x, y, z = (self._coordinates[f"{name}.{axis}"] for axis in "xyz")
+        def value() -> Triple[sympy.Expr]:
+            entry = int(self._particles.entries(np.array([number]))[0])
+            particle = self._model.particles[entry]
+            if not particle.is_dependent:
+                x, y, z = (self._coordinates[f"{self._particles.names[number]}.{axis}"] for axis in "xyz")
+                return x, y, z
+            parts = [part.tree for part in particle.position.parts]
+            for part in parts:
+                notation.require_short(part)
+            names = self.at(particle.members, number - self._particles.first(entry))
+            if len(parts) == 1:
+                return evaluate.vector(parts[0], names)
+            x, y, z = (evaluate.scalar(part, names) for part in parts)
             return x, y, z
-        for part in particle.position.parts:
-            notation.require_short(part.tree)
-        names = self.at(particle.members, number - self._particles.first(entry))
-        if len(particle.position.parts) == 1:
-            return evaluate.vector(particle.position.parts[0].tree, names)
-        x, y, z = (evaluate.scalar(part.tree, names) for part in particle.position.parts)
-        return x, y, z
+
+        if number not in self._positions:
+            self._positions[number] = _attempted(value)
+        return _given(self._positions[number])
 
 
 def _attempted(compute: Callable[[], V]) -> V | TooLarge:
