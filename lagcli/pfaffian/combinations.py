@@ -48,12 +48,8 @@ class Alphabet:
         size = len(self.letters)
         while degree > 1 and comb(size + degree, degree) > MAX_MONOMIALS:
             degree -= 1
-        opposite = {
-            (i, k)
-            for i, a in enumerate(self.letters)
-            for k, b in enumerate(self.letters)
-            if i < k and a * b == 1
-        }
+        numbered = list(enumerate(self.letters))
+        opposite = {(i, k) for i, a in numbered for k, b in numbered if i < k and a * b == 1}
         found = []
         for d in range(1, degree + 1):
             for m in combinations_with_replacement(range(size), d):
@@ -100,9 +96,8 @@ def alphabet(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Numbers:
-    """Values of N functions at points: along (rows, N) the defects of each, terms (rows, N) the size of the terms
-    that add up to them, slopes (N, C, near) the derivatives for the pivots at a few of the points.
-    """
+    """Values of N functions at points: along (rows, N) the defects of each, terms (rows, N) the size of the terms that
+    add up to them, slopes (N, C, near) the derivatives for the pivots at a few of the points."""
 
     along: Floats
     terms: Floats
@@ -177,13 +172,10 @@ def _unbounded() -> np.errstate:
     return np.errstate(over="ignore", invalid="ignore")
 
 
-def join(first: Numbers, second: Numbers) -> Numbers:
+def join(*both: Numbers) -> Numbers:
     """The numbers of the functions of both."""
-    return Numbers(
-        np.concatenate([first.along, second.along], axis=1),
-        np.concatenate([first.terms, second.terms], axis=1),
-        np.concatenate([first.slopes, second.slopes]),
-    )
+    along, terms = np.hstack([one.along for one in both]), np.hstack([one.terms for one in both])
+    return Numbers(along, terms, np.concatenate([one.slopes for one in both]))
 
 
 def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
@@ -286,10 +278,8 @@ def exact(
 
     Constants that are not fractions of small numbers hold parameters."""
     fractions = {i: Fraction(c).limit_denominator(_MAX_DENOMINATOR) for i, c in vector.items()}
-    sure = all(
-        abs(float(f) - vector[i]) <= doubles.ZERO * max(1.0, abs(vector[i])) for i, f in fractions.items()
-    )
-    if sure:
+    errors = {i: abs(float(f) - vector[i]) for i, f in fractions.items()}
+    if all(error <= doubles.ZERO * max(1.0, abs(vector[i])) for i, error in errors.items()):
         scale = lcm(*(f.denominator for f in fractions.values()))
         return sympy.Add(*(int(f * scale) * functions[i] for i, f in fractions.items()))
     used = sorted(vector)

@@ -9,6 +9,7 @@ import types
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 import sympy
 
@@ -155,7 +156,7 @@ def test_one_linear_equation_is_solved() -> None:
 
 
 def test_a_number_that_is_not_real_has_no_sample() -> None:
-    sample = sampling.RandomSample([x], 3, (0.0, 1.0))
+    sample = sampling.Sample({x: np.ones(3)}, 3)
     for number in (sympy.sqrt(-2) + 1, sympy.zoo):
         with pytest.raises(sampling.NoSampleError):
             sample.of(number)

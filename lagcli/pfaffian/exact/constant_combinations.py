@@ -1,5 +1,4 @@
-"""Linear systems over the constants: which constant combinations of given columns of functions vanish
-identically.
+"""Linear systems over the constants: which constant combinations of given columns of functions vanish identically.
 
 Most columns take part in no such combination: the values of all columns at random points show which do, to
 rounding error. The others go into an exact system, one equation for each monomial. Its constants are rational
@@ -39,22 +38,17 @@ _PRIMES = tuple(2**61 - n for n in (1, 45, 229, 465, 829, 985, 1153, 1281))
 
 
 def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[tuple[sympy.Expr, ...]]:
-    """A basis of the constants c (rational functions of the parameters) with sum_l c_l columns[l][e] = 0 for
-    all e.
+    """A basis of the constants c (rational functions of the parameters) with sum_l c_l columns[l][e] = 0 for all e.
 
     Found by comparing coefficients in the normal form. The last entry of a vector that is not zero is 1.
     Raises `normal_form.NoNormalFormError`.
     """
     involved = _involved(columns, parameters)
-    size, vectors = len(columns), _null_vectors([columns[n] for n in involved], parameters)
-    return [tuple(_spread(vector, involved, size)) for vector in vectors]
-
-
-def _spread(vector: Sequence[sympy.Expr], indices: Sequence[int], size: int) -> list[sympy.Expr]:
-    spread = [sympy.Integer(0)] * size
-    for index, entry in zip(indices, vector, strict=True):
-        spread[index] = entry
-    return spread
+    found = []
+    for vector in _null_vectors([columns[n] for n in involved], parameters):
+        entries = {involved[n]: entry for n, entry in vector.items()}
+        found.append(tuple(entries.get(n, sympy.Integer(0)) for n in range(len(columns))))
+    return found
 
 
 def _involved(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[int]:
@@ -74,18 +68,12 @@ def _involved(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[int
         length = float(np.sqrt(rest @ rest))
         if length > doubles.ZERO:
             orthogonal = np.column_stack([orthogonal, rest / length])
-            combined = np.block(
-                [
-                    [combined, -weights[:, None] / length],
-                    [np.zeros((1, len(pivots))), np.full((1, 1), 1 / length)],
-                ]
-            )
+            last = np.append(np.zeros(len(pivots)), 1 / length)
+            combined = np.vstack([np.column_stack([combined, -weights / length]), last])
             pivots.append(n)
         else:
-            involved |= {
-                n,
-                *(p for p, weight in zip(pivots, weights, strict=True) if abs(weight) > doubles.ZERO),
-            }
+            taking_part = np.flatnonzero(np.abs(weights) > doubles.ZERO)
+            involved |= {n, *(pivots[k] for k in taking_part)}
     return sorted(involved)
 
 
@@ -97,17 +85,15 @@ def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | 
     symbols = sorted(set().union(*(e.free_symbols for c in columns for e in c), set()), key=lambda s: s.name)
     generator = np.random.default_rng(_SEED)
     count = 3 * len(columns) + 4 * _EXTRA_POINTS
-    point = {
-        s: np.full(count, generator.uniform(0.3, _WIDTH))
-        if s in parameters
-        else generator.uniform(-_WIDTH, _WIDTH, count)
-        for s in symbols
-    }
-    # Half of the points lie where logarithms and roots are real.
-    half = {
-        s: v if s in parameters else np.where(np.arange(count) % 2, v, np.abs(v)) for s, v in point.items()
-    }
-    sample = sampling.Sample(half, count)
+    point = {}
+    for s in symbols:
+        if s in parameters:
+            point[s] = np.full(count, generator.uniform(0.3, _WIDTH))
+        else:
+            # Half of the points lie where logarithms and roots are real.
+            values = generator.uniform(-_WIDTH, _WIDTH, count)
+            point[s] = np.where(np.arange(count) % 2, values, np.abs(values))
+    sample = sampling.Sample(point, count)
     try:
         table = np.array([[sample.of(e) for e in column] for column in columns])
     except sampling.NoSampleError:
@@ -123,66 +109,62 @@ def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | 
         return np.asarray(table / np.where(length > 0, length, 1.0))
 
 
-def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[tuple[sympy.Expr, ...]]:
+def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[dict[int, sympy.Expr]]:
+    """As `null_vectors`, by the entries that are not zero."""
     if not columns:
         return []
     basis = normal_form.NormalForm([entry for column in columns for entry in column])
     table = [[basis.element(e) for e in column] for column in columns]
     fixed = tuple(g for g in basis.letters if basis.means(g).free_symbols <= parameters)
+    is_fixed = [g in fixed for g in basis.letters]
     rows: list[_PolyRow] = []
     for equation in zip(*table, strict=True):
-        rows += _coefficient_rows(basis, equation, fixed)
+        # One row for each monomial in the letters that are not constant; entries are polynomials in those that are.
+        below = reduce(lambda a, b: a.lcm(b), (e.denom for e in equation), basis.ring.one)
+        found: dict[tuple[int, ...], dict[int, dict[tuple[int, ...], sympy.Rational]]] = {}
+        for column, e in enumerate(equation):
+            for powers, number in basis.remainder(e.numer * below.exquo(e.denom)).terms():
+                key = tuple(0 if c else p for p, c in zip(powers, is_fixed, strict=True))
+                rest = tuple(p if c else 0 for p, c in zip(powers, is_fixed, strict=True))
+                found.setdefault(key, {}).setdefault(column, {})[rest] = number
+        for entries in found.values():
+            rows.append({column: basis.ring.from_dict(entry) for column, entry in entries.items()})
     generator = random.Random(_SEED)
     for _ in range(_TRIALS):
         image = _ModularImage(basis, fixed, generator)
         echelon = _Echelon(image.prime, [image.row(row) for row in rows])
-        vectors = [_exact(basis, rows, echelon, n) for n in range(len(columns)) if n not in echelon.pivots]
+        free = (n for n in range(len(columns)) if n not in echelon.pivots)
+        vectors = [_exact(basis, rows, echelon, n) for n in free]
         if all(v is not None for v in vectors):
-            return [_written(basis, v, len(columns)) for v in vectors if v is not None]
+            exact = (v for v in vectors if v is not None)
+            return [{n: guarded.radsimp(basis.expression(v[n])) for n in sorted(v)} for v in exact]
     raise normal_form.NoNormalFormError("no exact solution of the linear equations was found")
 
 
-def _coefficient_rows(
-    basis: normal_form.NormalForm, equation: Sequence[FracElement], fixed: tuple[sympy.Symbol, ...]
-) -> list[_PolyRow]:
-    """One row for each monomial in the letters that are not constant; entries are polynomials in `fixed`."""
-    below = reduce(lambda a, b: a.lcm(b), (e.denom for e in equation), basis.ring.one)
-    above = [basis.remainder(e.numer * below.exquo(e.denom)) for e in equation]
-    constant = [g in fixed for g in basis.letters]
-    rows: dict[tuple[int, ...], dict[int, dict[tuple[int, ...], sympy.Rational]]] = {}
-    for column, polynomial in enumerate(above):
-        for powers, number in polynomial.terms():
-            key = tuple(0 if c else p for p, c in zip(powers, constant, strict=True))
-            rest = tuple(p if c else 0 for p, c in zip(powers, constant, strict=True))
-            rows.setdefault(key, {}).setdefault(column, {})[rest] = number
-    return [{column: basis.ring.from_dict(entry) for column, entry in row.items()} for row in rows.values()]
-
-
 class _ModularImage:
-    """Random values in a finite field for the constant letters, which obey the relations of roots and
-    angles.
-    """
+    """Random values in a finite field for the constant letters, which obey the relations of roots and angles."""
 
     def __init__(
         self, basis: normal_form.NormalForm, fixed: tuple[sympy.Symbol, ...], generator: random.Random
     ) -> None:
-        self._indices = {g: n for n, g in enumerate(basis.letters)}
-        relations = {g: _relation(basis, g) for g in reversed(fixed)}
+        indices = {g: n for n, g in enumerate(basis.letters)}
+        # The squares of letters by the relations; none of a free letter or a higher root
+        squares = {g: basis.ring.from_expr(g**2) for g in reversed(fixed)}
+        relations = {g: basis.remainder(square) for g, square in squares.items()}
         for trial in range(_IMAGES):
             self.prime = _PRIMES[trial % len(_PRIMES)]
             self.values: dict[int, int] = {}
             for g, relation in relations.items():
-                value = self._root(relation) if relation is not None else None
-                if value is None and relation is not None and trial < _IMAGES - 1:
-                    break
-                self.values[self._indices[g]] = generator.randrange(2, self.prime) if value is None else value
+                value = None
+                if relation != squares[g]:
+                    square = self.number(relation)
+                    root = pow(square, (self.prime + 1) // 4, self.prime)
+                    value = root if root * root % self.prime == square else None
+                    if value is None and trial < _IMAGES - 1:
+                        break
+                self.values[indices[g]] = generator.randrange(2, self.prime) if value is None else value
             else:
                 return
-
-    def _root(self, square: PolyElement) -> int | None:
-        value = self.number(square)
-        root = pow(value, (self.prime + 1) // 4, self.prime)
-        return root if root * root % self.prime == value else None
 
     def number(self, polynomial: PolyElement) -> int:
         """The value of a polynomial in the constant letters."""
@@ -201,61 +183,46 @@ class _ModularImage:
         return {column: value for column, value in found.items() if value}
 
 
-def _relation(basis: normal_form.NormalForm, letter: sympy.Symbol) -> PolyElement | None:
-    """The square of the letter by the relations; None where it is a free letter or a higher root."""
-    square = basis.ring.from_expr(letter**2)
-    found = basis.remainder(square)
-    return found if found != square else None
-
-
 class _Echelon:
     """The reduced row echelon form in a finite field.
 
-    `pivots` tells for each pivot column the row of the echelon form, `chosen` the rows of the matrix that span
-    all rows.
+    `pivots` tells for each pivot column the row of the echelon form, `chosen` the rows of the matrix that span all.
     """
 
     def __init__(self, prime: int, rows: Sequence[dict[int, int]]) -> None:
-        self.prime = prime
         self.pivots: dict[int, dict[int, int]] = {}
         self.chosen: list[int] = []
-        for n, row in enumerate(rows):
-            if self._add(dict(row)):
-                self.chosen.append(n)
 
-    def _add(self, row: dict[int, int]) -> bool:
-        for column in sorted(row):
-            if column in self.pivots and column in row:
-                self._subtract(row, self.pivots[column], row[column])
-        if not row:
-            return False
-        lead = min(row)
-        scale = pow(row[lead], -1, self.prime)
-        row = {c: v * scale % self.prime for c, v in row.items()}
-        for other in self.pivots.values():
-            if lead in other:
-                self._subtract(other, row, other[lead])
-        self.pivots[lead] = row
-        return True
+        def subtract(row: dict[int, int], other: dict[int, int], times: int) -> None:
+            for column, value in other.items():
+                rest = (row.get(column, 0) - times * value) % prime
+                if rest:
+                    row[column] = rest
+                else:
+                    row.pop(column, None)
 
-    def _subtract(self, row: dict[int, int], other: dict[int, int], times: int) -> None:
-        for column, value in other.items():
-            rest = (row.get(column, 0) - times * value) % self.prime
-            if rest:
-                row[column] = rest
-            else:
-                row.pop(column, None)
-
-    def support(self, free: int) -> list[int]:
-        """The pivot columns a null vector with a one in the free column needs."""
-        return sorted(lead for lead, row in self.pivots.items() if free in row)
+        for n, given in enumerate(rows):
+            row = dict(given)
+            for column in sorted(row):
+                if column in self.pivots and column in row:
+                    subtract(row, self.pivots[column], row[column])
+            if not row:
+                continue
+            lead = min(row)
+            scale = pow(row[lead], -1, prime)
+            row = {c: v * scale % prime for c, v in row.items()}
+            for other in self.pivots.values():
+                if lead in other:
+                    subtract(other, row, other[lead])
+            self.pivots[lead] = row
+            self.chosen.append(n)
 
 
 def _exact(
     basis: normal_form.NormalForm, rows: Sequence[_PolyRow], echelon: _Echelon, free: int
 ) -> dict[int, FracElement] | None:
     """The null vector with a one in the column `free` as elements of the field, None if it fails a row."""
-    support = echelon.support(free)
+    support = sorted(lead for lead, row in echelon.pivots.items() if free in row)
     prepared = [[rows[n].get(c, basis.ring.zero) for c in (*support, free)] for n in echelon.chosen]
     solved = _eliminated(basis, [row for row in prepared if any(row)], len(support))
     if solved is None:
@@ -284,19 +251,7 @@ def _eliminated(
         for i, row in enumerate(rows):
             if i != n and row[n]:
                 rest = [basis.remainder(a * lead[n] - b * row[n]) for a, b in zip(row, lead, strict=True)]
-                rows[i] = _stripped(basis, rest)
+                # without the factors its entries share
+                common = reduce(lambda a, b: a.gcd(b), rest, basis.ring.zero)
+                rows[i] = [entry.exquo(common) for entry in rest] if common else rest
     return rows[:count]
-
-
-def _stripped(basis: normal_form.NormalForm, row: list[PolyElement]) -> list[PolyElement]:
-    """The row without the factors its entries share."""
-    common = reduce(lambda a, b: a.gcd(b), row, basis.ring.zero)
-    return [entry.exquo(common) for entry in row] if common else row
-
-
-def _written(
-    basis: normal_form.NormalForm, vector: dict[int, FracElement], size: int
-) -> tuple[sympy.Expr, ...]:
-    return tuple(
-        guarded.radsimp(basis.expression(vector[n])) if n in vector else sympy.Integer(0) for n in range(size)
-    )

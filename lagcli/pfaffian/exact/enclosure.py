@@ -77,14 +77,14 @@ def points(symbols: Sequence[sympy.Symbol]) -> Iterator[dict[sympy.Symbol, Fract
     """
     generator = random.Random(_SEED)
     ordered = sorted(symbols, key=lambda s: s.name)
+
+    def between(low: int, high: int) -> Fraction:
+        return low + (high - low) * Fraction(generator.randrange(1, 997), 997)
+
     for low, high in _SCALES:
-        yield {s: _between(low, high, generator) for s in ordered}
+        yield {s: between(low, high) for s in ordered}
     for _ in range(_MIXED if len(ordered) > 1 else 0):
-        yield {s: _between(*generator.choice(_SCALES), generator) for s in ordered}
-
-
-def _between(low: int, high: int, generator: random.Random) -> Fraction:
-    return low + (high - low) * Fraction(generator.randrange(1, 997), 997)
+        yield {s: between(*generator.choice(_SCALES)) for s in ordered}
 
 
 def nonzero(expression: sympy.Expr) -> NonZero | None:
@@ -125,17 +125,22 @@ class Evaluator:
             self._memo[symbol] = _INTERVALS.mpf(value.numerator) / value.denominator
 
     def value(self, expression: sympy.Expr) -> ivmpf:
-        """The interval of the value. Raises `NoValueError` at poles, off the real domain and for unknown
-        functions.
-        """
+        """The interval of the value. Raises `NoValueError` at poles, off the real domain and for unknown functions."""
         try:
             interval = notation.folded(expression, _leaf, _ENCLOSURES.result, self._memo)
         except NoBounds as error:
             raise NoValueError(str(error)) from error
-        bounds = (float(interval.a), float(interval.b), float(interval.delta))
-        if any(b != b or b in (float("inf"), float("-inf")) for b in bounds):
+        if not all(math.isfinite(float(b)) for b in (interval.a, interval.b, interval.delta)):
             raise NoValueError("not finite")
         return interval
+
+
+def _leaf(e: sympy.Basic) -> ivmpf:
+    if isinstance(e, sympy.Rational):
+        return _INTERVALS.mpf(int(e.p)) / int(e.q)
+    if e is sympy.pi or e is sympy.E:
+        return +(_INTERVALS.pi if e is sympy.pi else _INTERVALS.e)
+    raise NoBounds(str(e))
 
 
 def never_vanishes(expression: sympy.Expr) -> bool:
@@ -149,14 +154,6 @@ def never_vanishes(expression: sympy.Expr) -> bool:
 
     low, high = notation.folded(expression, leaf, intervals.FLOATS.result, {})
     return bool(low > doubles.ZERO or high < -doubles.ZERO)
-
-
-def _leaf(e: sympy.Basic) -> ivmpf:
-    if isinstance(e, sympy.Rational):
-        return _INTERVALS.mpf(int(e.p)) / int(e.q)
-    if e is sympy.pi or e is sympy.E:
-        return +(_INTERVALS.pi if e is sympy.pi else _INTERVALS.e)
-    raise NoBounds(str(e))
 
 
 def middle(expression: sympy.Expr, point: Point) -> mpmath.mpf:
@@ -193,13 +190,10 @@ def values_on(expression: sympy.Expr, surface: Sequence[sympy.Expr]) -> list[flo
 
 def points_on(surface: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) -> list[Point]:
     """Some points of the surface; symbols that do not occur in it have random values."""
-    others = [s for s in symbols if s not in _symbols(surface)]
+    own = set().union(*(e.free_symbols for e in surface))
+    others = [s for s in symbols if s not in own]
     generator = random.Random(_SURFACE_SEED)
     return [{**point, **_random(others, generator)} for point in _points(tuple(surface))]
-
-
-def _symbols(expressions: Sequence[sympy.Expr]) -> list[sympy.Symbol]:
-    return sorted(set().union(*(e.free_symbols for e in expressions)), key=lambda s: s.name)
 
 
 def _random(symbols: Sequence[sympy.Symbol], generator: random.Random) -> Point:
@@ -209,7 +203,7 @@ def _random(symbols: Sequence[sympy.Symbol], generator: random.Random) -> Point:
 @memory.remembered(32)
 def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
     """Points by Newton's method with the smallest steps, from random points."""
-    symbols = _symbols(surface)
+    symbols = sorted(set().union(*(e.free_symbols for e in surface)), key=lambda s: s.name)
     gradients = [[forms.partial(f, x) for x in symbols] for f in surface]
     generator = random.Random(_SURFACE_SEED)
     found: list[Point] = []
@@ -283,7 +277,8 @@ def _projected(
         moved = max(abs(d) for d in step)
         if not mpmath.isfinite(moved) or moved > _LONGEST:
             return None
-        return _Step(np.array([_fraction(d) for d in step]), float(moved) / max(1.0, float(np.abs(q).max())))
+        whole = [Fraction(int(mpmath.nint(d * _DENOMINATOR)), _DENOMINATOR) for d in step]
+        return _Step(np.array(whole), float(moved) / max(1.0, float(np.abs(q).max())))
 
     with mpmath.workdps(DIGITS):
         q = surface.nearby(at, np.array(list(begin.values())))
@@ -296,7 +291,3 @@ def _mpf(value: Fraction) -> mpmath.mpf:
 
 def _middle(interval: ivmpf) -> mpmath.mpf:
     return mpmath.mpf(interval.mid.a) if hasattr(interval.mid, "a") else mpmath.mpf(interval.mid)
-
-
-def _fraction(value: mpmath.mpf) -> Fraction:
-    return Fraction(int(mpmath.nint(value * _DENOMINATOR)), _DENOMINATOR)

@@ -59,16 +59,23 @@ class NormalForm:
         self._known: dict[_LetterKey, sympy.Symbol] = {}
         self._multiples: dict[tuple[str, sympy.Expr], list[sympy.Rational]] = {}
         self._units: dict[tuple[str, sympy.Expr], sympy.Rational] = {}
-        self._logs: dict[sympy.Expr, None] = {}
+        logs: dict[sympy.Expr, None] = {}
         self._written: dict[sympy.Expr, sympy.Expr] = {}
         self._split_memo: dict[sympy.Expr, list[tuple[sympy.Rational, sympy.Expr]]] = {}
         listed = [sympy.sympify(e) for e in (*expressions, *surface)]
-        for e in listed:
-            self._collect(e)
-        self._sums = _dependent(self._logs)
+        # First pass: which multiples of which angles and exponents occur.
+        for part in (part for e in listed for part in sympy.preorder_traversal(e)):
+            if isinstance(part, _CIRCULAR):
+                self._note("circle", part.args[0])
+            elif isinstance(part, (sympy.exp, *_HYPERBOLIC)):
+                self._note("exp", part.args[0])
+            elif isinstance(part, sympy.log) and part.free_symbols:
+                logs[guarded.cancel(part.args[0])] = None
+            elif _is_exponential(part):
+                self._note("exp", part.exp * sympy.log(part.base))
+        self._sums = _dependent(logs)
         written = [self._write(e) for e in listed]
-        self._check_roots()
-        self.independent = self.independent and not surface
+        self.independent = self._roots_are_independent() and self.independent and not surface
         letters = set().union(*(e.free_symbols for e in [*written, *self._relations]), set())
         rank = {g: n for n, g in enumerate(self.meaning)}
         # Later generators stand on earlier ones and come first: the relations lead with their powers.
@@ -98,9 +105,8 @@ class NormalForm:
         try:
             return self.field.from_expr(written)
         except (ValueError, ZeroDivisionError) as error:
-            raise NoNormalFormError(
-                f"{self.to_functions(written)} is not rational in its generators"
-            ) from error
+            text = f"{self.to_functions(written)} is not rational in its generators"
+            raise NoNormalFormError(text) from error
 
     def reduced(self, fraction: FracElement) -> FracElement:
         """Numerator and denominator replaced by their remainders."""
@@ -133,19 +139,6 @@ class NormalForm:
             written = written.xreplace({letter: self.meaning[letter]})
         return written
 
-    # First pass: which multiples of which angles and exponents occur.
-
-    def _collect(self, e: sympy.Expr) -> None:
-        for part in sympy.preorder_traversal(e):
-            if isinstance(part, _CIRCULAR):
-                self._note("circle", part.args[0])
-            elif isinstance(part, (sympy.exp, *_HYPERBOLIC)):
-                self._note("exp", part.args[0])
-            elif isinstance(part, sympy.log) and part.free_symbols:
-                self._logs[guarded.cancel(part.args[0])] = None
-            elif _is_exponential(part):
-                self._note("exp", part.exp * sympy.log(part.base))
-
     def _note(self, kind: str, argument: sympy.Expr) -> None:
         for coefficient, base in self._split(argument):
             multiples = self._multiples.setdefault((kind, base), [])
@@ -161,9 +154,7 @@ class NormalForm:
         return self._split_memo[argument]
 
     def _count(self, kind: str, coefficient: sympy.Rational, base: sympy.Expr) -> tuple[int, sympy.Rational]:
-        """(n, unit) with coefficient = n * unit, where the unit is the greatest that all multiples have in
-        common.
-        """
+        """(n, unit) with coefficient = n * unit, where the unit is the greatest that all multiples have in common."""
         key = (kind, base)
         if key not in self._units:
             found = self._multiples.get(key, [coefficient])
@@ -195,14 +186,22 @@ class NormalForm:
         if isinstance(e, (*_CIRCULAR, *_HYPERBOLIC, sympy.exp)):
             return self._elementary(e)
         if isinstance(e, sympy.Abs):
-            # |N/D| as a letter over D; its relation has two roots, so that only numbers can prove a
-            # difference
+            # |N/D| as a letter over D; its relation has two roots, so that only numbers can prove a difference
             self.independent = False
             above, below = sympy.fraction(guarded.together(self._write(e.args[0])))
             return self._radical(("absolute", 2, guarded.expand(above**2), below), e) / below
         if isinstance(e, _OPAQUE):
             plain = _log_of_primes(e) if _is_log_of_number(e) else e
-            return self._opaque(e) if plain == e else self._write(plain)
+            if plain != e:
+                return self._write(plain)
+            same = e.func(*(guarded.cancel(a) for a in e.args))
+            if not isinstance(same, _OPAQUE):
+                raise NoNormalFormError(f"{e} changes its kind when its argument is simplified")
+            if isinstance(same, sympy.log) and same.args[0] in self._sums:
+                return self._write(self._sums[same.args[0]])
+            evident = isinstance(same, sympy.log) and same.args[0].is_Symbol
+            self.independent = self.independent and evident
+            return self._letter(("function", same), same)
         raise NoNormalFormError(f"{getattr(e.func, '__name__', e)} has no algebraic treatment")
 
     def _letter(self, key: _LetterKey, meaning: sympy.Expr) -> sympy.Symbol:
@@ -216,7 +215,11 @@ class NormalForm:
         if isinstance(e, sympy.exp):
             return self._exponential(e.args[0])
         if isinstance(e, _CIRCULAR):
-            c, s = self._circle(e.args[0])
+            # cos and sin of a sum of angles by the addition theorems
+            c, s = sympy.Integer(1), sympy.Integer(0)
+            for coefficient, base in self._split(e.args[0]):
+                cn, sn = self._multiple_angle(coefficient, base)
+                c, s = guarded.expand(c * cn - s * sn), guarded.expand(s * cn + c * sn)
             values = {
                 sympy.sin: (s, 1), sympy.cos: (c, 1), sympy.tan: (s, c),
                 sympy.cot: (c, s), sympy.sec: (1, c), sympy.csc: (1, s),
@@ -229,15 +232,6 @@ class NormalForm:
         if below == 0:
             raise NoNormalFormError(f"{e} has a pole")
         return above / sympy.sympify(below)
-
-    def _circle(self, argument: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
-        """(cos, sin) of a sum of angles by the addition theorems."""
-        c: sympy.Expr = sympy.Integer(1)
-        s: sympy.Expr = sympy.Integer(0)
-        for coefficient, base in self._split(argument):
-            cn, sn = self._multiple_angle(coefficient, base)
-            c, s = guarded.expand(c * cn - s * sn), guarded.expand(s * cn + c * sn)
-        return c, s
 
     def _multiple_angle(self, coefficient: sympy.Rational, base: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
         if base is sympy.pi:
@@ -268,9 +262,7 @@ class NormalForm:
         return product
 
     def _demand_monomial(self, base: sympy.Expr) -> None:
-        """Distinct monomials in the symbols are linearly independent modulo constants; other terms may not
-        be.
-        """
+        """Distinct monomials in the symbols are linearly independent modulo constants; other terms may not be."""
         powers = base.as_powers_dict()
         if not base.free_symbols or not all(b.is_Symbol and n.is_Integer for b, n in powers.items()):
             self.independent = False
@@ -316,8 +308,8 @@ class NormalForm:
             self._relations.append(letter**q - power)
         return letter
 
-    def _check_roots(self) -> None:
-        """Roots count as independent when no product of some radicands can be a power (else: not evident)."""
+    def _roots_are_independent(self) -> bool:
+        """True if no product of some radicands can be a power (else: not evident)."""
         powers = [key[2] for key in self._known if len(key) == 4 and key[0] == "root"]
         seen: set[sympy.Expr] = set()
         for power in powers:
@@ -327,19 +319,9 @@ class NormalForm:
             if power.is_Rational and len(powers) == 1:
                 continue
             if len(own) != len(factors) or not own or seen & set(own):
-                self.independent = False
-                return
+                return False
             seen |= set(own)
-
-    def _opaque(self, e: sympy.Expr) -> sympy.Expr:
-        same = e.func(*(guarded.cancel(a) for a in e.args))
-        if not isinstance(same, _OPAQUE):
-            raise NoNormalFormError(f"{e} changes its kind when its argument is simplified")
-        if isinstance(same, sympy.log) and same.args[0] in self._sums:
-            return self._write(self._sums[same.args[0]])
-        evident = isinstance(same, sympy.log) and same.args[0].is_Symbol
-        self.independent = self.independent and evident
-        return self._letter(("function", same), same)
+        return True
 
 
 def _is_exponential(e: sympy.Basic) -> bool:
@@ -366,18 +348,28 @@ def _dependent(arguments: Iterable[sympy.Expr]) -> dict[sympy.Expr, sympy.Expr]:
     listed = sorted(set(arguments), key=lambda a: (a.count_ops(), str(a)))
     if not 2 <= len(listed) <= MAX_LOGARITHMS or any(a.count_ops() > MAX_OPERATIONS for a in listed):
         return {}
-    powers, numbers = zip(*(_factored(a) for a in listed), strict=True)
+    # The irreducible factors of each with their powers, and the number before them
+    powers: list[dict[sympy.Expr, int]] = []
+    numbers = []
+    for argument in listed:
+        own: dict[sympy.Expr, int] = {}
+        number = sympy.Integer(1)
+        for part, sign in zip(sympy.fraction(guarded.together(argument)), (1, -1), strict=True):
+            constant, factors = guarded.factor_list(part)
+            number *= constant**sign
+            for f, n in factors:
+                own[f] = own.get(f, 0) + sign * n
+        powers.append(own)
+        numbers.append(number)
     columns = sorted(set().union(*powers), key=str)
     table = [[own.get(f, 0) for f in columns] for own in powers]
     independent: list[int] = []
     found = {}
     for k, row in enumerate(table):
         # w with sum_i w_i rows_i = row, or None; the rows are independent
-        rows = [table[i] for i in independent]
-        if not rows:
-            weights = None
-        else:
-            A = sympy.Matrix(rows).T
+        weights = None
+        if independent:
+            A = sympy.Matrix([table[i] for i in independent]).T
             w = guarded.call((A.T * A).inv) * A.T * sympy.Matrix(row)
             weights = list(w) if A * w == sympy.Matrix(row) else None
         if weights is None:
@@ -388,15 +380,3 @@ def _dependent(arguments: Iterable[sympy.Expr]) -> dict[sympy.Expr, sympy.Expr]:
             terms = (w * sympy.log(listed[i]) for i, w in zip(independent, weights, strict=True))
             found[listed[k]] = sympy.Add(sympy.log(rest), *terms)
     return found
-
-
-def _factored(argument: sympy.Expr) -> tuple[dict[sympy.Expr, int], sympy.Rational]:
-    """The irreducible factors with their powers, and the number before them."""
-    found: dict[sympy.Expr, int] = {}
-    number = sympy.Integer(1)
-    for part, sign in zip(sympy.fraction(guarded.together(argument)), (1, -1), strict=True):
-        constant, factors = guarded.factor_list(part)
-        number *= constant**sign
-        for f, n in factors:
-            found[f] = found.get(f, 0) + sign * n
-    return found, number

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -41,11 +41,9 @@ class Sample:
             return self._visit(expression)
 
     def _visit(self, e: sympy.Basic) -> Values:
-        known = self._known.get(e)
-        if known is None:
-            known = self._compute(e)
-            self._known[e] = known
-        return known
+        if e not in self._known:
+            self._known[e] = self._compute(e)
+        return self._known[e]
 
     def _compute(self, e: sympy.Basic) -> Values:
         if e.is_number:
@@ -66,63 +64,50 @@ class Sample:
         raise NoSampleError(f"{type(e).__name__} has no value")
 
 
-class RandomSample(Sample):
-    """Random points, which can be moved onto a surface."""
-
-    def __init__(self, symbols: Iterable[sympy.Symbol], count: int, span: tuple[float, float]) -> None:
-        generator = np.random.default_rng(_SEED)
-        ordered = sorted(symbols, key=lambda s: s.name)
-        super().__init__({s: generator.uniform(*span, count) for s in ordered}, count)
-
-    def retain(self, which: npt.NDArray[np.intp]) -> None:
-        """Keep the points `which` (indices) only."""
-        self._known = {s: v[which] for s, v in self._known.items() if s.is_Symbol}
-        self.count = len(which)
-
-    def fix(self, symbols: Iterable[sympy.Symbol]) -> None:
-        """Give each symbol its first value at all points: a constant."""
-        for s in symbols:
-            self._known[s] = np.full(self.count, self._known[s][0])
-
-    def project(self, equations: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> None:
-        """Move the points onto the surface by Newton's method; those that do not arrive become nan."""
-        gradients = [[forms.partial(f, x) for x in variables] for f in equations]
-
-        def place(points: Values) -> None:
-            self._known = {s: v for s, v in self._known.items() if s.is_Symbol}
-            self._known |= dict(zip(variables, points.T, strict=True))
-
-        def at(points: Values) -> tuple[Values, Values]:
-            place(points)
-            f = np.array([self.of(e) for e in equations]).T
-            return f, np.moveaxis(np.array([[self.of(e) for e in row] for row in gradients]), 2, 0)
-
-        points = np.array([self.of(x) for x in variables]).T
-        with np.errstate(all="ignore"):
-            place(surface.nearby_all(at, points, 1.0)[0])
-
-
 def draw(
     expressions: Sequence[sympy.Expr],
     variables: Sequence[sympy.Symbol],
     parameters: Sequence[sympy.Symbol],
     count: int,
     equations: Sequence[sympy.Expr] = (),
-) -> RandomSample:
+) -> Sample:
     """`count` points of the surface of some equations where all expressions are finite.
 
     The parameters have the same values at all of them, other ones at each point of a surface.
     """
+    ordered = sorted({*variables, *parameters}, key=lambda s: s.name)
     for span in _RANGES:
         for crowd in (1, _CROWD):
-            sample = RandomSample([*variables, *parameters], (count + 2) * crowd, span)
+            size = (count + 2) * crowd
+            generator = np.random.default_rng(_SEED)
+            values = {s: generator.uniform(*span, size) for s in ordered}
             if equations:
-                sample.project(equations, variables)
+                values = _projected(values, size, equations, variables)
             else:
-                sample.fix(parameters)
+                values |= {s: np.full(size, values[s][0]) for s in parameters}
+            sample = Sample(values, size)
             good = np.all([np.isfinite(sample.of(e)) for e in expressions], axis=0)
             which = np.flatnonzero(good)[:count]
             if len(which) == count:
-                sample.retain(which)
-                return sample
+                return Sample({s: v[which] for s, v in values.items()}, count)
     raise NoSampleError("no points with values")
+
+
+def _projected(
+    values: dict[sympy.Symbol, Values],
+    count: int,
+    equations: Sequence[sympy.Expr],
+    variables: Sequence[sympy.Symbol],
+) -> dict[sympy.Symbol, Values]:
+    """The points moved onto the surface by Newton's method; those that do not arrive become nan."""
+    gradients = [[forms.partial(f, x) for x in variables] for f in equations]
+
+    def at(points: Values) -> tuple[Values, Values]:
+        sample = Sample(values | dict(zip(variables, points.T, strict=True)), count)
+        f = np.array([sample.of(e) for e in equations]).T
+        return f, np.moveaxis(np.array([[sample.of(e) for e in row] for row in gradients]), 2, 0)
+
+    points = np.array([values[x] for x in variables]).T
+    with np.errstate(all="ignore"):
+        moved = surface.nearby_all(at, points, 1.0)[0]
+    return values | dict(zip(variables, moved.T, strict=True))

@@ -94,20 +94,16 @@ def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -
     """
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
-    if outer is None:
-        return _alone(deadline, lambda: _limited(deadline, work, budget))
-    if deadline >= outer and budget is None:
-        return guarded.attempt(work)
-    return _limited(min(deadline, outer), work, budget)
-
-
-def _alone(deadline: float, work: Callable[[], Value]) -> Value:
-    """The value of `work()`, while no other thread has one in hand: operations are counted for the whole process."""
+    if outer is not None:
+        if deadline >= outer and budget is None:
+            return guarded.attempt(work)
+        return _limited(min(deadline, outer), work, budget)
+    # No other thread has work in hand meanwhile: operations are counted for the whole process.
     while not _turn.acquire(timeout=_POLL):
         if progress.left(deadline) <= 0:
             raise TimeUpError("the time limit was reached")
     try:
-        return work()
+        return _limited(deadline, work, budget)
     finally:
         _turn.release()
 
@@ -149,7 +145,10 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
                 raise TimeUpError("the limit was reached")
             thread.join(min(rest, _POLL))  # short: an interrupt from outside waits for the end of a join
     finally:
-        _end(own)
+        if not _interrupted(own, time.monotonic() + _KILL_PATIENCE):
+            # Another thread goes on with it: what is late must not go on to work beside what comes next.
+            late = (own, math.inf)
+            threading.Thread(target=_interrupted, args=late, name="lagcli-late", daemon=True).start()
         around.remove(own)
     if errors:
         raise errors[0]
@@ -171,20 +170,12 @@ class _Work:
         return [*found, self.thread] if self.thread.is_alive() else found
 
 
-def _end(work: _Work) -> None:
-    """Interrupt all its threads again and again: a `finally` or a bare `except` inside may swallow one interrupt,
-    and a long piece of machine code meets none. After `_KILL_PATIENCE` another thread goes on with it: what is late
-    must not go on to work beside what comes next.
-    """
-    if not _interrupted(work, time.monotonic() + _KILL_PATIENCE):
-        pursuit = threading.Thread(
-            target=_interrupted, args=(work, math.inf), name="lagcli-late", daemon=True
-        )
-        pursuit.start()
-
-
 def _interrupted(work: _Work, give_up: float) -> bool:
-    """True if all its threads have ended before `give_up` (see `progress.after`)."""
+    """True if all its threads have ended before `give_up` (see `progress.after`).
+
+    They are interrupted again and again: a `finally` or a bare `except` inside may swallow one interrupt, and a long
+    piece of machine code meets none.
+    """
     with _quiet:
         while (threads := work.alive()) and time.monotonic() < give_up:
             for thread in threads:

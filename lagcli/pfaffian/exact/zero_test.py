@@ -43,29 +43,33 @@ def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, 
     Ends at `deadline` (see `progress.after`) with "unknown". On a surface "no" is numeric: a value at points found
     by Newton's method with 50 digits.
     """
-    if surface:
-        finding = _test(expression, deadline, exact_first=False)
-        if finding.truth is Truth.YES or expression.is_Rational:
-            return finding
-        try:
-            values = time_limit.run(deadline, lambda: enclosure.values_on(expression, surface))
-            if any(abs(value) > enclosure.ZERO for value in values):
-                return Finding(Truth.NO, "numeric")
-            remainder = time_limit.run(
-                deadline, lambda: normal_form.NormalForm([expression], surface).element(expression)
-            )
-        except normal_form.NoNormalFormError as error:
-            return Finding(Truth.UNKNOWN, "none", str(error))
-        except time_limit.TimeUpError:
-            return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
-        except NoAnswerError as error:
-            return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
-        if remainder == 0:
-            return Finding(Truth.YES, "symbolic")
-        return Finding(
-            Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
+    finding = _test(expression, deadline, exact_first=False)
+    if not surface or finding.truth is Truth.YES or expression.is_Rational:
+        return finding
+    try:
+        values = time_limit.run(deadline, lambda: enclosure.values_on(expression, surface))
+        if any(abs(value) > enclosure.ZERO for value in values):
+            return Finding(Truth.NO, "numeric")
+        remainder = time_limit.run(
+            deadline, lambda: normal_form.NormalForm([expression], surface).element(expression)
         )
-    return _test(expression, deadline, exact_first=False)
+    except time_limit.NO_ANSWER as error:
+        return _unknown(error)
+    if remainder == 0:
+        return Finding(Truth.YES, "symbolic")
+    return Finding(
+        Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
+    )
+
+
+def _unknown(error: Exception) -> Finding:
+    """What is told of an expression of which nothing was found."""
+    reason = f"no normal form ({type(error).__name__})"
+    if isinstance(error, normal_form.NoNormalFormError):
+        reason = str(error)
+    elif isinstance(error, time_limit.TimeUpError):
+        reason = "the time was over before it was known"
+    return Finding(Truth.UNKNOWN, "none", reason)
 
 
 def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
@@ -76,9 +80,7 @@ def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
 def vanish(
     expressions: Iterable[sympy.Expr], deadline: float, surface: tuple[sympy.Expr, ...] = ()
 ) -> Finding:
-    """Tell if all the expressions vanish identically: the first that does not decides, then the first
-    unknown one.
-    """
+    """Tell if all the expressions vanish identically: the first that does not decides, then the first unknown one."""
     unknown: Finding | None = None
     for expression in expressions:
         finding = is_zero(expression, deadline, surface)
@@ -96,32 +98,29 @@ def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding
         return Finding(Truth.NO, "symbolic")
     if expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
         return Finding(Truth.UNKNOWN, "none", "it is not a finite real expression")
+
+    def exactly() -> Finding:
+        try:
+            basis = guarded.attempt(normal_form.NormalForm, [expression])
+            remainder = guarded.attempt(basis.element, expression)
+        except NoAnswerError as error:
+            return _unknown(error)
+        if not enclosure.has_value(expression):
+            return Finding(Truth.UNKNOWN, "none", "no point was found where it has a real value")
+        if remainder == 0:
+            return Finding(Truth.YES, "symbolic")
+        if basis.independent:
+            return Finding(Truth.NO, "symbolic")
+        return Finding(Truth.UNKNOWN, "none", "its parts may depend on each other in a way that is not known")
+
+    exact = None
     try:
-        if not exact_first:
+        if exact_first:
+            exact = time_limit.run(deadline, exactly)
+        if exact is None or exact.truth is Truth.UNKNOWN:
             number = time_limit.run(deadline, lambda: enclosure.nonzero(expression))
             if number is not None:
                 return Finding(Truth.NO, "numeric", value=number)
-        exact = time_limit.run(deadline, lambda: _normal_form(expression))
-        if exact.truth is Truth.UNKNOWN and exact_first:
-            number = time_limit.run(deadline, lambda: enclosure.nonzero(expression))
-            return Finding(Truth.NO, "numeric", value=number) if number is not None else exact
-    except time_limit.TimeUpError:
-        return Finding(Truth.UNKNOWN, "none", "the time was over before it was known")
-    return exact
-
-
-def _normal_form(expression: sympy.Expr) -> Finding:
-    try:
-        basis = guarded.attempt(normal_form.NormalForm, [expression])
-        remainder = guarded.attempt(basis.element, expression)
-    except normal_form.NoNormalFormError as error:
-        return Finding(Truth.UNKNOWN, "none", str(error))
-    except NoAnswerError as error:
-        return Finding(Truth.UNKNOWN, "none", f"no normal form ({type(error).__name__})")
-    if not enclosure.has_value(expression):
-        return Finding(Truth.UNKNOWN, "none", "no point was found where it has a real value")
-    if remainder == 0:
-        return Finding(Truth.YES, "symbolic")
-    if basis.independent:
-        return Finding(Truth.NO, "symbolic")
-    return Finding(Truth.UNKNOWN, "none", "its parts may depend on each other in a way that is not known")
+        return exact if exact is not None else time_limit.run(deadline, exactly)
+    except time_limit.TimeUpError as error:
+        return _unknown(error)
