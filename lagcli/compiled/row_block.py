@@ -20,7 +20,7 @@ from lagcli.smoothness import operation_graph, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:  # a count needs no pieces
-    from lagcli.smoothness.pieces import AnalyticPieces
+    from lagcli.smoothness.switches import AnalyticPieces
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,14 +65,12 @@ class RowBlock:
         """The block with switches (abs, sign, min, max) as they are at a point; those within `near` of it stay."""
         if not self.has_kinks:
             return self
-        from lagcli.smoothness import pieces
-
         there = copy.copy(self)
         for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
             there.__dict__.pop(name, None)
         point = [self.x, self.p], [x, p], near
-        entries = pieces.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *point)
-        there.A, there._f = ca.SX(self.A.sparsity(), entries), pieces.on_branch(ca.densify(self._f), *point)
+        entries = switches.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *point)
+        there.A, there._f = ca.SX(self.A.sparsity(), entries), switches.on_branch(ca.densify(self._f), *point)
         return there
 
     @cached_property
@@ -106,9 +104,7 @@ class RowBlock:
     @cached_property
     def pieces(self) -> AnalyticPieces:
         """The pieces of space on which the rows are analytic."""
-        from lagcli.smoothness import pieces
-
-        return pieces.AnalyticPieces(self.A, [self.x, self.p])
+        return switches.AnalyticPieces(self.A, [self.x, self.p])
 
     @cached_property
     def _arguments(self) -> list[ca.SX]:

@@ -5,7 +5,7 @@ Out: the first crossing of zero; impulses, velocities after an impact, forces of
 
 `zero_search` finds where functions first cross zero and loses no root it could see, `zero_bounds` holds the bounds of
 a function on a piece of the step that it works with. `complementarity` solves the problem of contacts that push or
-open: `least_distance` finds the shortest vector that satisfies inequalities, and `load_sharing` says which multipliers
-are unique and splits the others. `impact_law` is the law of impact and gives the forces of contacts, `few_contacts`
-does both by formulas where there are few.
+open: `least_distance` finds the shortest vector that satisfies inequalities, `shared` says which multipliers are unique
+and splits the others. `impact_law` is the law of impact and gives the forces of contacts, by formulas where there are
+few.
 """

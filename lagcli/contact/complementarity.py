@@ -3,6 +3,9 @@
 0 <= Lambda and S Lambda - h >= 0, one of the two zero for each contact, with S = G~ G~^T: the conditions for the
 shortest x with G~ x >= h, x = G~^T Lambda (the principle of Gauss). S is never formed, so that digits are not squared
 away, and x is unique even where Lambda is not.
+
+Where rows that hold a load are dependent other Lambda may do, as the legs of a table. Of all of them the shortest is
+given: the same split as among equality rows (`compiled.selection`), of those that push.
 """
 
 from __future__ import annotations
@@ -10,18 +13,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.contact import least_distance, load_sharing
+from lagcli.contact import least_distance
 from lagcli.contact.least_distance import Floats
-from lagcli.contact.load_sharing import Flags
+from lagcli.linear import rank
+
+Flags = npt.NDArray[np.bool_]
 
 
 class ComplementarityParameters:
-    """Rounding that decides about a contact.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
-    """
+    """Rounding that decides about a contact. The tests are of `tests/unit/test_numbers_of_contacts.py`."""
 
     __slots__ = ()
 
@@ -73,7 +76,7 @@ def solve(rows: Floats, bounds: Floats, rounding: Floats | float = 0.0) -> Compl
         raise least_distance.ContradictoryRows(tuple(int(full[row]) for row in error.rows)) from None
     left = np.where(found.mu > 0, 0.0, unit @ found.x - h)
     tight = left <= doubles.ZERO * (float(np.linalg.norm(found.x)) + np.abs(h)) + allowed[full] / scale
-    share, same = load_sharing.shared(unit[tight], found.mu[tight])
+    share, same = shared(unit[tight], found.mu[tight])
 
     multipliers, slack = np.zeros(count), -bounds.astype(float)
     holds = empty & (bounds >= -allowed)
@@ -83,3 +86,59 @@ def solve(rows: Floats, bounds: Floats, rounding: Floats | float = 0.0) -> Compl
     holds[full] = tight
     unique[full[tight]] = same
     return Complementary(found.x, multipliers, slack, holds, unique)
+
+
+def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
+    """The shortest mu with the same A^T mu, of rows of length one A (k, m), >= 0 after the first `pulling`.
+
+    And which entries are the same in all.
+    """
+    count = mu.size
+    if not count or (count == 1 and A.any()):
+        return mu, np.ones(count, dtype=bool)
+    found = rank.space(A, is_whole=A.shape[1] < count)
+    if found.low == count:
+        return mu, np.ones(count, dtype=bool)
+    free = found.exact_dependences.T
+    if free.shape[1]:
+        mu = _shortest(mu, free, pulling)
+    # The shares that change along a direction of `free` (k, d) in which none that only pushes becomes negative. Shares
+    # that are zero may only grow. Of directions that leave all others as they are every one is looked for in which one
+    # of those grows; with all found, the shares that can be positive change in any direction that leaves the rest at
+    # zero.
+    free = found.dependences.T
+    free = free * (np.linalg.norm(free, axis=1) > doubles.ZERO)[:, None]
+    positive = mu > doubles.ZERO * np.abs(mu).max(initial=0.0)
+    positive[:pulling] = True
+    for row in np.flatnonzero(~positive):
+        if positive[row]:
+            continue
+        # A direction z with (free z)_row = 1 and (free z)_zero >= 0: none if some weights >= 0 of the rows at zero
+        # sum to minus this row (Farkas).
+        zero = np.flatnonzero(~positive)
+        left = least_distance.residual(free[zero].T, -free[row])
+        if left is not None and np.linalg.norm(left) > rank.PARAMETERS.large:
+            positive[zero] |= free[zero] @ -left > doubles.ZERO
+    rest = free[~positive]
+    if rest.shape[0]:
+        free = free @ rank.null_basis(rest)
+    return mu, ~np.asarray(positive & (np.linalg.norm(free, axis=1) > rank.PARAMETERS.large))
+
+
+def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
+    """The shortest mu + free z >= 0, `free` (k, d) orthonormal: that of a mu without a part in them, and then the
+    shortest z that makes it push."""
+    least = mu - free @ (free.T @ mu)
+    lengths = np.linalg.norm(free, axis=1)
+    rows = lengths > doubles.ZERO
+    rows[:pulling] = False
+    # Rounding must not make two shares that can only be zero contradict each other.
+    bounds = -least[rows] - 16 * doubles.EPS * float(np.linalg.norm(mu))
+    try:
+        z = least_distance.shortest(free[rows] / lengths[rows, None], bounds / lengths[rows]).x
+    except (least_distance.ContradictoryRows, least_distance.UndecidedRows):
+        # One share alone is possible, and rounding leaves none.
+        return mu
+    mu = least + free @ z
+    mu[pulling:] = np.maximum(mu[pulling:], 0.0)
+    return mu

@@ -7,18 +7,24 @@ Forces: M a = h + B^T lambda_B + G^T lambda, B a = gamma_B, and 0 <= lambda_j, d
 Both ask for a push at one configuration. In the whitened metric (B~ = B M^-1/2) it is u = B~^T mu_B + G~^T mu_G: the
 shortest with B~ u = c and G~ u >= d, where contacts only push and only where G~ u = d. Impacts ask it of velocities,
 contact forces of accelerations.
+
+Of few contacts whose rows stand well apart the answers are formulas. With D = G P G^T (k, k), P the inverse of M that
+equality rows leave, both laws ask for 0 <= z, D z + c >= 0, one of the two zero for each contact. Of one contact,
+Lambda = -(1 + e) dot g- / D. Of more every set that may push is tried; D is positive definite, so that one answers
+(Cottle, Pang and Stone, The Linear Complementarity Problem, section 3.3).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
 from lagcli import doubles
-from lagcli.contact import complementarity, load_sharing
+from lagcli.contact import complementarity
+from lagcli.contact.complementarity import Flags
 from lagcli.contact.least_distance import ContradictoryRows, Floats, UndecidedRows
-from lagcli.contact.load_sharing import Flags
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked
@@ -27,7 +33,7 @@ from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked
 class ImpactParameters:
     """Impacts and forces of contacts; parts are of no unit.
 
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
+    The tests are of `tests/unit/test_numbers_of_contacts.py` and `tests/unit/test_numbers_of_starts.py`.
     """
 
     __slots__ = ()
@@ -35,6 +41,14 @@ class ImpactParameters:
     refinements: int = 2
     """Each refinement gains all the digits there are; the second finds nothing but rounding.
     `test_rows_of_an_impact_are_met_to_rounding_after_two_refinements` fails at 0."""
+    most: int = 4
+    """So many contacts are few. `test_four_contacts_are_few` fails at 0 and 40."""
+    apart: float = 1e-2
+    """The smallest eigenvalue of D with ones on its diagonal is not below this: what is solved with it keeps
+    its digits. `test_few_contacts_are_apart_from_a_hundredth` fails at 0.001 and 0.1."""
+    free: float = 0.01
+    """Of the square of a row the equality rows leave this part at the least, or rounding is too large for a
+    formula. `test_a_formula_serves_a_row_of_which_a_hundredth_is_left` fails at 0.001 and 0.1."""
 
 
 PARAMETERS = ImpactParameters()
@@ -90,12 +104,8 @@ def impact(
     rows = TouchingRows(metric, B, G)
     before = rows.G.times(v) + g_t
     terms = _sizes(rows.G, v) + np.abs(g_t)
-    push = _push(
-        rows,
-        -(rows.B.times(v) + b),
-        least_after(before, e) - before,
-        complementarity.PARAMETERS.safe * doubles.EPS * terms,
-    )
+    rounding = complementarity.PARAMETERS.safe * doubles.EPS * terms
+    push = _push(rows, -(rows.B.times(v) + b), least_after(before, e) - before, rounding)
     after = v + push.change
     speeds = rows.G.times(after) + g_t
     energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
@@ -229,7 +239,7 @@ class ContactBlock:
         mu[:C] = self._equalities.weights(base - across.T @ (across @ (contacts.T @ mu[C:])))
         rows = np.concatenate([np.ones(C, dtype=bool), found.holds])
         unique = np.ones(rows.size, dtype=bool)
-        mu[rows], unique[rows] = load_sharing.shared(self._unit[rows], mu[rows], C)
+        mu[rows], unique[rows] = complementarity.shared(self._unit[rows], mu[rows], C)
         return self._refined(mu, asked), unique
 
     def _bare(self, contacts: Floats) -> Floats:
@@ -249,3 +259,115 @@ class ContactBlock:
             mu[rows] += holding.weights_of_step(missing)
         mu[self._count :] = np.maximum(mu[self._count :], 0.0)
         return mu
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """The effect of an impulse 1 of a contact: velocities P G^T (n,), impulses of the equality rows (C,).
+
+    square: G P G^T; free: G M^-1 G^T; left: what rounding leaves of the equality rows, as a part; terms: the sum of
+    |G_i v_i| and |g_t| at the velocities at hand.
+    """
+
+    x: Floats
+    of_equalities: Floats
+    square: float
+    free: float
+    left: float
+    terms: float
+
+    @property
+    def is_certain(self) -> bool:
+        """True where the formula is as good as rounding."""
+        is_left = 0.0 < self.free < np.inf and self.square > PARAMETERS.free * self.free
+        return bool(is_left and self.left <= doubles.VALUE)
+
+
+def single(v: Floats, speed: float, e: float, response: Response) -> LawResult | None:
+    """The impact of one contact with dg/dt = speed and coefficient e; None where rounding is too large for a formula.
+
+    Raises `EnergyCreated`.
+    """
+    if not response.is_certain:
+        return None
+    before = np.array([speed])
+    asked = float(least_after(before, np.array([e]))[0])
+    impulse = max(0.0, asked - speed) / response.square
+    after = speed + impulse * response.square
+    rounding = complementarity.PARAMETERS.safe * doubles.EPS * response.terms
+    if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
+        return None
+    speeds, impulses = np.array([after]), np.array([impulse])
+    energy = certified(Exchange(before, speeds, np.array([response.terms])), impulses)
+    of_equalities = impulse * response.of_equalities
+    unique = np.ones(of_equalities.size + 1, dtype=bool)
+    return LawResult(v + impulse * response.x, of_equalities, impulses, unique, speeds, energy)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class FewContacts:
+    """The responses of contacts, and D."""
+
+    responses: tuple[Response, ...]
+    D: Floats
+
+    @property
+    def are_apart(self) -> bool:
+        """True where formulas are as good as rounding."""
+        if not all(response.is_certain for response in self.responses):
+            return False
+        if len(self.responses) == 1:
+            return True
+        scale = 1 / np.sqrt(np.diag(self.D))
+        return bool(np.linalg.eigvalsh(self.D * scale * scale[:, None])[0] >= PARAMETERS.apart)
+
+    @property
+    def free(self) -> Floats:
+        """G_i M^-1 G_i^T (k,)."""
+        return np.array([response.free for response in self.responses])
+
+    def moved(self, x: Floats, z: Floats) -> Floats:
+        """Velocities or accelerations x (n,) after impulses or forces z (k,)."""
+        for response, part in zip(self.responses, z.tolist(), strict=True):
+            if part:
+                x = x + part * response.x
+        return x
+
+    def of_equalities(self, z: Floats) -> Floats:
+        """Impulses or forces of the equality rows (C,) beside those of the contacts, z (k,)."""
+        return np.asarray(z @ np.array([response.of_equalities for response in self.responses]))
+
+    def solve(self, c: Floats, rounding: Floats) -> Floats | None:
+        """z (k,) with 0 <= z, D z + c >= -rounding and z_j = 0 or (D z + c)_j = 0; None where rounding decides."""
+        count = c.size
+        if (c >= -rounding).all():
+            return np.zeros(count)
+        for size in range(1, count + 1):
+            for each in itertools.combinations(range(count), size):
+                closed = list(each)
+                if size == 1:
+                    part = -c[closed] / self.D[closed[0], closed[0]]
+                else:
+                    part = np.linalg.solve(self.D[np.ix_(closed, closed)], -c[closed])
+                if not (part > 0.0).all():
+                    continue  # one that stays closed pulls
+                z = np.zeros(count)
+                z[closed] = part
+                if (self.D @ z + c >= -rounding).all():
+                    return z
+        return None
+
+    def impact(self, v: Floats, speeds: Floats, e: Floats, terms: Floats) -> LawResult | None:
+        """The impact of contacts with dg/dt = speeds (k,), sums of terms (k,), and coefficients e (k,).
+
+        None where rounding decides. Raises `EnergyCreated`.
+        """
+        c = speeds - least_after(speeds, e)
+        z = self.solve(c, complementarity.PARAMETERS.safe * doubles.EPS * terms)
+        if z is None:
+            return None
+        after = speeds + self.D @ z
+        energy = certified(Exchange(speeds, after, terms), z)
+        of_equalities = self.of_equalities(z)
+        unique = np.ones(of_equalities.size + z.size, dtype=bool)
+        return LawResult(self.moved(v, z), of_equalities, z, unique, after, energy)

@@ -11,7 +11,7 @@ import copy
 import dataclasses
 import math
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -92,19 +92,19 @@ class TimeFunctions:
 
 def functions(model: nouns.Model) -> TimeFunctions | None:
     """The functions of t in everything that moves a model; None where t does not occur there."""
-    timed = _Timed(model)
-    if not timed.laws and not timed.on_particles:
+    names, laws, on_particles = _timed(model)
+    if not laws and not on_particles:
         return None
     record = _Record()
-    leaves = _Leaves(model, timed.names)
+    leaves = _Leaves(model, names)
     # Each after those it uses, so that a chain of any length needs no deep stack.
     discarded = _Record(math.inf)
     for step in model.order:
         if isinstance(step, str):
-            leaves.define(step, record if step in timed.names else discarded)
-    for law, variables in timed.laws:
+            leaves.define(step, record if step in names else discarded)
+    for law, variables in laws:
         _walk(law, _Algebra(record, leaves, variables))
-    for law, variables in timed.on_particles:
+    for law, variables in on_particles:
         _walk(law, _Algebra(record, leaves.on_a_particle(), variables))
     return record.functions()
 
@@ -116,50 +116,47 @@ def _walk(node: tree.Node, algebra: _Algebra) -> None:
         evaluate.value(node, algebra)
 
 
-class _Timed:
-    """The expressions of a model in which t occurs: laws with their index variables, forces on particles apart; `names`
-    of the definitions and dependent particles that hold t."""
-
-    def __init__(self, model: nouns.Model) -> None:
-        self.names = {"t"}
-        self.laws: list[tuple[tree.Node, Mapping[str, Integers]]] = []
-        self.on_particles: list[tuple[tree.Node, Mapping[str, Integers]]] = []
-        meanings = {d.name: d.expression for d in model.definitions}
-        for step in model.order:
-            if isinstance(step, str):
-                if self._holds(meanings[step]):
-                    self.names.add(step)
-                continue
-            particle = model.particles[step.entry]
-            parts = [part for part in particle.position.parts if self._holds(part)]
-            if parts:
-                self.names.add(particle.members.base)
-                taken = particle.members.taken(step.member_numbers)
-                self.laws += [(part.tree, taken) for part in parts]
-        for expression, variables in _laws(model):
-            if self._holds(expression):
-                self.laws.append((expression.tree, variables))
-        for force in model.forces:
-            if isinstance(force, nouns.ParticleForce):
-                # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
-                timed = [part.tree for part in force.force.parts if self._holds(part)]
-                self.on_particles += [(part, force.members.variables) for part in timed]
-
-    def _holds(self, expression: nouns.Expression) -> bool:
-        return not self.names.isdisjoint(expression.words)
+# An expression with its index variables.
+_Laws = list[tuple[tree.Node, Mapping[str, Integers]]]
 
 
-def _laws(model: nouns.Model) -> Iterator[tuple[nouns.Expression, Mapping[str, Integers]]]:
-    """Every expression that enters the equations of motion or the events, but for definitions, positions and forces on
-    particles."""
+def _timed(model: nouns.Model) -> tuple[set[str], _Laws, _Laws]:
+    """What holds t: the names of definitions and dependent particles, laws, and forces on particles apart."""
+    names = {"t"}
+    laws: _Laws = []
+    on_particles: _Laws = []
+
+    def holds(expression: nouns.Expression) -> bool:
+        return not names.isdisjoint(expression.words)
+
+    meanings = {d.name: d.expression for d in model.definitions}
+    for step in model.order:
+        if isinstance(step, str):
+            if holds(meanings[step]):
+                names.add(step)
+            continue
+        particle = model.particles[step.entry]
+        parts = [part for part in particle.position.parts if holds(part)]
+        if parts:
+            names.add(particle.members.base)
+            taken = particle.members.taken(step.member_numbers)
+            laws += [(part.tree, taken) for part in parts]
+    others: list[tuple[nouns.Expression, Mapping[str, Integers]]] = []
     if model.lagrangian is not None:
-        yield model.lagrangian, {}
+        others.append((model.lagrangian, {}))
     for force in model.forces:
-        if not isinstance(force, nouns.ParticleForce):
-            expression = force.expression if isinstance(force, nouns.Potential) else force.force
-            yield expression, force.members.variables
-    yield from ((law.equation, law.members.variables) for law in model.laws)
-    yield from ((event.when, {}) for event in model.events)
+        variables = force.members.variables
+        if isinstance(force, nouns.ParticleForce):
+            # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
+            on_particles += [(part.tree, variables) for part in force.force.parts if holds(part)]
+        else:
+            others.append(
+                (force.expression if isinstance(force, nouns.Potential) else force.force, variables)
+            )
+    others += [(law.equation, law.members.variables) for law in model.laws]
+    others += [(event.when, {}) for event in model.events]
+    laws += [(expression.tree, variables) for expression, variables in others if holds(expression)]
+    return names, laws, on_particles
 
 
 class _Value:
@@ -205,9 +202,20 @@ class _Record:
             return _MOTION_AND_TIME
         numbers = [part.number for part in parts if part.number is not None]
         if len(numbers) == len(parts):
-            return _Value(number=_folded(name, numbers))
+            if name in _FAST and numbers[0][0].size == numbers[1][0].size == 1:
+                # By far the most often.
+                (a, b), (c, d) = numbers
+                if a is b and c is d and not (name == "div" and float(c) == 0.0):
+                    return _Value(number=intervals.constant(_FAST[name](float(a), float(c))))
+            return _Value(number=intervals.ARRAYS.result(name, *numbers))
         if any(part.number is None and part.index is None for part in parts):
-            return self._mix(name, parts)
+            # On what depends on the motion. A quotient by what does not depend on both is a product.
+            is_timed = any(part.is_timed for part in parts)
+            own = parts[1:] if name == "div" else parts
+            mixed = any(part.is_timed and part.index is None for part in own)
+            if name not in _PLAIN and (mixed or (name != "div" and is_timed)):
+                self.is_mixed = True
+            return _MOTION_AND_TIME if is_timed else _MOTION
         inputs = [part.number if part.number is not None else part.index for part in parts]
         taken = tuple(part for part in inputs if part is not None)
         members = max(
@@ -218,21 +226,9 @@ class _Record:
             return _MOTION_AND_TIME
         return _Value(index=self._put(Operation(name, taken), members), is_timed=True)
 
-    def _mix(self, name: str, parts: tuple[_Value, ...]) -> _Value:
-        """An operation on what depends on the motion."""
-        is_timed = any(part.is_timed for part in parts)
-        # A quotient by what does not depend on both is a product.
-        own = parts[1:] if name == "div" else parts
-        mixed = any(part.is_timed and part.index is None for part in own)
-        if name not in _PLAIN and (mixed or (name != "div" and is_timed)):
-            self.is_mixed = True
-        return _MOTION_AND_TIME if is_timed else _MOTION
-
     def _put(self, operation: Operation, members: int) -> int:
-        keys = tuple(
-            part if isinstance(part, int) else (part[0].tobytes(), part[1].tobytes())
-            for part in operation.parts
-        )
+        parts = operation.parts
+        keys = (part if isinstance(part, int) else (part[0].tobytes(), part[1].tobytes()) for part in parts)
         key = (operation.name, *keys)
         if key in self._indices:
             return self._indices[key]
@@ -240,9 +236,16 @@ class _Record:
         self._size += members
         index = self._indices[key] = len(self._operations)
         self._members.append(members)
-        jumps = any(self._jumps[part] for part in operation.parts if isinstance(part, int))
-        self._jumps.append(jumps or operation.name == "sign")
-        if not (_is_steady(operation) or self._jumps[index]):
+        self._jumps.append(
+            operation.name == "sign" or any(self._jumps[part] for part in parts if isinstance(part, int))
+        )
+        # It rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number.
+        last, is_steady = parts[-1], operation.name in _STEADY
+        if operation.name in ("div", "pow") and not isinstance(last, int):
+            is_steady = (
+                bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all()) or operation.name == "div"
+            )
+        if not (is_steady or self._jumps[index]):
             self._oscillations[index] = None
         return index
 
@@ -255,24 +258,6 @@ class _Record:
         """All of it."""
         member_numbers = tuple(self._switches), tuple(self._oscillations)
         return TimeFunctions(tuple(self._operations), self._size, *member_numbers, self.is_mixed)
-
-
-def _folded(name: str, numbers: list[Range]) -> Range:
-    """An operation on numbers; on two by far the most often."""
-    if name in _FAST and numbers[0][0].size == numbers[1][0].size == 1:
-        (a, b), (c, d) = numbers
-        if a is b and c is d and not (name == "div" and float(c) == 0.0):
-            return intervals.constant(_FAST[name](float(a), float(c)))
-    return intervals.ARRAYS.result(name, *numbers)
-
-
-def _is_steady(operation: Operation) -> bool:
-    """True if it rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number."""
-    last = operation.parts[-1]
-    if operation.name in ("div", "pow") and not isinstance(last, int):
-        is_integer = bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())
-        return is_integer or operation.name == "div"
-    return operation.name in _STEADY
 
 
 class _Leaves:

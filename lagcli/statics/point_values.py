@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.contact import load_sharing
+from lagcli.contact import complementarity
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
 from lagcli.smoothness.sized_function import SizedFunction
@@ -112,7 +112,7 @@ def pushing_multipliers(rows: Floats, lam: Floats, M: Floats, equalities: int) -
     """lambda (C,) with the same rows^T lambda, no less than 0 after the first `equalities`, of least norm in the mass
     metric, and whether it is the only one: the same as in a run. rows (C, n), M (n, n)."""
     unit, size = _in_metric(rows, M)
-    shared, same = load_sharing.shared(unit, lam * size, equalities)
+    shared, same = complementarity.shared(unit, lam * size, equalities)
     return np.asarray(np.divide(shared, size, out=np.zeros_like(lam), where=size > 0)), bool(same.all())
 
 

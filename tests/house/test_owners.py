@@ -143,7 +143,7 @@ def pieces_of(pattern: ast.expr) -> set[str]:
 # Decision 0030 says what they look for besides switches.
 PASSES = {
     *("lagcli.smoothness.operation_graph", "lagcli.smoothness.switches", "lagcli.smoothness.jump_search"),
-    *("lagcli.smoothness.pieces", "lagcli.equations.branch_cuts", "lagcli.equations.operation_rules"),
+    *("lagcli.equations.branch_cuts", "lagcli.equations.operation_rules"),
     *("lagcli.equations.power_series", "lagcli.compiled.contact_values", "lagcli.compiled.program"),
     *("lagcli.compiled.narrow_arguments", "lagcli.compiled.row_block", "lagcli.statics.kink_points"),
 }

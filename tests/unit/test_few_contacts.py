@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lagcli.contact import few_contacts, impact_law
-from lagcli.contact.few_contacts import FewContacts, Response
+from lagcli.contact import impact_law
+from lagcli.contact.impact_law import FewContacts, Response
 from lagcli.linear.metric import Metric
 
 
@@ -67,4 +67,4 @@ def test_a_set_that_pulls_is_no_answer():
     assert few.solve(np.array([-1.0, 0.5]), np.zeros(2)) == pytest.approx([0.7 / 0.64, 0.1 / 0.64])
     other = FewContacts(few.responses, np.array([[1.0, 0.6], [0.6, 1.0]]))
     assert other.solve(np.array([-1.0, -0.5]), np.zeros(2)) == pytest.approx([1.0, 0.0])
-    assert few_contacts.PARAMETERS.most >= 2
+    assert impact_law.PARAMETERS.most >= 2

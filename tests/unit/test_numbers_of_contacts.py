@@ -12,12 +12,10 @@ from lagcli.contact import (
     complementarity,
     impact_law,
     least_distance,
-    load_sharing,
     zero_bounds,
     zero_search,
 )
-from lagcli.contact.few_contacts import FewContacts, Response
-from lagcli.contact.impact_law import ContactBlock
+from lagcli.contact.impact_law import ContactBlock, FewContacts, Response
 from lagcli.contact.least_distance import ContradictoryRows
 from lagcli.contact.zero_search import first_crossing
 from lagcli.linear.metric import Metric
@@ -128,7 +126,7 @@ def rows_at(sigma):
 
 @pytest.mark.parametrize(("sigma", "is_unique"), [(1e-5, True), (1e-6, False)])
 def test_loads_are_unique_where_rows_are_independent(sigma, is_unique):
-    _, same = load_sharing.shared(rows_at(sigma), np.ones(2))
+    _, same = complementarity.shared(rows_at(sigma), np.ones(2))
     assert same.tolist() == [is_unique] * 2
 
 

@@ -6,9 +6,8 @@ import pytest
 
 import lagcli
 from lagcli.compiled import NumericSystem, numeric
-from lagcli.contact import few_contacts, impact_law
-from lagcli.contact.few_contacts import Response
-from lagcli.contact.impact_law import EnergyCreated, TouchingRows
+from lagcli.contact import impact_law
+from lagcli.contact.impact_law import EnergyCreated, Response, TouchingRows
 from lagcli.equations import system
 from lagcli.linear.metric import Metric
 from lagcli.simulation.closed_contacts.contact_instant import (
@@ -45,7 +44,7 @@ def test_the_formula_is_the_law_of_all_contacts(limit: float, monkeypatch: pytes
     x, lam, told = (np.array(each).ravel() for each in functions.response(0, q, v, p, f))
     response = Response(x, lam, *told.tolist(), terms=abs(v[2]))
     assert response.is_certain
-    found = few_contacts.single(v, v[2], 0.7, response)
+    found = impact_law.single(v, v[2], 0.7, response)
     assert found is not None
     rows = ca.DM(B), np.zeros(1)
     metric = Metric(ca.diag(ca.DM([1, 1, 1, 2, 2, 2])))
@@ -71,7 +70,7 @@ def test_a_contact_that_hardly_moves_is_left_to_the_law_of_all() -> None:
     broken = Response(np.ones(1), np.zeros(0), square=1.0, free=1.0, left=1e-9, terms=1.0)
     nothing = Response(np.zeros(1), np.zeros(0), square=0.0, free=0.0, left=0.0, terms=1.0)
     for response in (held, broken, nothing):
-        assert few_contacts.single(-np.ones(1), -1.0, 0.5, response) is None
+        assert impact_law.single(-np.ones(1), -1.0, 0.5, response) is None
 
 
 def test_energy_that_would_be_made_is_seen() -> None:

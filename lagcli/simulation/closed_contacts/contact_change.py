@@ -10,7 +10,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
-from lagcli.contact import complementarity, few_contacts, impact_law
+from lagcli.contact import complementarity, impact_law
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
 from lagcli.smoothness import sides
 from lagcli.start.initial import State
@@ -138,7 +138,7 @@ def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     try:
         if near.size == 1 and here.has_independent_rows:
             j = int(near[0])
-            single = few_contacts.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
+            single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
             if single is not None:
                 return single
         few = here.few(near)

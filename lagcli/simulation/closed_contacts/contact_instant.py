@@ -14,8 +14,8 @@ from lagcli import doubles
 from lagcli.compiled import NumericSystem, contact_values
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.contact_values import MotionNumbers
-from lagcli.contact import few_contacts
-from lagcli.contact.few_contacts import FewContacts, Response
+from lagcli.contact import impact_law
+from lagcli.contact.impact_law import FewContacts, Response
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, sparse, stacked
 from lagcli.start.initial import State
@@ -272,7 +272,7 @@ class ContactInstant:
     def few(self, contacts: Numbers) -> FewContacts | None:
         """Contacts that are few and stand well apart from each other and from equality rows, of which none is
         redundant; None where they do not."""
-        if not (0 < contacts.size <= few_contacts.PARAMETERS.most and self.has_independent_rows):
+        if not (0 < contacts.size <= impact_law.PARAMETERS.most and self.has_independent_rows):
             return None
         key = tuple(contacts.tolist())
         if key not in self._few:
