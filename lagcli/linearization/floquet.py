@@ -9,7 +9,6 @@ hold them at the start and, as the equations keep the rows, ever after.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable
 
@@ -21,7 +20,7 @@ from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions, rank
 from lagcli.linearization import spectrum
-from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
+from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import PATH_PARTS
 from lagcli.smoothness.sized_function import SizedFunction
 
@@ -30,9 +29,8 @@ Complex = npt.NDArray[np.complex128]
 Signature = Callable[[float], Floats]
 
 RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow
-# Times that are looked at in a span, and spans as parts of the time allowed, the shortest first.
-TIMES = 400
-SPANS = (1e-3, 1e-2, 1e-1, 1.0)
+# Times that are looked at in a span, and decades of the spans, the longest of which is the time allowed.
+TIMES, DECADES = 400, 3
 # A return is one that comes this near, as a part of the way between: at 1e-8
 # `test_a_motion_is_periodic_where_it_comes_back_to_seven_digits` of `tests/unit/test_numbers_of_linear_equations.py`
 # fails.
@@ -41,23 +39,12 @@ CLOSED = 1e-7
 REFINEMENTS = 60
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Cycle:
-    """A period, the multipliers (k,), those that are 1 first, and the deviations dq (k, n) at the start with them."""
-
-    period: float
-    multipliers: Complex
-    shapes: Complex
-
-
 class FollowedMotion:
     """A motion from a state, by the functions of its independent rows."""
 
     def __init__(self, functions: LinearizedFunctions, numeric: NumericSystem, here: Reference) -> None:
         self.functions, self.numeric, self.here = functions, numeric, here
-        n = here.q.size
-        self.begin = np.concatenate([here.q, here.v])
-        self._n = n
+        self._n, self._begin = here.q.size, np.concatenate([here.q, here.v])
 
     def rate(self, t: float, y: Floats) -> Floats:
         """y' of y = (q, v)."""
@@ -77,16 +64,15 @@ class FollowedMotion:
 
         t = self.here.t
         found = integrate.solve_ivp(
-            self.rate, (t, t + length), self.begin, "DOP853", dense_output=True, **self._tolerance()
+            self.rate, (t, t + length), self._begin, "DOP853", dense_output=True, **self._tolerance()
         )
         if not found.success:
             return None
         return lambda s: np.asarray(found.sol(t + s))
 
     def _tolerance(self) -> dict[str, float | Floats]:
-        q, v = np.split(np.abs(self.begin), 2)
-        size, speed = float(q.max(initial=0.0)) or 1.0, float(v.max(initial=0.0)) or 1.0
-        return {"rtol": RTOL, "atol": ATOL * np.repeat([size, speed], self._n)}
+        sizes = [float(part.max(initial=0.0)) or 1.0 for part in np.split(np.abs(self._begin), 2)]
+        return {"rtol": RTOL, "atol": ATOL * np.repeat(sizes, self._n)}
 
     def is_steady(self, length: float) -> bool:
         """True if kinetic energy and the sizes of forces stay the same for a time: it is steady seen otherwise."""
@@ -104,16 +90,14 @@ class FollowedMotion:
     def signature(self, path: Callable[[float], Floats], s: float) -> Floats:
         """Velocities and the entries of the linear equations at a time after the start, of one size."""
         here = self.reference(self.here.t + s, path(s))
-        values = self.functions.values(here)
-        return np.concatenate([here.v / self._speed, values / self._entries])
+        speed, entries = self._units
+        return np.concatenate([here.v / speed, self.functions.values(here) / entries])
 
     @functools.cached_property
-    def _speed(self) -> float:
-        return float(np.abs(self.here.v).max(initial=0.0)) or 1.0
-
-    @functools.cached_property
-    def _entries(self) -> float:
-        return float(np.abs(self.functions.values(self.here)).max(initial=0.0)) or 1.0
+    def _units(self) -> tuple[float, float]:
+        both = (self.here.v, self.functions.values(self.here))
+        speed, entries = (float(np.abs(part).max(initial=0.0)) or 1.0 for part in both)
+        return speed, entries
 
     def monodromy(self, deviations: Floats, T: float) -> Floats:
         """Deviations (2n, k) of (q, v) a period later."""
@@ -126,7 +110,7 @@ class FollowedMotion:
         function = SizedFunction(
             "variation", [t, ca.vertcat(y, ca.vec(W))], [ca.vertcat(rate, ca.vec(carried))]
         )
-        begin = np.concatenate([self.begin, deviations.T.ravel()])
+        begin = np.concatenate([self._begin, deviations.T.ravel()])
         tolerance = self._tolerance()
         sizes = np.abs(deviations).max(axis=0)
         tolerance["atol"] = np.concatenate([tolerance["atol"], np.repeat(ATOL * sizes, 2 * n)])
@@ -141,37 +125,29 @@ class FollowedMotion:
         return np.asarray(end.y[2 * n :, -1]).reshape(k, 2 * n).T
 
 
-def cycle(orbit: FollowedMotion, T: float) -> Cycle:
-    """The multipliers of a motion with the period T."""
-    linear = orbit.functions.at(orbit.here)
-    deviations = _tangent(linear, T)
+def cycle(orbit: FollowedMotion, T: float) -> tuple[Complex, Complex]:
+    """The multipliers (k,) of a motion with the period T, those that are 1 first, and the deviations dq (k, n) at the
+    start with them."""
+    linear, n = orbit.functions.at(orbit.here), orbit.here.q.size
+    B, A, D, D_holonomic = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_holonomic))
+    # An orthonormal basis of the deviations of (q, v) that the rows allow, in units of T, in which speeds are of the
+    # size of positions
+    positions = np.hstack([B, np.zeros_like(B)])
+    speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[: len(D_holonomic)], A]) / T])
+    basis = rank.null_basis(decompositions.unit(np.vstack([positions, speeds])))
+    basis[n:] /= T
+    deviations = decompositions.orthonormal(basis)[0]
     carried = deviations.T @ orbit.monodromy(deviations, T)
     found = spectrum.deflate(carried - np.eye(len(carried)), doubles.ZERO * float(np.linalg.norm(carried, 2)))
     values, vectors = np.linalg.eig(found.rest)
     others = 1 + values
     order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
-    n, null = orbit.here.q.size, found.null
-    shapes = (
-        found.full_vectors(values.astype(complex), vectors.astype(complex))
-        if values.size
-        else found.null[:, :0]
-    )
-    every = np.hstack([null.astype(complex), shapes[:, order]])
+    shapes = np.zeros((len(found.null), 0), dtype=complex)
+    if values.size:
+        shapes = found.full_vectors(values.astype(complex), vectors.astype(complex))
+    every = np.hstack([found.null.astype(complex), shapes[:, order]])
     multipliers = np.concatenate([np.ones(found.zeros, dtype=complex), others[order]])
-    return Cycle(T, multipliers, (deviations[:n] @ every).T)
-
-
-def _tangent(linear: Linear, T: float) -> Floats:
-    """An orthonormal basis (2n, k) of the deviations of (q, v) that the rows allow; T: a time of the motion."""
-    B, A, D, D_holonomic = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_holonomic))
-    h, n = D_holonomic.shape
-    nothing = np.zeros_like(B)
-    positions = np.hstack([B, nothing])
-    speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[:h], A]) / T])
-    basis = rank.null_basis(decompositions.unit(np.vstack([positions, speeds])))
-    # In units of T speeds are of the size of positions.
-    basis[n:] /= T
-    return decompositions.orthonormal(basis)[0]
+    return multipliers, (deviations[:n] @ every).T
 
 
 def period(signature: Signature, longest: float) -> float | None:
@@ -180,8 +156,8 @@ def period(signature: Signature, longest: float) -> float | None:
     A return of its value is looked for by its way through the plane across its first direction, and what comes back
     must do so at other instants too.
     """
-    for span in SPANS:
-        times = np.linspace(0.0, span * longest / 2, TIMES)
+    for decade in range(DECADES, -1, -1):
+        times = np.linspace(0.0, 10.0**-decade * longest / 2, TIMES)
         values = np.array([signature(t) for t in times])
         size = np.abs(values - values[0]).max(axis=0)
         if not size.any() or not np.isfinite(values).all():
@@ -194,25 +170,26 @@ def period(signature: Signature, longest: float) -> float | None:
 
 def _first_return(signature: Signature, times: Floats, values: Floats, size: float) -> float | None:
     """The first return among sampled values."""
+    from scipy import optimize
+
     # A generic instant: at the first one a derivative may vanish.
     begin = int(PATH_PARTS[1] * len(times))
     here, ahead = values[begin], values[begin + 1] - values[begin - 1]
     along = (values - here) @ ahead
+
+    def way(t: float) -> float:
+        return float((signature(t) - here) @ ahead)
+
     for k in range(begin + 1, len(times) - 1):
-        if along[k] < 0 <= along[k + 1]:
-            at = _root(lambda t: float((signature(t) - here) @ ahead), times[k], times[k + 1])
-            T = at - times[begin]
-            again = (times[int(part * (len(times) - 1))] for part in PATH_PARTS[:3])
-            if np.abs(signature(at) - here).max() <= CLOSED * size and all(
-                np.abs(signature(t + T) - signature(t)).max() <= CLOSED * size for t in again
-            ):
-                return float(T)
+        if not along[k] < 0 <= along[k + 1]:
+            continue
+        at, until = times[k], times[k + 1]
+        if way(at) != 0:
+            at = float(optimize.brentq(way, at, until, xtol=1e-300, rtol=4e-15, maxiter=REFINEMENTS))
+        T = at - times[begin]
+        again = (times[int(part * (len(times) - 1))] for part in PATH_PARTS[:3])
+        if np.abs(signature(at) - here).max() <= CLOSED * size and all(
+            np.abs(signature(t + T) - signature(t)).max() <= CLOSED * size for t in again
+        ):
+            return float(T)
     return None
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    from scipy import optimize
-
-    if function(low) == 0:
-        return low
-    return float(optimize.brentq(function, low, high, xtol=1e-300, rtol=4e-15, maxiter=REFINEMENTS))

@@ -91,40 +91,13 @@ class Linear:
         self.matrices = matrices
         self.residual, self.load, self.cyclic = residual, load, cyclic
 
-    @cached_property
-    def M(self) -> sparse.csc_array:
-        """The mass matrix."""
-        return _sparse(self.matrices.M)
-
-    @cached_property
-    def C(self) -> sparse.csc_array:
-        """Damping and gyroscopic terms."""
-        return _sparse(self.matrices.C)
-
-    @cached_property
-    def K(self) -> sparse.csc_array:
-        """Stiffness, prestress and circulatory terms."""
-        return _sparse(self.matrices.K)
-
-    @cached_property
-    def B(self) -> sparse.csc_array:
-        """The holonomic rows."""
-        return _sparse(self.matrices.B)
-
-    @cached_property
-    def A(self) -> sparse.csc_array:
-        """The differential rows by the rates."""
-        return _sparse(self.matrices.A)
-
-    @cached_property
-    def D(self) -> sparse.csc_array:
-        """The differential rows by the positions."""
-        return _sparse(self.matrices.D)
-
-    @cached_property
-    def D_holonomic(self) -> sparse.csc_array:
-        """The gradient of the rates of the holonomic rows by the positions."""
-        return _sparse(self.matrices.D_holonomic)
+    M = cached_property(lambda self: _sparse(self.matrices.M))
+    C = cached_property(lambda self: _sparse(self.matrices.C))  # damping and gyroscopic terms
+    K = cached_property(lambda self: _sparse(self.matrices.K))  # stiffness, prestress and circulatory terms
+    B = cached_property(lambda self: _sparse(self.matrices.B))
+    A = cached_property(lambda self: _sparse(self.matrices.A))
+    D = cached_property(lambda self: _sparse(self.matrices.D))
+    D_holonomic = cached_property(lambda self: _sparse(self.matrices.D_holonomic))
 
     @cached_property
     def inertia(self) -> Floats:
@@ -177,9 +150,15 @@ class LinearizedFunctions:
         b_holonomic = ca.vertcat(built.rows.b[:holonomic, :], built.contacts.g_t[numbers, :])
         D_holonomic = ca.jacobian(ca.densify(B @ v) + b_holonomic, q)
         self.system, self.closed = built, tuple(numbers)
-        self._charts = [
-            _chart_slopes(built, level_functions.charts(built, each.charts).charts) for each in integrals
-        ]
+        # The gradients of the ratios above/below of the charts of each integral, one row each
+        self._charts = []
+        for each in integrals:
+            slopes = []
+            for chart in level_functions.charts(built, each.charts).charts:
+                above, below = (ca.jacobian(part, q) for part in (chart.above, chart.below))
+                ratio = above if chart.period is not None else above * chart.below - chart.above * below
+                slopes.append(ca.densify(ratio))
+            self._charts.append(SizedFunction("leaf", [s.t, q, built.p], [ca.vertcat(*slopes)]))
         self._inputs = [s.t, q, v, a, built.lam, built.p]
         # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
         terms = operation_rules.term_sizes(h, [s.t, q, v, built.p])
@@ -187,7 +166,7 @@ class LinearizedFunctions:
         self._at = SizedFunction(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_holonomic, ca.densify(residual), load]
         )
-        self._K, self._loaded, self._rows = K, loaded, self._row_function(built, numbers)
+        self._K, self._loaded = K, loaded
         occurring = {int(j) for part in (K, D) for j in part.sparsity().get_col()}
         self.cyclic = np.array([j not in occurring for j in range(int(q.numel()))], dtype=bool)
         d = built.dynamics
@@ -218,11 +197,6 @@ class LinearizedFunctions:
         values, terms, scales = (np.array(part).ravel() for part in found)
         return RowValues(values, terms, scales, self.system.contacts.count - len(self.closed))
 
-    @cached_property
-    def _stiffness_terms(self) -> ca.Function:
-        sizes = operation_rules.term_sizes(ca.densify(ca.vec(self._K.nz[:])), self._inputs)
-        return SizedFunction("stiffness_terms", self._inputs, [ca.SX(self._K.sparsity(), sizes)])
-
     def stiffness_terms(self, here: Reference, linear: Linear) -> Floats:
         """The sizes of the terms of the entries of K (n, n), with multipliers as large as all forces could make them.
 
@@ -233,10 +207,14 @@ class LinearizedFunctions:
         lengths = LocalRows(ca.mtimes(rows, ca.diag(ca.DM(1 / linear.inertia)))).divisors
         lam = np.abs(here.lam)
         lam[self._loaded] += np.linalg.norm(linear.load / linear.inertia) / lengths
-        return np.array(self._stiffness_terms(here.t, here.q, here.v, here.a, lam, here.p))
+        sizes = operation_rules.term_sizes(ca.densify(ca.vec(self._K.nz[:])), self._inputs)
+        function = SizedFunction("stiffness_terms", self._inputs, [ca.SX(self._K.sparsity(), sizes)])
+        return np.array(function(here.t, here.q, here.v, here.a, lam, here.p))
 
-    def _row_function(self, built: System, closed: Sequence[int]) -> ca.Function:
+    @cached_property
+    def _rows(self) -> ca.Function:
         """The columns of `RowValues`. By Cauchy and Schwarz |B_i v| <= |B_i| |v| in the metric of the masses."""
+        built, closed = self.system, list(self.closed)
         s, contacts, holonomic = built.symbols, built.contacts, built.holonomic_count
         apart = [j for j in range(contacts.count) if j not in closed]
         B, G = ca.vertcat(built.rows.B, contacts.G[closed, :]), contacts.G[apart, :]
@@ -260,10 +238,8 @@ class LinearizedFunctions:
         random = np.random.default_rng(3)
         size = float(np.abs(here.q).max(initial=0.0)) or 1.0
         for _ in range(POINTS):
-            t, q = (
-                here.t + random.standard_normal(),
-                here.q + SPREAD * size * random.standard_normal(here.q.size),
-            )
+            t = here.t + random.standard_normal()
+            q = here.q + SPREAD * size * random.standard_normal(here.q.size)
             v = random.standard_normal(here.q.size)
             driving, left, terms = (np.array(part).ravel() for part in self._powers(t, q, v, here.p))
             if driving.any() or not (np.abs(left) <= doubles.ZERO * terms).all():
@@ -277,18 +253,6 @@ class LinearizedFunctions:
             return np.array(ca.solve(found[0], -found[7], SOLVER)).reshape(-1)
         except RuntimeError:  # what CasADi raises where the factorization fails
             return np.full(here.v.size, np.nan)
-
-
-def _chart_slopes(built: System, charts: Sequence[level_functions.LevelExpression]) -> ca.Function:
-    """The gradients of the ratios above/below of the charts of one integral, one row each."""
-    q = built.symbols.q
-    rows = []
-    for chart in charts:
-        above, below = (ca.jacobian(part, q) for part in (chart.above, chart.below))
-        rows.append(
-            ca.densify(above if chart.period is not None else above * chart.below - chart.above * below)
-        )
-    return SizedFunction("leaf", [built.symbols.t, q, built.p], [ca.vertcat(*rows)])
 
 
 def _leaf(slopes: ca.DM) -> ca.DM:

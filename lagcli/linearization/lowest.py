@@ -8,7 +8,6 @@ pivots of K - s M + rho B^T B (Sylvester), so that none is missed, and negative 
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,6 @@ from lagcli.smoothness import sides
 
 if TYPE_CHECKING:
     from scipy import sparse
-    from scipy.sparse.linalg import SuperLU
 
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -99,29 +97,23 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
     squares, x = squares[:count_chosen], x[:, :count_chosen]
     squares = np.where(np.abs(squares) <= doubles.VALUE * size, 0.0, squares)
     roots = np.sqrt(-squares + 0j)
-    return Lowest(
-        roots,
-        x.astype(complex),
-        2 * (n - rank),
-        True,
-        bool((squares > 0).all()) and not negative,
-        is_complete,
-    )
+    is_definite = bool((squares > 0).all()) and not negative
+    return Lowest(roots, x.astype(complex), 2 * (n - rank), True, is_definite, is_complete)
 
 
 def _below(K: sparse.csc_array, M: sparse.csc_array, B: sparse.csc_array, mu: float, size: float) -> int:
     """The number of w^2 below mu: the negative pivots of K - mu M + rho B^T B."""
     weight = STIFF * max(size, abs(mu)) * float(M.diagonal().max())
-    matrix = (K - mu * M + weight * (B.T @ B)).tocsc()
+    return int((_pivots(K - mu * M + weight * (B.T @ B)) < 0).sum())
+
+
+def _pivots(matrix: sparse.csc_array) -> Floats:
+    """The pivots (n,) of a symmetric matrix."""
+    matrix = matrix.tocsc()
     matrix.sort_indices()
-    pattern = _pattern(matrix)
-    D = ca.ldl(ca.DM(pattern, matrix.data))[0]
-    return int((np.array(D).ravel() < 0).sum())
-
-
-def _pattern(matrix: sparse.csc_array) -> ca.Sparsity:
     rows, columns = matrix.shape
-    return ca.Sparsity(int(rows), int(columns), matrix.indptr.tolist(), matrix.indices.tolist())
+    pattern = ca.Sparsity(int(rows), int(columns), matrix.indptr.tolist(), matrix.indices.tolist())
+    return np.array(ca.ldl(ca.DM(pattern, matrix.data))[0]).ravel()
 
 
 def _of_states(linear: Linear, wanted: int) -> Lowest:
@@ -173,12 +165,9 @@ def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats],
             factors = linalg.splu(sparse.bmat(blocks).tocsc())
         except RuntimeError:  # exactly singular: rows are dependent
             continue
-        return functools.partial(_solved, factors, np.zeros(h))
+        none = np.zeros(h)
+        return lambda y: np.asarray(factors.solve(np.concatenate([y.ravel(), none]))[: y.size])
     raise NotFoundError
-
-
-def _solved(factors: SuperLU, none: Floats, y: Floats) -> Floats:
-    return np.asarray(factors.solve(np.concatenate([y.ravel(), none]))[: y.size])
 
 
 def _unit(rows: sparse.csc_array) -> sparse.csc_array:
@@ -195,7 +184,4 @@ def _rank(rows: sparse.csc_array) -> int:
         return 0
     from scipy import sparse
 
-    gram = (rows @ rows.T + 1e-13 * sparse.eye(rows.shape[0])).tocsc()
-    gram.sort_indices()
-    pattern = _pattern(gram)
-    return int((np.array(ca.ldl(ca.DM(pattern, gram.data))[0]).ravel() > 1e-10).sum())
+    return int((_pivots(rows @ rows.T + 1e-13 * sparse.eye(rows.shape[0])) > 1e-10).sum())

@@ -55,13 +55,16 @@ def classified(
     functions: LinearizedFunctions, numeric: NumericSystem, here: Reference, duration: float
 ) -> Steady | None:
     """The steady motion that a consistent state is an instant of, or None. duration: over which it is looked at."""
-    resting = is_at_rest(here.q, here.v, duration)
-    if resting:
+    if is_at_rest(here.q, here.v, duration):
         still = dataclasses.replace(here, v=np.zeros_like(here.v), a=np.zeros_like(here.a))
         linear = functions.at(still)
         if is_balanced(linear):
             return _lasting(functions, numeric, Steady("equilibrium", still, linear), duration)
-    here = dataclasses.replace(here, a=_without_rounding(functions, here, duration))
+    # The accelerations, 0 where the forces balance each other
+    still = dataclasses.replace(here, a=np.zeros_like(here.q))
+    linear = functions.at(still)
+    balanced = is_balanced(linear, doubles.ZERO, _least(linear, here, duration))
+    here = still if balanced else dataclasses.replace(here, a=functions.acceleration(here))
     return _lasting(functions, numeric, Steady("steady", here, functions.at(here)), duration)
 
 
@@ -75,14 +78,6 @@ def at_rest(
     later = (functions.at(moved(here, part * duration)) for part in PATH_PARTS)
     same = all(is_same(found.linear, linear, duration) for linear in later)
     return found if same else dataclasses.replace(found, kind="varying")
-
-
-def _without_rounding(functions: LinearizedFunctions, here: Reference, duration: float) -> Floats:
-    """The accelerations of a reference, 0 where its forces balance each other."""
-    still = dataclasses.replace(here, a=np.zeros_like(here.q))
-    linear = functions.at(still)
-    least = _least(linear, here, duration)
-    return still.a if is_balanced(linear, doubles.ZERO, least) else functions.acceleration(here)
 
 
 def _least(linear: Linear, here: Reference, duration: float) -> float:
@@ -142,9 +137,8 @@ def is_same(one: Linear, other: Linear, duration: float) -> bool:
             return False
         largest = np.zeros(int(row.max(initial=-1)) + 1)
         np.maximum.at(largest, row, np.abs(entries))
-        least = (
-            spectrum.floor(len(largest)) * largest.max(initial=0.0) + doubles.VALUE * (1 / duration) ** order
-        )
+        floor = spectrum.floor(len(largest)) * largest.max(initial=0.0)
+        least = floor + doubles.VALUE * (1 / duration) ** order
         with np.errstate(invalid="ignore"):  # infinite ones are no number apart
             if not (np.abs(entries - others) <= doubles.ZERO * largest[row] + least).all():
                 return False

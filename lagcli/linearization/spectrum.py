@@ -1,4 +1,7 @@
-"""Eigenvalues and shapes of small deviations, all of them, by dense algebra.
+"""The freedoms that rows leave, and all eigenvalues and shapes of small deviations in them, by dense algebra.
+
+With Z a basis of ker B, dq = Z x, and N one of ker A Z:  x' = N w - G x,  G = (A Z)^+ D Z,  and Z^T (M dq'' + C dq' +
+K dq) = 0 along N. Z is orthonormal in the metric of M, and N in the plain one, so that N^T Z^T M Z N = 1.
 
 Where energy is kept and nothing turns, w^2 are eigenvalues of a symmetric matrix; where a gyroscopic term is added to
 a minimum, i w are those of a skew one. Both are imaginary whatever rounding does. Else the eigenvalues are those of
@@ -14,14 +17,116 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.linear import decompositions
-from lagcli.linearization.freedoms import Freedoms
+from lagcli.linear import decompositions, rank
+from lagcli.linearization.linearized import Linear
 
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
+# Rows that are dependent, and their rates: what is left of them, as a part of their size.
+HIDDEN = 1e-8
+# Of the terms of an entry of K, in what is left of them.
+STIFFNESS_ROUNDOFF = 2e-13
 # The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
 MOST_ROUNDOFF = 1e-7
+
+
+class NoFreedomsError(Exception):
+    """Rows that do not tell the deviations they leave: a sentence why."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Freedoms:
+    """The linear equations in free coordinates x (m,) and speeds w (k,): x' = N w - G x and
+
+        w' = -K_N x - C_N x',    K_N = N^T K, C_N = N^T (C - G)
+
+    Z (n, m): dq = Z x; the first `cyclic` of x occur nowhere: their columns in K and G are exactly zero. noise: squares
+    of frequencies that rounding of the forces makes.
+    """
+
+    Z: Floats
+    N: Floats
+    G: Floats
+    K: Floats
+    C: Floats
+    cyclic: int
+    noise: float
+
+    def state_matrix(self) -> tuple[Floats, float]:
+        """The matrix of (x, w / rate) without the cyclic x, and that rate, a size of eigenvalues."""
+        N, G, c = self.N, self.G, self.cyclic
+        along = N.T @ (self.C - G) if G.size else N.T @ self.C
+        stiffness = N.T @ self.K - along @ G
+        damping = along @ N
+        size = max(float(np.sqrt(np.linalg.norm(stiffness, 2))) if stiffness.size else 0.0, 0.0)
+        rate = max(size, float(np.linalg.norm(damping, 2)) if damping.size else 0.0) or 1.0
+        top = np.hstack([-G[c:, c:], rate * N[c:]])
+        return np.vstack([top, np.hstack([-stiffness[:, c:] / rate, -damping])]), rate
+
+    def shapes(self, values: Complex, states: Complex, rate: float) -> Complex:
+        """dq (n, j) of eigenvectors (., j) of `state_matrix`, of this rate, with their values, none of them zero."""
+        c, (m, _) = self.cyclic, self.N.shape
+        x, w = states[: m - c], states[m - c :]
+        missing = (rate * self.N[:c] @ w - self.G[:c, c:] @ x) / values if c else np.zeros((0, x.shape[1]))
+        return np.asarray(self.Z @ np.vstack([missing, x]))
+
+
+def freedoms(linear: Linear, terms: Floats) -> Freedoms:
+    """The free coordinates of linear equations; terms (n, n): the sizes of what the entries of K are sums of.
+
+    Raises `NoFreedomsError`.
+    """
+    M, C, K, B, A, D = (
+        part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
+    )
+    L = np.linalg.cholesky((M + M.T) / 2)
+    # In y = L^T dq the metric is the plain one. First a basis of the cyclic coordinates alone that B leaves free
+    white = np.linalg.solve(L, B.T).T
+    columns = np.flatnonzero(linear.cyclic)
+    first = np.zeros((len(L), 0))
+    if columns.size:
+        free = rank.null_basis(decompositions.unit(B[:, columns]))
+        first = decompositions.orthonormal(L.T[:, columns] @ free)[0]
+    rest = _decided(np.vstack([decompositions.unit(white), first.T])).kernel
+    Z = np.linalg.solve(L.T, np.hstack([first, rest]))
+    c = first.shape[1]
+    K_Z, C_Z, A_Z, D_Z = Z.T @ K @ Z, Z.T @ C @ Z, A @ Z, D @ Z
+    K_Z[:, :c] = 0.0
+    D_Z[:, :c] = 0.0
+    lengths = decompositions.lengths(np.linalg.solve(L, A.T).T)
+    A_Z, D_Z = A_Z / lengths[:, None], D_Z / lengths[:, None]
+    # The most that rounding of the entries of K makes of Z^T K Z
+    inertia = linear.inertia[:, None]
+    whitened = np.linalg.norm(terms / inertia / inertia.T, 2) if terms.size else 0.0
+    noise = STIFFNESS_ROUNDOFF * float(whitened * np.linalg.norm(inertia * Z, 2) ** 2 if Z.size else 0.0)
+    if np.abs(K_Z).max(initial=0.0) <= noise:
+        K_Z[:] = 0.0
+    # N, the kernel of A Z, and G; without differential rows a basis of its own would only turn the coordinates
+    m = Z.shape[1]
+    N, G = np.eye(m), np.zeros((m, m))
+    if len(A_Z):
+        found = _decided(A_Z)
+        left = found.dependences @ D_Z
+        # A size of frequencies, beside which D may be rounding
+        rate = float(max(np.abs(C_Z).max(initial=0.0), np.abs(K_Z).max(initial=0.0) ** 0.5))
+        if np.abs(left).max(initial=0.0) > HIDDEN * max(np.abs(D_Z).max(initial=0.0), rate):
+            raise NoFreedomsError(
+                "the differential rows are dependent there, and hold small deviations of positions to more than they"
+                " say"
+            )
+        N, G = found.kernel if found.low else N, found.step(D_Z)
+    return Freedoms(Z, N, G, K_Z, C_Z, c, noise)
+
+
+def _decided(rows: Floats) -> rank.RowSpace:
+    """What rows of length one span. Raises `NoFreedomsError` where their rank is undecided."""
+    found = rank.space(rows)
+    if found.value is None:
+        raise NoFreedomsError(
+            "the rank of the rows is undecided there, which is too near to where they are dependent"
+        )
+    return found
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +151,8 @@ def compute(free: Freedoms) -> Spectrum:
     K, C = free.K[c:, c:], free.C
     is_symmetric = _near(free.K - free.K.T, free.K)
     is_skew = _near(C + C.T, C, _size(K) ** 0.5)
-    is_conservative = free.is_holonomic and is_symmetric and is_skew
+    m, k = free.N.shape
+    is_conservative = m == k and is_symmetric and is_skew
     squares = np.linalg.eigvalsh((K + K.T) / 2) if K.size else np.zeros(0)
     least = max(floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     is_definite = not c and bool((squares > least).all())
@@ -57,15 +163,7 @@ def compute(free: Freedoms) -> Spectrum:
         still = np.zeros((len(free.Z), 0))
     else:
         values, shapes, still = _general(free)
-    return Spectrum(
-        values,
-        shapes,
-        free.state_count - values.size,
-        still,
-        free.N.shape[0],
-        is_definite,
-        is_conservative,
-    )
+    return Spectrum(values, shapes, m + k - values.size, still, m, is_definite, is_conservative)
 
 
 def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
@@ -108,14 +206,12 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDOFF)
     values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
     values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
-    shapes = free.shapes(values, found.full_vectors(values, right)) if values.size else _nothing(free)
+    shapes = np.zeros((len(free.Z), 0), dtype=complex)
+    if values.size:
+        shapes = free.shapes(values, found.full_vectors(values, right), rate)
     c, m = free.cyclic, free.N.shape[0]
     still = np.hstack([free.Z[:, :c], free.Z[:, c:] @ found.null[: m - c]])
     return values, shapes, still
-
-
-def _nothing(free: Freedoms) -> Complex:
-    return np.zeros((len(free.Z), 0), dtype=complex)
 
 
 def _size(matrix: Floats) -> float:

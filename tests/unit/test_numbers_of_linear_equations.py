@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from lagcli.linearization import assembled_modes, floquet, reference, spectrum, stability
+from lagcli.linearization import assembled_modes, floquet, reference, spectrum
 from lagcli.linearization.linearized import Linear
 
 
@@ -14,7 +14,7 @@ from lagcli.linearization.linearized import Linear
 def test_a_multiplier_leaves_the_unit_circle_by_more_than_the_rounding_of_a_period(
     beyond: float, stable: bool | None
 ) -> None:
-    found = stability.of_multipliers(np.array([1 + beyond, 0.5 + 0j]), 2.0, is_autonomous=False)
+    found = assembled_modes.of_multipliers(np.array([1 + beyond, 0.5 + 0j]), 2.0, is_autonomous=False)
     assert found.stable is stable
 
 
