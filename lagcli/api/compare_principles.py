@@ -15,9 +15,8 @@ from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
 from lagcli.equations import size_limits
 from lagcli.errors import diagnostics
-from lagcli.formulations import action_forces, vakonomic_system
-from lagcli.formulations.comparison import Formulation
-from lagcli.formulations.principles import Principles
+from lagcli.formulations import vakonomic_system
+from lagcli.formulations.comparison import Formulation, Principles
 from lagcli.input import given_expression
 from lagcli.input.overrides import OverrideError
 from lagcli.model import settings
@@ -80,7 +79,7 @@ def beside(
     names = [row.name for row in differential]
     mu = initial_multipliers(model, names, given)
     t, q, v = (part[0] for part in table_columns.States(model, run.columns)(first.table[:1]))
-    action_forces.require_action(built, float(t), q, run.parameters)
+    vakonomic_system.require_action(built, float(t), q, run.parameters)
     for condition in run.conditions:
         where = next(row.location for row in run.built.rows.rows if row.name in condition.rows)
         message = (

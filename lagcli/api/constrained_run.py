@@ -12,8 +12,8 @@ import numpy.typing as npt
 from lagcli.api import assemble_start
 from lagcli.api.runs import prepare_run
 from lagcli.errors import diagnostics
-from lagcli.formulations import stiff_start, stiff_system
-from lagcli.formulations.stiff_start import StiffRow
+from lagcli.formulations import stiff_system
+from lagcli.formulations.stiff_system import StiffRow
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
 from lagcli.running.simulation_run import SimulationRun
@@ -149,7 +149,7 @@ def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) 
     start, numeric = run.begin, run.numeric
     solved = numeric.keeping(run.report.selection).solved
     lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), index)
-    frequency = stiff_start.frequency(numeric, start, index)
+    frequency = stiff_system.frequency(numeric, start, index)
     swings = frequency * math.sqrt(plan.stiffness[-1]) * chosen.duration / (2 * math.pi)
     refined = refinement(run.grid.count - 1, swings)
     if refined > 1:

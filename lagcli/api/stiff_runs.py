@@ -15,7 +15,7 @@ from lagcli.api import constrained_run
 from lagcli.api.constrained_run import IN_A_SWING, Constrained, LimitPlan
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
-from lagcli.formulations import stiff_ladder, stiff_start, stiff_system
+from lagcli.formulations import stiff_ladder, stiff_system
 from lagcli.formulations.stiff_ladder import Rung, StiffLimit
 from lagcli.formulations.stiff_system import Stiffness
 from lagcli.model.model import Model
@@ -90,7 +90,7 @@ class _StiffRuns:
                 plan.report(self._forecast(k, timed))
             try:
                 followed = self._follow(Stiffness(k))
-            except stiff_start.NoSlowStartError:
+            except stiff_system.NoSlowStartError:
                 soft.append(f"k = {k:.4g}")
                 continue
             except run_stop.RunStop as stop:
@@ -177,7 +177,7 @@ class _StiffRuns:
         if not plan.unprestressed:
             rate = constrained.row.rate - constrained.row.multiplier * k.growth
             row = dataclasses.replace(constrained.row, rate=rate)
-            q, v = stiff_start.stretched(constrained.run.numeric, constrained.start, row, k.least)
+            q, v = stiff_system.stretched(constrained.run.numeric, constrained.start, row, k.least)
         settings = constrained_run.finer(constrained.settings, refined)
         force, steps, seconds = self._force(k, (q, v), settings)
         again, _, _ = self._force(k, (q, v), constrained_run.looser(constrained.settings))

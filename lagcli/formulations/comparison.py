@@ -1,4 +1,7 @@
-"""To how many digits several formulations agree: in the columns that their tables share, and in their incidents."""
+"""To how many digits several formulations agree: in the columns that their tables share, and in their incidents.
+
+Two principles of mechanics are compared too, with where their motions part; and all in words.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.formulations.principles import PartingPoint, Principles
 from lagcli.model.model import Model
 
 Floats = npt.NDArray[np.float64]
@@ -20,12 +22,13 @@ Floats = npt.NDArray[np.float64]
 TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 # More digits than a double has are not reported: at 1.6 and at 160 `test_no_more_digits_are_reported_than_a_double_has`
 # of `tests/unit/test_numbers_of_formulations.py` fails.
-MOST_DIGITS = 16.0
+MOST_DIGITS = float(sys.float_info.dig + 1)
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
 # rows are not there, and those of holonomic ones share the force with them. Motions that agree are one motion.
 COMPARED = ("r", "v", "R", "energy", "outputs")
 MOTION = ("r", "v")
+LABELS = {"lambda": "λ"}
 
 TITLES = {
     "newton": "Newton with multipliers (D.24)",
@@ -99,9 +102,83 @@ class Agreement:
         """Digits that agree, at most `MOST_DIGITS`."""
         return MOST_DIGITS if self.error <= 0 else max(0.0, min(MOST_DIGITS, -math.log10(self.error)))
 
-    def as_json(self) -> dict[str, Any]:
-        """The object of one kind in `--json`."""
-        return {**dataclasses.asdict(self), "digits": self.digits}
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class PartingPoint:
+    """The time of the first row where positions differ by more than the tolerance, and their largest difference
+    with its column and time; sizes are those of the column itself."""
+
+    t: float
+    largest: float
+    column: str
+    t_largest: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Principles:
+    """The outcome of a comparison of vakonomic motion with d'Alembert's.
+
+    mu: initial multipliers of the differential rows, those that were given; integrable: the rows that are;
+    nonholonomic: those that are not; undecided: those of which neither is known; digits: to which positions and
+    velocities agree, of the largest value of each, None where there is nothing to compare; parting: where positions
+    part, or None; left_out: outputs and events without a value in vakonomic motion; until: the time up to which both
+    go, where one of them stopped.
+    """
+
+    mu: Mapping[str, float]
+    integrable: tuple[str, ...]
+    nonholonomic: tuple[str, ...]
+    undecided: tuple[str, ...]
+    tolerance: float
+    digits: float | None = None
+    parting: PartingPoint | None = None
+    left_out: tuple[str, ...] = ()
+    until: float | None = None
+
+    @property
+    def agree(self) -> bool | None:
+        """True if positions and velocities agree within the tolerance; None where there is nothing to compare."""
+        return None if self.digits is None else 10.0**-self.digits <= self.tolerance
+
+    def as_json(self) -> dict[str, object]:
+        """The object `principles` of `compare --vakonomic --json`."""
+        return {**dataclasses.asdict(self), "mu": dict(self.mu), "agree": self.agree}
+
+    @property
+    def sentence(self) -> str:
+        """The outcome in words."""
+        rows = _listed(self.nonholonomic)
+        if self.digits is None:
+            return "there is nothing to compare"
+        if not self.mu:
+            return "there is no differential row: the two principles are the same equations"
+        if self.agree:
+            as_far = "" if self.until is None else f" up to t = {self.until:.9g}, as far as both go"
+            sentence = f"the two principles agree to {self.digits:.1f} digits{as_far}"
+            if self.nonholonomic:
+                return f"{sentence}, for this start: {rows} not integrable, and in general they part"
+            if self.undecided:
+                return f"{sentence}; whether {_listed(self.undecided, 'is', 'are')} integrable is undecided"
+            return f"{sentence}, as they must: the differential rows are integrable"
+        sentence = "the two principles part"
+        if self.nonholonomic:
+            sentence += f", for {rows} not integrable"
+        elif not self.undecided:
+            sentence += (
+                ", though the differential rows are integrable: the error of one of the runs is larger"
+            )
+        if self.parting is None:
+            return f"{sentence}: velocities differ, positions do not within {self.tolerance:g}"
+        where = self.parting
+        return (
+            f"{sentence}: positions differ by more than {self.tolerance:g} of their size from t = {where.t:.9g} on,"
+            f" `{where.column}` by {where.largest:.4g} at t = {where.t_largest:.9g}"
+        )
+
+
+def _listed(names: Sequence[str], one: str = "is", several: str = "are") -> str:
+    quoted = [f"`{name}`" for name in names[:3]] + (["others"] if len(names) > 3 else [])
+    return f"{', '.join(quoted)} {one if len(names) == 1 else several}"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -142,7 +219,10 @@ class Comparison:
     def as_json(self) -> dict[str, Any]:
         """The object of `compare --json`."""
         agreements: list[dict[str, Any]] = [{}]
-        agreements += [{kind: one.as_json() for kind, one in each.items()} for each in self.agreements]
+        agreements += [
+            {kind: {**dataclasses.asdict(one), "digits": one.digits} for kind, one in each.items()}
+            for each in self.agreements
+        ]
         return {
             "formulations": [
                 {
@@ -206,7 +286,7 @@ def compare(
         shared = [name for name, own in of.items() if own == kind and name in other.columns]
         if not shared or not count:
             continue
-        one, two = (run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other))
+        one, two = _values(shared, first, other, count)
         if kind == "lambda":
             one = np.where(singular[:count, None], np.nan, one)
         gaps = np.abs(one - two)
@@ -224,22 +304,23 @@ def compare(
         error = min(error, sys.float_info.max)
         found[kind] = Agreement(len(shared), error, shared[int(column)], float(t[row]))
     if matches is not None and (first.events or other.events):
-        found["events"] = _of_events(matches, float(np.ptp(t)))
+        # The times of incidents, as a part of the time both runs last; none agree where one is alone
+        together = len(matches.t)
+        found["events"] = Agreement(0, 0.0, "", 0.0)
+        if matches.alone is not None:
+            found["events"] = Agreement(together, 1.0, matches.alone.label, matches.alone.t)
+        elif together:
+            apart = np.abs(matches.t[:, 1] - matches.t[:, 0])
+            most = int(np.argmax(apart))
+            error = float(apart[most]) / (float(np.ptp(t)) or 1.0)
+            at = float(matches.t[most, 0])
+            found["events"] = Agreement(together, error, matches.labels[most], at)
     return found
 
 
-def _of_events(matches: Matched, span: float) -> Agreement:
-    """The agreement of the times of incidents, as a part of the time both runs last; none where one is alone."""
-    count = len(matches.t)
-    if matches.alone is not None:
-        return Agreement(count, 1.0, matches.alone.label, matches.alone.t)
-    if not count:
-        return Agreement(0, 0.0, "", 0.0)
-    apart = np.abs(matches.t[:, 1] - matches.t[:, 0])
-    worst = int(np.argmax(apart))
-    return Agreement(
-        count, float(apart[worst]) / (span or 1.0), matches.labels[worst], float(matches.t[worst, 0])
-    )
+def _values(shared: Sequence[str], first: Formulation, other: Formulation, count: int) -> list[Floats]:
+    """The first rows of two tables in the columns that they share, (count, columns)."""
+    return [run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other)]
 
 
 def digits_of_motion(agreements: Mapping[str, Agreement]) -> float | None:
@@ -256,7 +337,7 @@ def parting(
     count = min(len(first.table), len(other.table))
     if not shared or not count:
         return None
-    one, two = (run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other))
+    one, two = _values(shared, first, other, count)
     gaps = np.abs(one - two)
     scale = float(np.abs(one).max(initial=0.0)) or 1.0
     apart = np.flatnonzero((gaps > tolerance * scale).any(axis=1))
@@ -292,7 +373,11 @@ def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span
 
     Rebounds before an accumulation that both runs have may be told to different ends.
     """
-    sides = [_by_label([event for event in side if event.t <= end]) for side in (one, other)]
+    sides: list[dict[str, list[RunEvent]]] = [{}, {}]
+    for events, by_label in zip((one, other), sides, strict=True):
+        for event in events:
+            if event.t <= end:
+                by_label.setdefault(event.label, []).append(event)
     times, labels = [], []
     alone: list[RunEvent] = []
     for label in dict.fromkeys([*sides[0], *sides[1]]):
@@ -310,8 +395,45 @@ def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span
     return Matched(t, tuple(labels), min(alone, key=lambda event: event.t, default=None))
 
 
-def _by_label(events: Sequence[RunEvent]) -> dict[str, list[RunEvent]]:
-    found: dict[str, list[RunEvent]] = {}
-    for event in events:
-        found.setdefault(event.label, []).append(event)
-    return found
+@dataclasses.dataclass(frozen=True, slots=True)
+class ComparisonLines:
+    """The table of the formulations with its headers, and sentences, each of which may be nothing: how to read the
+    table, how the two principles compare, and where formulations differ more than they may."""
+
+    headers: list[str]
+    rows: list[list[str]]
+    agreement: str
+    principles: str
+    disagreement: str
+    is_stopped: bool
+
+
+def lines(found: Comparison) -> ComparisonLines:
+    """The words of a comparison."""
+    first = found.formulations[0]
+    several = len({one.path for one in found.formulations}) > 1
+    shown = [kind for kind in KINDS if any(kind in each for each in found.agreements)]
+    headers = [*(["model"] if several else []), "formulation", "dof", "rows", "steps", "seconds"]
+    headers += [LABELS.get(kind, kind) for kind in shown]
+    rows = []
+    for one, agreement in zip(found.formulations, ({}, *found.agreements), strict=True):
+        cells = [one.path] if several else []
+        cells += [TITLES[one.name], str(one.freedoms), str(one.rows), str(one.steps), f"{one.seconds:.3f}"]
+        cells += [f"{agreement[kind].digits:.1f}" if kind in agreement else "" for kind in shown]
+        rows.append(cells)
+    reading = disagreement = ""
+    if found.agree is not None:
+        verdict = f"{'all' if found.agree else 'not all'} within {found.tolerance:g}" if found.judged else ""
+        reading = f"digits that agree with the first line, of the largest value of each kind; {verdict}"
+    if found.agree is False:
+        # When and in which column the formulations differ most
+        judged = zip(found.formulations[1:], found.judged, strict=False)
+        every = [(one, agreement) for one, each in judged for agreement in each.values()]
+        one, worst = max(every, key=lambda pair: pair[1].error)
+        sides = (first.path, one.path) if one.path != first.path else (TITLES[first.name], TITLES[one.name])
+        disagreement = (
+            f"{sides[0]} and {sides[1]} disagree: `{worst.column}` by {worst.error:.3g} of the largest value of its"
+            f" kind at t = {worst.t:.9g}, where {found.tolerance:g} passes"
+        )
+    principles = "" if found.principles is None else found.principles.sentence
+    return ComparisonLines(headers, rows, reading, principles, disagreement, found.stopped)

@@ -18,12 +18,18 @@ from __future__ import annotations
 
 import dataclasses
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.formulations.dense_functions import DenseFunctions, DensePoint
+from lagcli.compiled import numeric, parts
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.equations.system import System
 from lagcli.linear import decompositions, rank
+from lagcli.simulation.run_state.between_steps import Turns
+from lagcli.smoothness import time_functions
+from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
@@ -35,6 +41,76 @@ SLOW, HALF = 0.1, 0.5
 
 class ChartError(Exception):
     """The chart ends here: no configuration is found, or the rows are dependent."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class DensePoint:
+    """The values that depend on t and q: f (s,), B (C, n) and b (C,); the arrays are the caller's own."""
+
+    f: Floats
+    B: Floats
+    b: Floats
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class DenseForces:
+    """The values that depend on the velocities too: M (n, n), h (n,), gamma (C,)."""
+
+    M: Floats
+    h: Floats
+    gamma: Floats
+    is_diagonal: bool
+
+    def times(self, X: Floats) -> Floats:
+        """M X for X (n,) or (n, k)."""
+        return np.asarray((self.M.diagonal() * X.T).T if self.is_diagonal else self.M @ X)
+
+
+class DenseFunctions:
+    """A system at numbers, dense, at one set of parameters p. Nothing in it knows of multipliers."""
+
+    def __init__(self, system: System, p: Floats) -> None:
+        symbols, rows, dynamics = system.symbols, system.rows, system.dynamics
+        self.n, self.rows, self.holonomic = symbols.q.numel(), len(rows.rows), int(rows.f.numel())
+        self._t, self._q, self._v = np.zeros(1), np.zeros(self.n), np.zeros(self.n)
+        self._turns, self._last = Turns(system), np.array(p)
+        inputs = [symbols.t, symbols.q, system.p]
+        outputs = [ca.densify(part) for part in (system.f, rows.B, rows.b)]
+        point = SizedFunction("point", inputs, outputs)
+        self._point = BoundFunction(point, [self._t, self._q, self._last])
+        inputs = [symbols.t, symbols.q, symbols.v, system.p]
+        outputs = [ca.densify(part) for part in (dynamics.M, dynamics.h, rows.gamma)]
+        forces = SizedFunction("forces", inputs, outputs)
+        self._forces = BoundFunction(forces, [self._t, self._q, self._v, np.array(p)])
+        self._is_diagonal = bool(dynamics.M.sparsity().is_diag())
+        self._record = numeric.table(system, parts.build(system))
+        self._p = p
+        self.timed = time_functions.functions(system.model)
+
+    def settle(self, t: float, q: Floats) -> None:
+        """Angles with a cut are counted on from where they are at t, q (n,), a state of the motion."""
+        self._turns.settle(t, q, self._last)
+
+    def point(self, t: float, q: Floats) -> DensePoint:
+        """The rows at t, q (n,)."""
+        self._t[0], self._q[:] = t, q
+        self._point.trigger()
+        f, B, b = self._point.results
+        return DensePoint(f.copy(), B.reshape(self.rows, self.n).copy(), b.copy())
+
+    def forces(self, t: float, q: Floats, v: Floats) -> DenseForces:
+        """Inertia, forces and bias at t, q, v (n,)."""
+        self._t[0], self._q[:], self._v[:] = t, q, v
+        self._forces.trigger()
+        M, h, gamma = self._forces.results
+        return DenseForces(M.reshape(self.n, self.n).copy(), h.copy(), gamma.copy(), self._is_diagonal)
+
+    def row(self, t: float, state: tuple[Floats, Floats, Floats], lam: Floats) -> Floats:
+        """One row of the table, t first, of q, v, a (n,) and lambda (C,)."""
+        q, v, a = state
+        y, rate = np.concatenate([q, v, [0.0]]), np.concatenate([v, a, [0.0]])
+        values = np.array(self._record(t, y, rate, lam, self._p)[0]).ravel()
+        return np.concatenate([[t], values])
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

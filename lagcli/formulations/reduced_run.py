@@ -14,8 +14,7 @@ from lagcli import doubles
 from lagcli.compiled import dop853_tableau
 from lagcli.equations.system import System
 from lagcli.formulations import maggi
-from lagcli.formulations.dense_functions import DenseFunctions
-from lagcli.formulations.maggi import Chart, ChartError, ReducedMotion
+from lagcli.formulations.maggi import Chart, ChartError, DenseFunctions, ReducedMotion
 from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import controller, step_tolerance
 from lagcli.simulation.stepping.grid import Grid
@@ -23,8 +22,8 @@ from lagcli.simulation.stepping.timetable import Timetable
 
 Floats = npt.NDArray[np.float64]
 
-# Part of the step that the error asks for, and bounds of its change from one step to the next.
-SAFETY, SHRINK, GROW = 0.9, 0.2, 6.0
+# The most that a step grows from one to the next.
+GROW = 6.0
 # The first step, as a part of the time in which the velocities would move the configuration by its size.
 FIRST = 1e-2
 # A chart is left where its null space has turned so far that a basis of it has grown by this factor.
@@ -58,7 +57,14 @@ def run(
     """Rows (k, 1 + columns) of a system from q, v (n,) with parameters p; why it stopped, where it did."""
     q, v, p = begin
     functions, statistics = DenseFunctions(system, p), ReducedStatistics()
-    columns = _reaction_columns(system)
+    # The columns of R of Cartesian particles and generalized coordinates, in the order of q
+    cartesian = [
+        name for each in system.model.particles if not each.is_dependent for name in each.members.names
+    ]
+    names = [f"R.{name}.{axis}" for name in cartesian for axis in "xyz"]
+    names += [f"R.{name}" for name in system.model.generalized_names]
+    indices = {name: 1 + i for i, name in enumerate(system.columns)}
+    columns = [indices[name] for name in names]
     found: list[Floats] = []
     stopped = None
     try:
@@ -73,16 +79,6 @@ def run(
     return table + 0.0, statistics, stopped
 
 
-def _reaction_columns(system: System) -> list[int]:
-    """The columns of R of Cartesian particles and generalized coordinates, in the order of q."""
-    model = system.model
-    cartesian = [name for p in model.particles if not p.is_dependent for name in p.members.names]
-    names = [*(f"R.{name}.{axis}" for name in cartesian for axis in "xyz")]
-    names += [f"R.{name}" for name in model.generalized_names]
-    columns = {name: 1 + i for i, name in enumerate(system.columns)}
-    return [columns[name] for name in names]
-
-
 def _rows(
     functions: DenseFunctions,
     grid: Grid,
@@ -93,14 +89,8 @@ def _rows(
     """The motion at each time of the grid, from q and v at its start. Raises `ReducedStop`."""
     began = time.perf_counter()
     t = grid.start
-    try:
-        chart = Chart(functions, t, *begin)
-        motion = chart.at(t, chart.y)
-    except ChartError as ended:
-        raise ReducedStop(t, str(ended)) from None
-    statistics.charts += 1
+    chart, y, motion = _in_chart(functions, t, begin, statistics)
     functions.settle(t, motion.q)
-    y = chart.y
     tolerance = step_tolerance.of_steps(settings)
     h = _first(motion, grid)
     timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
@@ -112,11 +102,14 @@ def _rows(
         goal = grid.time(i)
         while t < goal:
             if chart.turned(t, motion) > TURNED:
-                chart, y, motion = _renewed(functions, t, motion, statistics)
+                chart, y, motion = _in_chart(functions, t, (motion.q, motion.v), statistics)
             switch = timetable.switch(t)
             if switch is not None:
                 t = min(switch[1], goal)
-                motion = _again(chart, t, y)
+                try:
+                    motion = chart.at(t, y)  # with the same y
+                except ChartError as ended:
+                    raise ReducedStop(t, str(ended)) from None
                 continue
             taken = min(timetable.shortened(t, h), goal - t)
             last = taken == goal - t or goal - t - taken < 1e-12 * taken
@@ -124,9 +117,7 @@ def _rows(
             error, found = _step(chart, t, taken, (y, motion), tolerance)
             if found is None or not error < 1.0:
                 statistics.rejected += 1
-                h = taken * (
-                    max(SHRINK, SAFETY * error ** (-1 / dop853_tableau.ORDER)) if error < np.inf else 0.25
-                )
+                h = taken * (_change(error) if error < np.inf else 0.25)
                 if t + h / 64 == t:
                     raise ReducedStop(
                         t, "the steps become too small: the rows are dependent, or the forces too steep"
@@ -143,30 +134,28 @@ def _rows(
                         f"the last {controller.PARAMETERS.pace} steps advanced by {advanced:.2g}: the run is too long",
                     )
             functions.settle(t, motion.q)
-            grown = taken * min(GROW, max(SHRINK, SAFETY * max(error, 1e-10) ** (-1 / dop853_tableau.ORDER)))
+            grown = taken * min(GROW, _change(max(error, 1e-10)))
             h = max(h, grown) if taken < h else grown
         statistics.seconds += time.perf_counter() - began
         yield t, motion
 
 
-def _renewed(
-    functions: DenseFunctions, t: float, motion: ReducedMotion, statistics: ReducedStatistics
+def _in_chart(
+    functions: DenseFunctions, t: float, state: tuple[Floats, Floats], statistics: ReducedStatistics
 ) -> tuple[Chart, Floats, ReducedMotion]:
-    """The motion in a chart around it."""
+    """The motion at q and v in a chart around them."""
     statistics.charts += 1
     try:
-        chart = Chart(functions, t, motion.q, motion.v)
+        chart = Chart(functions, t, *state)
         return chart, chart.y, chart.at(t, chart.y)
     except ChartError as ended:
         raise ReducedStop(t, str(ended)) from None
 
 
-def _again(chart: Chart, t: float, y: Floats) -> ReducedMotion:
-    """The motion at another time with the same y."""
-    try:
-        return chart.at(t, y)
-    except ChartError as ended:
-        raise ReducedStop(t, str(ended)) from None
+def _change(error: float) -> float:
+    """The part of a step that its error asks for the next one to be."""
+    asked: float = controller.PARAMETERS.safety * error ** (-1 / dop853_tableau.ORDER)
+    return max(controller.PARAMETERS.shrink, asked)
 
 
 def _first(motion: ReducedMotion, grid: Grid) -> float:

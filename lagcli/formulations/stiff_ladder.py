@@ -18,6 +18,11 @@ Floats = npt.NDArray[np.float64]
 RUNGS, MOST_RUNGS = 2, 200
 # A ladder ends where what its run is uncertain by is more than this part of its error.
 UNCERTAIN = 0.1
+# Of a table with a row for each stiffness.
+COLUMNS = (
+    *("stiffness", "max_error", "mean_error", "steps"),
+    *("mean_uncertainty", "weighted_mean", "uncertainty"),
+)
 
 
 class StiffLadderParameters:
@@ -87,23 +92,12 @@ class Rung:
 
     def error(self, name: str) -> float | None:
         """The error of this name, `max_error`, `mean_error` or `weighted_mean`."""
-        return {
-            "max_error": self.max_error,
-            "mean_error": self.mean_error,
-            "weighted_mean": self.weighted_mean,
-        }[name]
+        found: float | None = getattr(self, name)
+        return found
 
-    def as_json(self) -> dict[str, object]:
+    def as_json(self) -> dict[str, float | None]:
         """An entry of `table`."""
-        return {
-            "stiffness": self.stiffness,
-            "max_error": self.max_error,
-            "mean_error": self.mean_error,
-            "steps": self.steps,
-            "mean_uncertainty": self.mean_uncertainty,
-            "weighted_mean": self.weighted_mean,
-            "uncertainty": self.uncertainty,
-        }
+        return {name: getattr(self, name) for name in COLUMNS}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -191,17 +185,11 @@ class StiffLimit:
         if self.stiffness is not None and self.force is not None:
             names: tuple[str, ...] = ("t", "stiffness", "force", f"lambda.{self.constraint}")
             return names, np.column_stack([self.t, self.stiffness, self.force, self.multiplier])
-        names = (
-            "stiffness",
-            "max_error",
-            "mean_error",
-            "steps",
-            "mean_uncertainty",
-            "weighted_mean",
-            "uncertainty",
-        )
-        rows = [[_number(one.as_json()[name]) for name in names] for one in self.rungs]
-        return names, np.array(rows).reshape(-1, len(names))
+        rows = [
+            [math.nan if value is None else float(value) for value in one.as_json().values()]
+            for one in self.rungs
+        ]
+        return COLUMNS, np.array(rows).reshape(-1, len(COLUMNS))
 
     def as_json(self) -> dict[str, object]:
         """The object of `limit --json`."""
@@ -218,10 +206,6 @@ class StiffLimit:
             "stopped": self.stopped or None,
             "notes": list(self.notes),
         }
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else math.nan
 
 
 def time_mean(t: Floats, error: Floats) -> tuple[float, float]:

@@ -14,7 +14,7 @@ velocities, and rows, projections and steps are those of any run.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,7 @@ from lagcli.compiled import selection
 from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.equations.rows import ConstraintRows
+from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.linear import decompositions
 from lagcli.model import family
@@ -36,6 +37,8 @@ Floats = npt.NDArray[np.float64]
 FURTHER = "carriers of mu"
 # Multiplications of one factorization of B M^-1 B^T that are written out.
 MOST_OPERATIONS = 3e5
+# The curl of a force is looked for at this many points, and how far from the start, in parts of its size.
+SAMPLES, WIDTH = 12, 0.3
 
 
 class TooLargeError(ValueError):
@@ -205,21 +208,14 @@ def _readable(
 
 def _reads(expression: nouns.Expression, without: set[str], unavailable: Mapping[str, None]) -> bool:
     """True if an expression asks for what is not there."""
-    return any(name in unavailable for name in tree.names(expression.tree)) or any(
-        _asks(call, without) for call in _calls(expression.tree)
-    )
-
-
-def _calls(node: tree.Node) -> Iterator[tree.Call]:
-    return (one for one in tree.walk(node) if isinstance(one, tree.Call))
-
-
-def _asks(call: tree.Call, without: set[str]) -> bool:
-    if call.function == "reaction" and len(call.arguments) == 1:
+    if any(name in unavailable for name in tree.names(expression.tree)):
         return True
-    if call.function not in ("multiplier", "reaction"):
-        return False
-    return not without.isdisjoint(tree.names(call.arguments[-1]))
+    for call in tree.walk(expression.tree):
+        if isinstance(call, tree.Call) and call.function in ("multiplier", "reaction"):
+            is_whole = call.function == "reaction" and len(call.arguments) == 1
+            if is_whole or not without.isdisjoint(tree.names(call.arguments[-1])):
+                return True
+    return False
 
 
 def table(
@@ -239,3 +235,68 @@ def table(
     found = [*independent[:first], *mu, *independent[first:]]
     at = {i: column(name) for i, name in zip(mu, names, strict=True)}
     return [at.get(i, columns[i]) for i in found], found
+
+
+# The forces that an action can hold: those with a potential, declared as one or not
+
+
+def require_action(built: system.System, t: float, q: Floats, p: Floats) -> None:
+    """Raise `diagnostics.ModelError`, located, where the motion is not that of an action: for a force without a
+    potential, and for one-sided rows.
+
+    A force that depends on no velocity and has no curl is a gradient, and is taken; t, q (n,), p: the start.
+    """
+    found = [
+        diagnostics.Diagnostic(
+            "not-of-an-action",
+            f"the one-sided constraint `{law.members.base}` has no place in an action that is stationary: the paths"
+            " beside the motion would have to be on one side of it",
+            law.equation.location,
+            "take it out, or write the rows that are closed as equations",
+        )
+        for law in built.model.inequality
+        if law.members.count
+    ]
+    is_fast = ca.depends_on(built.dynamics.driving, built.symbols.v)
+    if not found and (is_fast or _has_curl(built, t, q, p)):
+        # The texts of the forces that act and have no declared potential: the first of them is named.
+        texts: list[nouns.Expression] = []
+        for force in built.model.forces:
+            if isinstance(force, nouns.Potential) or not force.action.targets.size:
+                continue
+            if isinstance(force, nouns.GeneralizedForce):
+                texts.append(force.force)
+            elif not force.constant:
+                texts.append(force.force.parts[0])
+        together = len(texts) > 1
+        if is_fast:
+            reason = "they depend on velocities" if together else "it depends on velocities"
+        else:
+            reason = f"{'they have' if together else 'it has'} a curl: the work it does depends on the path"
+        subject = "the forces without a declared potential have" if together else "this force has"
+        found.append(
+            diagnostics.Diagnostic(
+                "not-of-an-action",
+                f"{subject} no potential, and so no place in an action: {reason}",
+                texts[0].location,
+                "vakonomic motion is that of a Lagrangian; leave the force out, or write its potential",
+            )
+        )
+    if found:
+        raise diagnostics.ModelError(found)
+
+
+def _has_curl(built: system.System, t: float, q: Floats, p: Floats) -> bool:
+    """True if dQ_i/dq_j and dQ_j/dq_i differ somewhere near the start."""
+    symbols = built.symbols
+    slope = ca.jacobian(built.dynamics.driving, symbols.q)
+    if not slope.nnz():
+        return False
+    slopes = SizedFunction("slopes", [symbols.t, symbols.q, built.p], [ca.densify(slope)])
+    size = float(np.abs(q).max(initial=0.0)) or 1.0
+    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
+    for number, draw in enumerate(draws):
+        found = np.array(slopes(t + 0.1 * number, q + WIDTH * size * draw, p))
+        if np.isfinite(found).all() and not decompositions.is_symmetric(found):
+            return True
+    return False

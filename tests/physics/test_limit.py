@@ -14,7 +14,7 @@ import lagcli
 from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api.models.cache import CompiledModel
 from lagcli.api.runs import prepare_run
-from lagcli.formulations import stiff_ladder, stiff_start, stiff_system
+from lagcli.formulations import stiff_ladder, stiff_system
 from tests.helpers import in_process
 
 Floats = npt.NDArray[np.float64]
@@ -170,7 +170,7 @@ def test_slow_start_is_stretched_by_lambda_over_k_and_keeps_the_rest() -> None:
     assert lam == pytest.approx(near[0], rel=1e-12)
     assert rate == pytest.approx((-3 * near[0] + 4 * near[1] - near[2]) / 1e-3, rel=1e-4)
     k = 1e4
-    q, v = stiff_start.stretched(run.numeric, begin, stiff_start.StiffRow(0, lam, rate), k)
+    q, v = stiff_system.stretched(run.numeric, begin, stiff_system.StiffRow(0, lam, rate), k)
     f = np.array(run.numeric.holonomic(begin.t, q, begin.p)[0]).ravel()
     assert f[0] == pytest.approx(-lam / k, rel=1e-12)
     B, b = run.numeric.rows(begin.t, q, v, begin.p)

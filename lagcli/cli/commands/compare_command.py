@@ -120,9 +120,9 @@ def _initial_multipliers(given: Sequence[str]) -> dict[str, str]:
 
 def _print_report(found: Comparison, is_stdout_taken: bool, as_json: bool, quiet: bool) -> None:
     """Print the answer. Raises `exits.Exit` where formulations disagree or a run stopped."""
-    from lagcli.formulations import comparison_lines
+    from lagcli.formulations import comparison
 
-    lines = comparison_lines.of(found)
+    lines = comparison.lines(found)
     if as_json:
         print(formats.json_line(found.as_json()))
     elif is_stdout_taken:
