@@ -21,14 +21,12 @@ from lagcli.errors import diagnostics
 from lagcli.model.invariant import LevelFunction
 from lagcli.start import assembly, initial
 from lagcli.start.initial import State
-from lagcli.statics import point_search, point_values, refine, rest_equations, static_laws, surface_descent
-from lagcli.statics.known_continua import FoundPoint
-from lagcli.statics.newton import NewtonEnd
-from lagcli.statics.point_values import Origin
+from lagcli.statics import further_zeros, point_search, refine, rest_equations, static_problem, static_report
+from lagcli.statics.continuum import FoundPoint
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
-from lagcli.statics.static_laws import EnforcedLevel, StaticLaws
-from lagcli.statics.static_problem import StaticProblem
+from lagcli.statics.static_problem import EnforcedLevel, StaticLaws, StaticProblem
+from lagcli.statics.static_report import Origin
 
 Floats = npt.NDArray[np.float64]
 
@@ -104,12 +102,12 @@ class RestPoints:
 
     @cached_property
     def _asked(self) -> StaticProblem:
-        laws = static_laws.of_rest(self._ready.system, self._start.invariant_values)
+        laws = static_problem.of_rest(self._ready.system, self._start.invariant_values)
         return problem(self._ready, laws, self._start)
 
     @cached_property
     def _origin(self) -> Origin:
-        return point_values.potential_origin(self._asked)
+        return static_report.potential_origin(self._asked)
 
     @progress.phase("looking for a point of rest")
     def nearest(self) -> EquilibriumPoint | NoEquilibrium:
@@ -125,7 +123,7 @@ class RestPoints:
         found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.offset)]
         if falls:
             equations = RestEquations(asked, (), rest_equations.scales(asked, q))
-            bottom = surface_descent.lowest(equations, q, 1.0)
+            bottom = further_zeros.lowest(equations, q, 1.0)
             if bottom is not None:
                 found.append(refine.nearest_equilibrium(asked, bottom))
         if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
@@ -149,7 +147,7 @@ class RestPoints:
         x = refine.begun(equations, q)
         if x is None:
             return None
-        found = refine.settled(equations, NewtonEnd(x, 0.0, 0.0))
+        found = refine.settled(equations, x)
         return next(_typed(self._asked, [found], self._origin != "none"), None)
 
 

@@ -19,20 +19,11 @@ from lagcli.equations import level_functions
 from lagcli.input import given_expression
 from lagcli.linear import rank
 from lagcli.model.model import Model
-from lagcli.statics import (
-    all_zeros,
-    kink_points,
-    one_unknown,
-    point_values,
-    singular_rows,
-    static_laws,
-    static_problem,
-)
-from lagcli.statics.known_continua import FoundPoint
+from lagcli.statics import all_zeros, kink_points, singular_rows, static_problem, static_report
+from lagcli.statics.continuum import FoundPoint
 from lagcli.statics.point_search import PointSearch, SearchOptions
-from lagcli.statics.point_values import Origin, PointColumns
 from lagcli.statics.static_problem import StaticProblem
-from lagcli.statics.static_report import StaticPoint, StaticReport, Value
+from lagcli.statics.static_report import Origin, PointColumns, StaticPoint, StaticReport, Value
 
 Floats = npt.NDArray[np.float64]
 
@@ -64,7 +55,7 @@ def equilibrium(
     model = as_model(model)
     ready = cache.compiled(model)
     start = rest_point.begin(ready, limit)
-    laws = static_laws.of_rest(ready.system, start.invariant_values)
+    laws = static_problem.of_rest(ready.system, start.invariant_values)
     problem = rest_point.problem(ready, laws, start)
     rows = tuple(range(len(ready.system.rows.rows)))
     return _answered(ready, StaticQuestion("potential", problem, start, rows, ()), starts, seed)
@@ -86,7 +77,7 @@ def stationary(
     written = given_expression.function(model, of, "--of")
     ready = cache.compiled(model)
     start = rest_point.begin(ready, limit)
-    laws = static_laws.of_function(
+    laws = static_problem.of_function(
         ready.system, level_functions.value(ready.system, written), start.invariant_values
     )
     problem = rest_point.problem(ready, laws, start)
@@ -115,15 +106,15 @@ def _answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: in
     problem = asked.problem
     source: Origin = "declared"
     if asked.called == "potential":
-        source = point_values.potential_origin(problem)
+        source = static_report.potential_origin(problem)
     angles = static_problem.angles(problem)
     repeating = static_problem.repeating(problem, ready.system.r)
     pushes = asked.called == "potential"
     search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed, repeating))
     search.run(0)
-    whole = all_zeros.complete(search)
+    whole = all_zeros.by_algebra(search)
     if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
-        whole = one_unknown.complete(search, angles[0])
+        whole = all_zeros.by_intervals(search, angles[0])
     if not whole.proved and not whole.final:
         search.run(starts)
     columns = PointColumns(ready.system, problem.t, problem.p)
@@ -153,7 +144,7 @@ def _point(
     shown = [*asked.rows, *range(count, len(names))]
     is_rest = asked.called == "potential"
     reactions = columns.reactions(q, lam) if is_rest else columns.row_reactions(q, lam)
-    value = point_values.potential(asked.problem, source, q) if is_rest else asked.problem.value(q) + 0.0
+    value = static_report.potential(asked.problem, source, q) if is_rest else asked.problem.value(q) + 0.0
     return StaticPoint(
         columns.at(q),
         {names[i]: float(lam[i]) + 0.0 for i in shown},
@@ -191,10 +182,10 @@ def _multipliers(
     M = numeric.inertia(t, point.q, v, problem.p).full()
     if asked.called == "potential" and closed:
         given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
-        shared, unique = point_values.pushing_multipliers(rows, given, M, len(B))
+        shared, unique = static_report.pushing_multipliers(rows, given, M, len(B))
     else:
         unique = found.type.unique
-        shared = rank.multipliers(rows, -values.F, point_values.row_lengths(rows, M))
+        shared = rank.multipliers(rows, -values.F, static_report.row_lengths(rows, M))
     lam[list(asked.rows)] = shared[: len(B)]
     lam[[count + k for k in closed]] = shared[len(B) :]
     return lam, unique

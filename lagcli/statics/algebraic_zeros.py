@@ -8,6 +8,7 @@ those on which a denominator vanishes are taken out: the ideal is saturated by i
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from types import MappingProxyType
@@ -17,7 +18,7 @@ from sympy.polys.rings import PolyElement, PolyRing
 
 from lagcli.statics import univariate
 from lagcli.statics.polynomial_equations import RootUnknown
-from lagcli.statics.univariate import Enclosure, NotSeparated, RealRoot, Representation, Whole
+from lagcli.statics.univariate import Enclosure, NotCounted, RealRoot, Representation, Whole
 
 Powers = tuple[int, ...]
 Element = tuple[Whole, int]  # coefficients in the basis of an algebra, and their denominator
@@ -43,11 +44,6 @@ class AlgebraParameters:
 
 
 PARAMETERS = AlgebraParameters()
-
-
-class NotCounted(Exception):
-    """The zeros are infinitely many, or too many to be counted, or something about them is not decided exactly; the
-    message says which."""
 
 
 class AlgebraicZero:
@@ -122,8 +118,17 @@ def zeros(
     """
     found: list[tuple[_BlockZero, ...]] = [()]
     for indices, polynomials in _blocks(equations, used, denominators):
+        if not indices:
+            return []  # a constant is no zero
         own = [d for d in denominators if _indices(d) <= set(indices)]
-        part = _of_block(ring, polynomials, indices, own)
+        try:
+            block = _ZeroBlock(ring, polynomials, indices)
+        except Infinite:
+            if not own:
+                raise
+            block = _ZeroBlock(ring, polynomials, indices, own)
+        every = [_BlockZero(block, root) for root in block.roots]
+        part = [zero for zero in every if all(zero.sign(d) for d in own)]
         if len(found) * len(part) > PARAMETERS.most_zeros:
             raise NotCounted("there are too many of them")
         found = [(*before, one) for before in found for one in part]
@@ -155,21 +160,6 @@ def _blocks(
         waiting -= block
 
 
-def _of_block(
-    ring: PolyRing, equations: Sequence[PolyElement], indices: Powers, denominators: Sequence[PolyElement]
-) -> list[_BlockZero]:
-    if not indices:
-        return []  # a constant is no zero
-    try:
-        block = _ZeroBlock(ring, equations, indices)
-    except Infinite:
-        if not denominators:
-            raise
-        block = _ZeroBlock(ring, equations, indices, denominators)
-    found = [_BlockZero(block, root) for root in block.roots]
-    return [zero for zero in found if all(zero.sign(d) for d in denominators)]
-
-
 class Infinite(NotCounted):
     """The zeros are infinitely many, in complex numbers at the least."""
 
@@ -195,12 +185,12 @@ class _ZeroBlock:
         if any(e.is_ground for e in basis):
             return
         self._algebra = _QuotientAlgebra(self._ring, basis)
-        try:
-            self._representation = Representation(self._algebra)
-        except NotSeparated as why:
-            raise NotCounted(str(why)) from why
+        self._representation = Representation(self._algebra)
+        self.one = self._representation.one  # g_1
         self.roots = self._representation.roots()
-        self._unknowns = [self._function(self._algebra.unknown(k)) for k in range(len(indices))]
+        # g and a factor of each unknown: x_k is g/(factor g_1)
+        own_rows = self._algebra.generators[: len(indices)]
+        self.unknowns = [(self._representation.of(rows[0]), below) for rows, below in own_rows]
 
     def taken(self, polynomial: PolyElement) -> PolyElement:
         """A polynomial over the unknowns of this block."""
@@ -208,22 +198,10 @@ class _ZeroBlock:
         terms = {(*(m[k] for k in self.indices), *more): factor for m, factor in polynomial.terms()}
         return self._ring.from_dict(terms)
 
-    def function(self, polynomial: PolyElement) -> tuple[Whole, int]:
-        """g and a factor: the polynomial is g/(factor g_1) at each zero."""
-        return self._function(self._algebra.reduced(self.taken(polynomial)))
-
-    def unknown(self, index: int) -> tuple[Whole, int]:
-        """Return g and a factor of an unknown."""
-        return self._unknowns[index]
-
-    @property
-    def one(self) -> Whole:
-        """g_1."""
-        return self._representation.one
-
-    def _function(self, element: Element) -> tuple[Whole, int]:
-        coefficients, below = element
-        return self._representation.of(coefficients), below
+    def function(self, polynomial: PolyElement) -> Whole:
+        """g: the polynomial is g/(factor g_1) at each zero, with a factor that is positive."""
+        coefficients, _ = self._algebra.reduced(self.taken(polynomial))
+        return self._representation.of(coefficients)
 
 
 class _BlockZero:
@@ -236,20 +214,13 @@ class _BlockZero:
     def enclosure(self, index: int, digits: int) -> Enclosure:
         """Bounds of an unknown of the block. Raises `NotCounted`."""
         if (index, digits) not in self._known:
-            g, factor = self.block.unknown(index)
-            try:
-                self._known[index, digits] = self._root.enclosure(g, factor, digits)
-            except NotSeparated as why:
-                raise NotCounted(str(why)) from why
+            g, factor = self.block.unknowns[index]
+            self._known[index, digits] = self._root.enclosure(g, factor, digits)
         return self._known[index, digits]
 
     def sign(self, polynomial: PolyElement) -> int:
         """The sign of a polynomial in the unknowns of the block. Raises `NotCounted`."""
-        g, _ = self.block.function(polynomial)
-        try:
-            return self._root.sign(g) * self._root.sign(self.block.one)
-        except NotSeparated as why:
-            raise NotCounted(str(why)) from why
+        return self._root.sign(self.block.function(polynomial)) * self._root.sign(self.block.one)
 
 
 class _QuotientAlgebra:
@@ -258,17 +229,18 @@ class _QuotientAlgebra:
     def __init__(self, ring: PolyRing, basis: Sequence[PolyElement]) -> None:
         self._ring, self._ideal = ring, list(basis)
         leading = [e.LM for e in basis]
-        self.monomials = list(_standard(leading, len(ring.gens)))
+        self.monomials = _standard(leading, len(ring.gens))
         self._index = {monomial: k for k, monomial in enumerate(self.monomials)}
         self.D = len(self.monomials)
-        self.generators = [self._multiplication(k) for k in range(len(ring.gens))]
+        # Rows: x_k times each monomial of the basis, in the basis, over one denominator
+        self.generators: list[tuple[list[Whole], int]] = []
+        for k in range(len(ring.gens)):
+            raised = (tuple(p + (i == k) for i, p in enumerate(m)) for m in self.monomials)
+            rows = [self.reduced(ring.from_dict({m: ring.domain.one})) for m in raised]
+            common = math.lcm(*(below for _, below in rows))
+            self.generators.append(([[x * (common // below) for x in row] for row, below in rows], common))
         self._products: dict[Powers, Element] = {}
         self.traces = self._traces()
-
-    def unknown(self, k: int) -> Element:
-        """The k-th unknown."""
-        rows, below = self.generators[k]
-        return rows[0], below
 
     def reduced(self, polynomial: PolyElement) -> Element:
         """A polynomial in the basis."""
@@ -279,12 +251,6 @@ class _QuotientAlgebra:
             if factor:
                 found[self._index[powers]] = int(factor.numerator) * (below // int(factor.denominator))
         return found, below
-
-    def _multiplication(self, unknown: int) -> tuple[list[Whole], int]:
-        """Rows: x_k times each monomial of the basis, in the basis."""
-        raised = (tuple(p + (k == unknown) for k, p in enumerate(m)) for m in self.monomials)
-        rows = [self.reduced(self._ring.from_dict({m: self._ring.domain.one})) for m in raised]
-        return _over_one(rows)
 
     def _product(self, monomial: Powers) -> Element:
         """A monomial in the basis, by way of lower ones."""
@@ -303,7 +269,8 @@ class _QuotientAlgebra:
 
     def _traces(self) -> tuple[list[Whole], int]:
         """The traces of all products of two monomials of the basis."""
-        pairs = [[self._product(_sum(a, b)) for b in self.monomials] for a in self.monomials]
+        sums = [[tuple(map(operator.add, a, b)) for b in self.monomials] for a in self.monomials]
+        pairs = [[self._product(monomial) for monomial in row] for row in sums]
         single = [
             sum((Fraction(pairs[j][i][0][i], pairs[j][i][1]) for i in range(self.D)), Fraction(0))
             for j in range(self.D)
@@ -318,17 +285,7 @@ class _QuotientAlgebra:
         return [[x.numerator * (common // x.denominator) for x in row] for row in rows], common
 
 
-def _over_one(rows: Sequence[Element]) -> tuple[list[Whole], int]:
-    """Rows over one denominator."""
-    below = math.lcm(*(denominator for _, denominator in rows))
-    return [[x * (below // denominator) for x in row] for row, denominator in rows], below
-
-
-def _sum(a: Powers, b: Powers) -> Powers:
-    return tuple(x + y for x, y in zip(a, b, strict=True))
-
-
-def _standard(leading: Sequence[tuple[int, ...]], count: int) -> list[tuple[int, ...]]:
+def _standard(leading: Sequence[Powers], count: int) -> list[Powers]:
     """The monomials that no leading one divides, by degree. Raises `NotCounted` where they are too many."""
     for k in range(count):
         if not any(m[k] == sum(m) for m in leading):
@@ -339,9 +296,5 @@ def _standard(leading: Sequence[tuple[int, ...]], count: int) -> list[tuple[int,
         if len(found) > PARAMETERS.most_dimensions:
             raise NotCounted("there are too many of them")
         further = {tuple(p + (i == k) for i, p in enumerate(m)) for m in layer for k in range(count)}
-        layer = sorted(m for m in further if not any(_divides(one, m) for one in leading))
+        layer = sorted(m for m in further if not any(all(map(operator.le, one, m)) for one in leading))
     return found
-
-
-def _divides(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
-    return all(a <= b for a, b in zip(one, other, strict=True))

@@ -1,22 +1,38 @@
-"""All points of a problem by exact algebra, where its equations are polynomials of few unknowns."""
+"""All points of a problem, with the proof that none is left out: by exact algebra, or by intervals.
+
+Exact algebra serves where the equations are polynomials of few unknowns. Intervals serve one coordinate without rows:
+each has one zero of the force, or none. Where neither is seen, as at a pole, a kink, a double zero or in a flat tail, a
+piece stays undecided; what is found elsewhere is found all the same.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
+from collections import deque
 
 import numpy as np
+import numpy.typing as npt
+from mpmath import iv
 
-from lagcli.statics import algebraic_zeros, newton, polynomial_equations, refine
-from lagcli.statics.algebraic_zeros import AlgebraicZero
+from lagcli import doubles
+from lagcli.compiled.program import Program
+from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
+from lagcli.smoothness import sides
+from lagcli.statics import algebraic_zeros, point_search, polynomial_equations, refine
 from lagcli.statics.point_search import PointSearch
-from lagcli.statics.polynomial_equations import CountedOrder, NotPolynomial, PolynomialEquations, SpentError
+from lagcli.statics.polynomial_equations import CountedOrder, NotPolynomial, SpentError
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.univariate import NotCounted
+
+Floats = npt.NDArray[np.float64]
+Piece = tuple[float, float]
 
 
 class CompletenessParameters:
-    """Sizes of models whose points are counted.
+    """Sizes of models whose points are counted, and numbers of the enclosure of all zeros of one unknown.
 
     The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
@@ -26,12 +42,24 @@ class CompletenessParameters:
     most_unknowns: int = 24
     """Coordinates and multipliers: of more no Groebner basis is tried.
     `test_points_of_twenty_four_unknowns_and_three_contacts_are_counted` fails at 2 and 240."""
-    most_contacts: int = 3
-    """Contacts, every set of which is counted alone.
-    `test_points_of_twenty_four_unknowns_and_three_contacts_are_counted` fails at 0 and 30."""
     budget: int = 2_000_000
     """Comparisons of monomials of all sets of contacts together, some seconds.
     `test_two_million_comparisons_of_monomials_are_made` fails at 200000 and 20000000."""
+    most_boxes: int = 4000
+    """Intervals that are looked at; what is left is undecided.
+    `test_four_thousand_intervals_are_looked_at` fails at 400 and 40000."""
+    shells: int = 7
+    """Shells round zero, each ten times wider, which share the intervals: one size of things, ten, up to a million.
+    `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 6 and 8."""
+    uneven: float = 1.0371
+    """The end of the first shell in sizes of things, and so those of all: no decimal number is one, for there zeros
+    are likely. `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
+    together: int = 100
+    """Narrow intervals side by side that are one piece. `test_a_hundred_narrow_intervals_are_one_piece` fails at 10
+    and 1000."""
+    digits: int = 20
+    """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one.
+    `test_intervals_have_twenty_digits` fails at 2 and 200."""
 
 
 PARAMETERS = CompletenessParameters()
@@ -57,15 +85,30 @@ class SetZeros:
     touching: list[EquilibriumPoint]
 
 
-def complete(search: PointSearch) -> Completeness:
+def by_algebra(search: PointSearch) -> Completeness:
     """Put the exact points in the place of those of a search, for every set of contacts that can be counted; and say
     whether all are known."""
     problem = search.problem
     if len(problem.times) > 1:
         return Completeness(False, "the equations hold t")
-    if problem.n + problem.C > PARAMETERS.most_unknowns or PARAMETERS.most_contacts < problem.K:
+    most = point_search.PARAMETERS.most_contacts
+    if problem.n + problem.C > PARAMETERS.most_unknowns or most < problem.K:
         return Completeness(False, "there are too many unknowns for exact algebra")
-    counted, reasons, planes = _counted(search)
+    # The points of the sets of contacts that can be counted, why others cannot, and which are known to be a plane
+    counted: dict[tuple[int, ...], SetZeros] = {}
+    reasons: list[str] = []
+    planes: list[str] = []
+    order, contacts = CountedOrder(PARAMETERS.budget), range(problem.K)
+    sets = (itertools.combinations(contacts, size) for size in range(len(contacts) + 1))
+    for closed in itertools.chain.from_iterable(sets):
+        try:
+            counted[closed] = _of_set(search, closed, order)
+        except _Plane as why:
+            (planes if search.leave_out(closed) else reasons).append(str(why))
+        except (NotPolynomial, NotCounted) as why:
+            reasons.append(str(why))
+        except SpentError:
+            reasons.append("the budget of exact algebra is spent")
     if reasons or planes:
         for zeros in counted.values():
             for point in zeros.touching:
@@ -88,30 +131,6 @@ class _Plane(Exception):
     """The points with some contacts closed, if there are any, are one plane or a part of it."""
 
 
-def _counted(search: PointSearch) -> tuple[dict[tuple[int, ...], SetZeros], list[str], list[str]]:
-    """The points of the sets of contacts that can be counted, why others cannot, and which are known to be a plane."""
-    counted: dict[tuple[int, ...], SetZeros] = {}
-    reasons: list[str] = []
-    planes: list[str] = []
-    order = CountedOrder(PARAMETERS.budget)
-    contacts = range(search.problem.K)
-    for closed in (
-        each for size in range(len(contacts) + 1) for each in itertools.combinations(contacts, size)
-    ):
-        try:
-            counted[closed] = _of_set(search, closed, order)
-        except _Plane as why:
-            if search.leave_out(closed):
-                planes.append(str(why))
-            else:
-                reasons.append(str(why))
-        except (NotPolynomial, algebraic_zeros.NotCounted) as why:
-            reasons.append(str(why))
-        except SpentError:
-            reasons.append("the budget of exact algebra is spent")
-    return counted, reasons, planes
-
-
 def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros:
     """All points with these contacts closed, and with no other one touching."""
     problem = search.problem
@@ -130,35 +149,216 @@ def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -
     for zero in zeros:
         if any(root.is_unknown and zero.sign(exact.ring.gens[k]) <= 0 for k, root in exact.squares.items()):
             continue
-        sides = _signs(exact, zero)
+        if exact.signs and not all(zero.sign(divisor, exact.squares) for divisor in exact.divisors):
+            raise NotCounted("a gap has no value at a zero")
+        # The signs of the gaps of open contacts, then of the sides of leaves
+        sides = [
+            zero.sign(quotient.above, exact.squares) * zero.sign(quotient.below, exact.squares)
+            for quotient in exact.signs
+        ]
         if any(side < 0 for side in sides[:contacts]) or any(side <= 0 for side in sides[contacts:]):
             continue
         pushes = (zero.sign(exact.ring.gens[k]) for k in range(problem.n + problem.C, unknowns))
         if search.options.pushes and any(push < 0 for push in pushes):
             continue
-        point = _point(search, closed, exact, zero)
+        # The point, rounded to doubles
+        values = np.array([0.0 if k in exact.angles else zero.value(k) for k in range(len(exact.names))])
+        x = exact.unknowns(values)
+        q, lam = search.wrapped_angles(x[: problem.n]), x[problem.n :]
+        equations = RestEquations(problem, closed, search.scales)
+        rounded = refine.settled(equations, np.concatenate([q, lam]))
+        point = EquilibriumPoint(q, equations.all_multipliers(lam), closed, rounded.residual)
         (found.points if all(sides) else found.touching).append(point)
     return found
 
 
-def _signs(exact: PolynomialEquations, zero: AlgebraicZero) -> list[int]:
-    """The signs of the gaps of open contacts, then of the sides of leaves."""
-    if exact.signs and not all(zero.sign(divisor, exact.squares) for divisor in exact.divisors):
-        raise algebraic_zeros.NotCounted("a gap has no value at a zero")
-    return [
-        zero.sign(quotient.above, exact.squares) * zero.sign(quotient.below, exact.squares)
-        for quotient in exact.signs
+# One unknown, by intervals
+
+
+@dataclasses.dataclass(slots=True)
+class LinePieces:
+    """Pieces of the line with one zero each, and undecided ones; there is none elsewhere."""
+
+    isolated: list[Piece] = dataclasses.field(default_factory=list)
+    undecided: list[Piece] = dataclasses.field(default_factory=list)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Force:
+    """The force and its slope by intervals."""
+
+    program: Program
+    numbers: tuple[float, ...]
+
+    def __call__(self, x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
+        """The force and its slope over an interval. Raises `NoBounds`."""
+        numbers = [iv.mpf(number) for number in self.numbers]
+        value, slope = self.program.run([[x], numbers], iv.mpf, Enclosures(iv).result)
+        return value, slope
+
+
+def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
+    """Put the zeros that intervals enclose in the place of the points of a search, but where a piece is undecided; and
+    say whether all are known."""
+    problem, length = search.problem, search.scales.length
+    if len(problem.times) > 1:
+        return Completeness(False, "the equations hold t")
+    force = _Force(problem.slope_program(), (problem.t, *problem.p.tolist()))
+    digits = iv.dps
+    iv.dps = PARAMETERS.digits
+    try:
+        pieces = _pieces(force, search, is_angle)
+        narrowed = [_narrowed(force, piece) for piece in pieces.isolated]
+    finally:
+        iv.dps = digits
+    equations = RestEquations(problem, (), search.scales)
+    points = []
+    for x in narrowed:
+        rounded = refine.settled(equations, np.array([x]))
+        q = search.wrapped_angles(np.array([x]))
+        points.append(EquilibriumPoint(q, problem.nothing, (), rounded.residual))
+    own = list(_merged(pieces.undecided))
+    turns = (-2 * np.pi, 0.0, 2 * np.pi) if search.options.angles[0] else (0.0,)
+
+    def is_decided(q: Floats) -> bool:
+        """True outside of undecided pieces, and not within an interval of one that is not halved further."""
+        near = _width(length, float(q[0])) / PARAMETERS.together
+        return not any(low - near <= q[0] + turn <= high + near for low, high in own for turn in turns)
+
+    agrees = search.settle({(): points}, is_decided)
+    for low, high in own:
+        if np.isfinite([low, high]).all():
+            search.take(refine.reached(problem, np.array([(low + high) / 2]), (), search.scales))
+    if own:
+        is_narrow = all(abs(low + high) == np.inf or high - low <= _width(length, low) for low, high in own)
+        return Completeness(False, _undecided(own), is_narrow, is_told=True)
+    if not agrees:
+        return Completeness(False, "intervals and the search disagree")
+    return Completeness(
+        True,
+        "that there are no others is proved by intervals: each piece of the line has one of them, or none",
+        is_told=True,
+    )
+
+
+def _undecided(pieces: list[Piece]) -> str:
+    """A sentence on pieces that are undecided."""
+    most = point_search.PARAMETERS.most_named
+    named = [
+        f"near {(low + high) / 2:.6g}" if high - low <= doubles.ROOT else f"from {low:.3g} to {high:.3g}"
+        for low, high in sorted(pieces, key=lambda piece: abs(piece[0] + piece[1]))[:most]
     ]
+    more = "" if len(pieces) <= most else " and elsewhere"
+    return f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
 
 
-def _point(
-    search: PointSearch, closed: tuple[int, ...], exact: PolynomialEquations, zero: AlgebraicZero
-) -> EquilibriumPoint:
-    """The point of a zero, rounded to doubles."""
-    problem = search.problem
-    values = np.array([0.0 if k in exact.angles else zero.value(k) for k in range(len(exact.names))])
-    x = exact.unknowns(values)
-    q = search.wrapped_angles(x[: problem.n])
-    equations = RestEquations(problem, closed, search.scales)
-    rounded = refine.settled(equations, newton.NewtonEnd(np.concatenate([q, x[problem.n :]]), 0.0, 0.0))
-    return EquilibriumPoint(q, equations.all_multipliers(x[problem.n :]), closed, rounded.residual)
+def _merged(pieces: list[Piece]) -> list[Piece]:
+    """Pieces that touch, as one."""
+    found: list[Piece] = []
+    for low, high in sorted(pieces):
+        if found and low <= found[-1][1]:
+            found[-1] = found[-1][0], max(high, found[-1][1])
+        else:
+            found.append((low, high))
+    return found
+
+
+def _width(length: float, x: float) -> float:
+    """The width of some intervals that are not halved further, side by side."""
+    return PARAMETERS.together * doubles.ZERO * (length + abs(x))
+
+
+def _narrowed(force: _Force, piece: Piece) -> float:
+    """The zero in a piece on which the force rises or falls, to rounding."""
+    low, high = piece
+    if low < 0 < high and 0 in force(iv.mpf(0))[0]:
+        return 0.0
+    left = force(iv.mpf(low))[0].a > 0
+
+    def is_before(x: Floats) -> bool:
+        value = force(iv.mpf(float(x)))[0]
+        return 0 not in value and bool((value.a > 0) == left)
+
+    while math.nextafter(low, high) < high:  # beside zero there are more doubles than an interval is halved
+        low, high = map(float, sides.bracket(is_before, low, high))
+    return high
+
+
+def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
+    """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
+    found = LinePieces()
+    if is_angle:
+        # The ends lie at no point where a zero is likely, and overlap: none is lost between them.
+        turn = (-np.pi + 0.0123 - doubles.VALUE, np.pi + 0.0123 + doubles.VALUE)
+        _search(force, [turn], found, PARAMETERS.most_boxes, search.scales.length)
+        return found
+    length, left = search.scales.length, PARAMETERS.most_boxes
+    ends = [length * PARAMETERS.uneven * 10.0**k for k in range(PARAMETERS.shells)]
+    for k, end in enumerate(ends):
+        shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
+        left -= _search(force, shell, found, left // (PARAMETERS.shells - k), length)
+    for end, tail in ((ends[-1], (ends[-1], np.inf)), (-ends[-1], (-np.inf, -ends[-1]))):
+        if not _has_no_zero(force, end, iv.mpf(list(tail))):
+            found.undecided.append(tail)
+    return found
+
+
+def _search(force: _Force, begun: list[Piece], found: LinePieces, boxes: int, length: float) -> int:
+    """Halve pieces as long as they are undecided; the number that was looked at."""
+    waiting = deque(begun)
+    count = 0
+    while waiting and count < boxes:
+        count += 1
+        low, high = waiting.popleft()
+        middle = low + (high - low) * 0.4871
+        try:
+            value, slope = force(iv.mpf([low, high]))
+        except NoValue:
+            continue
+        except NoBounds:
+            if low < 0 < high:
+                middle = 0.0  # where poles and kinks are likely
+        else:
+            if 0 not in value:
+                continue
+            changes = _changes(force, low, high) if 0 not in slope else None
+            if changes is not None:
+                found.isolated += [(low, high)] if changes else []
+                continue
+        if high - low < doubles.ZERO * (length + abs(low)) or not low < middle < high:
+            found.undecided.append((low, high))
+        else:
+            waiting += [(low, middle), (middle, high)]
+    found.undecided += waiting
+    return count
+
+
+def _changes(force: _Force, low: float, high: float) -> bool | None:
+    """True if the force changes its sign between two ends; None where it is not determined at one."""
+    try:
+        ends = [force(iv.mpf(x))[0] for x in (low, high)]
+    except NoBounds:
+        return None
+    if not all(map(_is_determined, ends)):
+        return None
+    return bool((ends[0].a > 0) != (ends[1].a > 0))
+
+
+def _has_no_zero(force: _Force, end: float, tail: iv.mpf) -> bool:
+    """True if the force has one sign beyond an end: by its bounds, or as it grows away from zero there."""
+    try:
+        value, slope = force(tail)
+        if _is_determined(value):
+            return True
+        at_end = force(iv.mpf(end))[0]
+    except NoValue:
+        return True
+    except NoBounds:
+        return False
+    if not _is_determined(at_end) or not _is_determined(slope):
+        return False
+    return bool((slope.a > 0) == ((at_end.a > 0) == (end > 0)))
+
+
+def _is_determined(value: iv.mpf) -> bool:
+    return bool(value.a == value.a and value.b == value.b and 0 not in value)

@@ -8,13 +8,16 @@ it leaves to say, not for the sign of that zero.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
-from lagcli.statics import newton, point_type, precise_zeros, refine
+from lagcli.statics import point_type, precise_zeros, refine
+from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -40,15 +43,65 @@ class ContinuumParameters:
     """Steps of a walk from one point to another: sixteen sizes of things.
     `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 8 and 800."""
     stride: float = 0.2
-    """The longest step of a walk. `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 0.02 and
-    2."""
+    """The longest step of a walk. `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 0.02 and 2."""
     straight: tuple[float, ...] = (0.0917, 0.2371, 0.3719, 0.5113, 0.6547, 0.7829, 0.9137, 1.0)
-    """Points on a straight way at which it is looked whether they are points of rest too; at no common
-    period. `test_points_at_equal_distances_are_no_straight_continuum` fails at a tenth and at ten times of
-    it."""
+    """Points on a straight way at which it is looked whether they are points of rest too; at no common period.
+    `test_points_at_equal_distances_are_no_straight_continuum` fails at a tenth and at ten times of it."""
 
 
 PARAMETERS = ContinuumParameters()
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class FoundPoint:
+    """A point with its type, the dimension of the continuum it stands for, and the contacts that touch there, those
+    that carry nothing included."""
+
+    point: EquilibriumPoint
+    type: PointType
+    dimension: int
+    touching: tuple[int, ...]
+
+
+class KnownContinua:
+    """The question whether points of one search are connected; angles: which coordinates are angles."""
+
+    def __init__(self, problem: StaticProblem, scales: Scales, angles: tuple[bool, ...]) -> None:
+        self._problem, self._scales = problem, scales
+        self._angles = np.array(angles, dtype=bool)
+
+    def are_one(self, known: FoundPoint, found: FoundPoint) -> bool:
+        """True if a walk along a continuum leads from one of two points of it to the other."""
+        if known.dimension != found.dimension or known.point.closed != found.point.closed:
+            return False
+        return not self.differ(known.point, found.point) and (
+            self._is_connected(found, known) or self._is_connected(known, found)
+        )
+
+    def is_on(self, larger: FoundPoint, smaller: FoundPoint) -> bool:
+        """True if a point alone, or one of a smaller continuum, lies on a larger one, of which it is an edge where more
+        contacts are closed."""
+        if larger.dimension <= smaller.dimension or not set(larger.point.closed) <= set(smaller.touching):
+            return False
+        if smaller.type.is_regular and larger.point.closed == smaller.point.closed:
+            return False  # near a regular point there is no other
+        return not self.differ(larger.point, smaller.point) and self._is_connected(larger, smaller)
+
+    def differ(self, a: EquilibriumPoint, b: EquilibriumPoint) -> bool:
+        """True if two points lie on no one continuum by the values there: it is level where rows hold places."""
+        problem = self._problem
+        if not problem.laws.driving.is_zero() or not point_type.is_holonomic(problem, a):
+            return False
+        one, other = problem.value(a.q), problem.value(b.q)
+        size = max(self._scales.force * self._scales.length, abs(one), abs(other))
+        return abs(one - other) > doubles.ROOT * size
+
+    def _is_connected(self, begin: FoundPoint, end: FoundPoint) -> bool:
+        """True if a walk from a point of a continuum comes to another point, with the least turns of angles."""
+        equations = RestEquations(self._problem, begin.point.closed, self._scales)
+        goal = np.array(end.point.q)
+        goal[self._angles] += 2 * np.pi * np.round((begin.point.q - goal)[self._angles] / (2 * np.pi))
+        return connected(equations, refine.unknowns(equations, begin.point), goal, begin.dimension)
 
 
 def directions(equations: RestEquations, x: Floats) -> Floats:
@@ -98,10 +151,8 @@ def beside_crossing(equations: RestEquations, x: Floats) -> Floats:
 def _is_zero(equations: RestEquations, x: Floats, length: float) -> bool:
     """True if there is a zero within a part of a length of x in many digits too, where these are known: beside a sixth
     power doubles see no force."""
-    found = precise_zeros.nearest(equations, x)
-    return found is None or bool(
-        np.linalg.norm((found - x)[: equations.problem.n]) <= PARAMETERS.off * length
-    )
+    found, n = precise_zeros.nearest(equations, x), equations.problem.n
+    return found is None or bool(np.linalg.norm((found - x)[:n]) <= PARAMETERS.off * length)
 
 
 def stepped(
@@ -109,13 +160,12 @@ def stepped(
 ) -> Floats | None:
     """The point of rest next to x with q changed; None where there is none within a part of the change."""
     n = equations.problem.n
-    predicted = x.copy()
-    predicted[:n] += change
-    begun = refine.begun(equations, predicted[:n])
+    predicted = x[:n] + change
+    begun = refine.begun(equations, predicted)
     if begun is None or equations(begun) is None:
         return None
-    end = newton.refined(equations, begun)
-    near = np.linalg.norm(end.x[:n] - predicted[:n]) <= off * np.linalg.norm(change)
+    end = refine.refined(equations, begun)
+    near = np.linalg.norm(end.x[:n] - predicted) <= off * np.linalg.norm(change)
     settled = end.step <= refine.PARAMETERS.settled and equations.unbalanced(end.x) <= doubles.ZERO
     return end.x if near and settled else None
 
@@ -175,9 +225,8 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
 
     A point that touches nothing without a force, or through which no continuum goes, is returned as it is.
     """
-    near = refine.touching(problem, found, scales)
     carrying = point_type.carrying(problem, found, scales)
-    idle = [k for k in near if k not in carrying]
+    idle = [k for k in refine.touching(problem, found, scales) if k not in carrying]
     if not idle:
         return found
     free = RestEquations(problem, carrying, scales)
@@ -194,7 +243,7 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
         return found
     bounded = RestEquations(problem, closed, scales)
     begun = refine.begun(bounded, found.q)
-    point = None if begun is None else refine.settled(bounded, newton.NewtonEnd(begun, 0.0, 0.0))
+    point = None if begun is None else refine.settled(bounded, begun)
     if begun is None or not isinstance(point, EquilibriumPoint):
         return found
     own = RestEquations(problem, found.closed, scales)

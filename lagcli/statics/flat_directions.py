@@ -147,13 +147,8 @@ class FlatEquations:
         G, g = values.G[self._closed], values.g[self._closed]
         rows, slopes, N = np.vstack([values.B, G]), np.vstack([values.dc, G]), self._all
         m, r, k = len(rows), len(slopes), N.shape[1]
-        A = np.block(
-            [
-                [values.K, rows.T, -N],
-                [slopes, np.zeros((r, m + k))],
-                [N.T, np.zeros((k, m + k))],
-            ]
-        )
+        nothing = np.zeros((r + k, m + k))
+        A = np.block([[values.K, rows.T, -N], [slopes, nothing[:r]], [N.T, nothing[r:]]])
         # Forces are measured by their terms: far from all sources they may be tiny, and still none is zero.
         terms = self._residual(np.concatenate([q, lam[self._acting]])[:, None], self._sizes(q, lam)[:, None])
         unit = 1.0 if terms is None else float(terms[1][: q.size].max(initial=0.0)) or 1.0
@@ -175,11 +170,27 @@ class FlatEquations:
         _, gradient, inverse = self._linear(q, lam)
         if not np.isfinite(inverse).all():
             return None
-        found = [self._on_ray(q, lam, ray, (gradient, inverse), orders) for ray in rays]
-        if any(each is None for each in found):
-            return None
-        rho, sizes = (np.array([each[part] for each in found if each is not None]) for part in (0, 1))
-        return _Expansion(rays, rho, doubles.SUM * sizes)
+        n, count, k = q.size, self._all.shape[1], rays.shape[1]
+        first = np.concatenate([q, lam[self._acting]])
+        known = first.size
+        rho, terms = np.zeros((2, len(rays), count, orders))
+        for ray, own, own_terms in zip(rays, rho, terms, strict=True):
+            x, sizes = np.zeros((2, known, orders + 1))
+            x[:, 0], sizes[:, 0] = first, self._sizes(q, lam)
+            x[:n, 1] = self.basis @ ray  # the tangent: what is missing of it is solved for
+            sizes[:n, 1] = np.abs(self.basis) @ np.abs(ray)
+            for order in range(orders):
+                found = self._residual(x[:, : order + 1], sizes[:, : order + 1])
+                if found is None:
+                    return None
+                left, size = found
+                solved, spread = -inverse @ left, np.abs(inverse) @ size
+                if order:
+                    x[:, order] += solved[:known]
+                    spread += np.abs(inverse) @ (np.abs(gradient) @ np.abs(solved))
+                    sizes[:, order] += np.abs(solved[:known]) + spread[:known]
+                own[:, order], own_terms[:, order] = solved[known:], spread[known:]
+        return _Expansion(rays, rho[:, :k], doubles.SUM * terms[:, :k])
 
     def _sizes(self, q: Floats, lam: Floats) -> Floats:
         """The sizes of the unknowns: of coordinates no less than that of things."""
@@ -195,36 +206,9 @@ class FlatEquations:
         found = function.at([unknowns, fixed], count, doubles.SUM)[0]
         if any(each.known < count for each in found):
             return None
-        nothing = np.zeros(self._all.shape[1])
-        return (
-            np.concatenate([[each.c[-1] for each in found], nothing]),
-            np.concatenate([[each.size[-1] for each in found], nothing]),
-        )
-
-    def _on_ray(
-        self, q: Floats, lam: Floats, ray: Floats, linear: tuple[Floats, Floats], orders: int
-    ) -> tuple[Floats, Floats] | None:
-        """rho (k, orders) on one ray, and the sizes of its terms."""
-        n, count, (gradient, inverse) = q.size, self._all.shape[1], linear
-        first = np.concatenate([q, lam[self._acting]])
-        known = first.size
-        x, sizes = np.zeros((2, known, orders + 1))
-        x[:, 0], sizes[:, 0] = first, self._sizes(q, lam)
-        x[:n, 1] = self.basis @ ray  # the tangent: what is missing of it is solved for
-        sizes[:n, 1] = np.abs(self.basis) @ np.abs(ray)
-        rho, terms = np.zeros((2, count, orders))
-        for order in range(orders):
-            found = self._residual(x[:, : order + 1], sizes[:, : order + 1])
-            if found is None:
-                return None
-            left, size = found
-            solved, spread = -inverse @ left, np.abs(inverse) @ size
-            if order:
-                x[:, order] += solved[:known]
-                spread += np.abs(inverse) @ (np.abs(gradient) @ np.abs(solved))
-                sizes[:, order] += np.abs(solved[:known]) + spread[:known]
-            rho[:, order], terms[:, order] = solved[known:], spread[known:]
-        return rho[: ray.size], terms[: ray.size]
+        last = np.zeros((2, len(found) + self._all.shape[1]))
+        last[:, : len(found)] = [[each.c[-1] for each in found], [each.size[-1] for each in found]]
+        return last[0], last[1]
 
 
 def judged(
@@ -239,38 +223,32 @@ def judged(
 
     As long as they do not vanish together to the same power the steepest is set aside: it has a curvature.
     """
-    try:
-        return _judged(problem, point, scales, directions, is_exact)
-    except UnderflowError:
-        return FlatVerdict(point, 0, 0, directions[0].shape[1])
-
-
-def _judged(
-    problem: StaticProblem,
-    point: EquilibriumPoint,
-    scales: Scales,
-    directions: tuple[Floats, Floats],
-    is_exact: bool,
-) -> FlatVerdict:
-    """The verdict. Raises `UnderflowError`."""
     up = down = 0
     basis, along = directions
-    while 0 < basis.shape[1] <= PARAMETERS.most:
-        equations = FlatEquations(problem, point.closed, scales, basis, along)
-        q, lam = equations.settled(point.q, point.lam)
-        curvatures, axes, nothing = _curvatures(equations, q, lam)
-        steepest = int(np.argmax(np.abs(curvatures)))
-        is_clear = bool(abs(curvatures[steepest]) > nothing)
-        least, most = _changes(equations, (q, lam), axes[:, steepest]) if is_clear else (np.inf, np.inf)
-        if most > PARAMETERS.kept:  # it may be none: higher powers are looked at before it is believed
-            plain = FlatVerdict(point, up, down, basis.shape[1])
-            of_powers = _of_powers_here if is_exact else _of_powers
-            verdict = of_powers(equations, (q, lam), _rays(basis.shape[1]), plain)
-            if verdict is not None or least > PARAMETERS.kept:
-                return verdict or plain
-        is_up = bool(curvatures[steepest] > 0)
-        up, down = up + is_up, down + (not is_up)
-        basis = basis @ np.delete(axes, steepest, axis=1)
+    try:
+        while 0 < basis.shape[1] <= PARAMETERS.most:
+            equations = FlatEquations(problem, point.closed, scales, basis, along)
+            q, lam = equations.settled(point.q, point.lam)
+            # The second derivatives of phi on its axes, and their rounding
+            k = basis.shape[1]
+            H, nothing = np.zeros((k, k)), 0.0
+            if (found := equations.expanded(q, lam, np.eye(k), 2)) is not None:
+                H, nothing = -found.rho[:, :, 1], float(found.rounding[:, :, 1].max())
+            curvatures, axes = np.linalg.eigh((H + H.T) / 2)
+            steepest = int(np.argmax(np.abs(curvatures)))
+            is_clear = bool(abs(curvatures[steepest]) > nothing)
+            least, most = _changes(equations, (q, lam), axes[:, steepest]) if is_clear else (np.inf, np.inf)
+            if most > PARAMETERS.kept:  # it may be none: higher powers are looked at before it is believed
+                plain = FlatVerdict(point, up, down, k)
+                of_powers = _of_powers_here if is_exact else _of_powers
+                verdict = of_powers(equations, (q, lam), _rays(k), plain)
+                if verdict is not None or least > PARAMETERS.kept:
+                    return verdict or plain
+            is_up = bool(curvatures[steepest] > 0)
+            up, down = up + is_up, down + (not is_up)
+            basis = basis @ np.delete(axes, steepest, axis=1)
+    except UnderflowError:
+        return FlatVerdict(point, 0, 0, directions[0].shape[1])
     return FlatVerdict(point, up, down, basis.shape[1])
 
 
@@ -305,17 +283,6 @@ def balanced(
     except UnderflowError:
         return None
     return (q, lam) if found is not None and found.vanishes(2) else None
-
-
-def _curvatures(equations: FlatEquations, q: Floats, lam: Floats) -> tuple[Floats, Floats, float]:
-    """The second derivatives of phi (k,) on its axes (k, k), and their rounding; nothing where there are none."""
-    k = equations.basis.shape[1]
-    found = equations.expanded(q, lam, np.eye(k), 2)
-    if found is None:
-        return np.zeros(k), np.eye(k), 0.0
-    H = -found.rho[:, :, 1]
-    curvatures, axes = np.linalg.eigh((H + H.T) / 2)
-    return curvatures, axes, float(found.rounding[:, :, 1].max())
 
 
 def _changes(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Floats) -> tuple[float, float]:
@@ -372,11 +339,7 @@ def _of_powers(
 
 
 def _of_first_power(
-    equations: FlatEquations,
-    begin: tuple[Floats, Floats],
-    rays: Floats,
-    orders: int,
-    verdict: FlatVerdict,
+    equations: FlatEquations, begin: tuple[Floats, Floats], rays: Floats, orders: int, verdict: FlatVerdict
 ) -> FlatVerdict | None:
     """The verdict of the first power that does not vanish, and of those beyond it; None where all do, or lower ones do
     not."""
@@ -398,9 +361,8 @@ def _of_first_power(
     if power % 2 or (known.rises and known.falls):
         return _of_signs(known, found, power)
     sizes, axes = decompositions.axes(found.rho[:, :, power - 1])
-    if (
-        sizes[-1] <= rank.PARAMETERS.large * sizes[0]
-    ):  # where it lies along the last axis, this form does not tell
+    # Where it lies along the last axis, this form does not tell.
+    if sizes[-1] <= rank.PARAMETERS.large * sizes[0]:
         settled = _moved_along(equations, (q, lam), axes[-1])
         if settled is None:
             return known

@@ -1,4 +1,4 @@
-"""Ways to further zeros from one start: paths of a homotopy, and equations without the zeros that are known.
+"""Ways to zeros that Newton's steps from afar do not find: downhill, along paths, and without the zeros that are known.
 
 Newton's homotopy has the real paths F(x) = s F(x_0), which begin at a start with s = 1. A path is followed past s = 0:
 it turns, comes back, and goes through further zeros, which nothing else may lead to (Keller, *Global homotopies and
@@ -16,10 +16,43 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.linear import decompositions
-from lagcli.statics.rest_equations import RestEquations
+from lagcli.linear import decompositions, rank
+from lagcli.statics import refine
+from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
+
+
+class DescentParameters:
+    """Numbers of the way downhill; parts are of no unit.
+
+    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
+    """
+
+    __slots__ = ()
+
+    most_steps: int = 80
+    """Steps of one way: Newton's steps go on from wherever it ends. `test_a_way_downhill_has_eighty_steps`
+    fails at 8 and 800."""
+    halvings: int = 12
+    """Halvings of one step until it goes down: it is then 1/4096 of the size of things.
+    `test_a_step_that_does_not_go_down_is_halved_twelve_times` fails at 1 and 120."""
+    stride: float = 0.5
+    """The longest step, as a part of the size of things: farther off the curvatures say nothing.
+    `test_a_step_downhill_is_half_of_the_size_of_things` fails at 0.05 and 5."""
+    level: float = 1e-5
+    """A slope of this part of the forces is the bottom, for Newton's steps to go on.
+    `test_where_forces_are_balanced_to_five_digits_is_the_bottom` fails at 1e-6 and 0.0001."""
+    enough: float = 1e-4
+    """The part of the slope by which a step must go down (Armijo).
+    `test_a_step_goes_down_by_a_part_of_its_slope` fails at 1e-5 and 0.001."""
+    flat: float = 1e-7
+    """The part of the largest curvature below which one is taken for more: a chain of n links has some of 1/n^2.
+    `test_a_curvature_seven_digits_smaller_is_taken_for_more` fails at 1e-8 and 1e-6."""
+    far: float = 1e3
+    """Sizes of things: what goes down farther goes down for ever.
+    `test_what_goes_down_a_thousand_sizes_goes_down_for_ever` fails at 100 and 10000."""
 
 
 class HomotopyParameters:
@@ -69,7 +102,79 @@ class DeflationParameters:
     `test_the_latest_sixty_known_points_are_taken_out` fails at 6 and 600."""
 
 
-PARAMETERS, DEFLATION = HomotopyParameters(), DeflationParameters()
+DESCENT, PARAMETERS, DEFLATION = DescentParameters(), HomotopyParameters(), DeflationParameters()
+
+
+def onto(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> Floats | None:
+    """The configuration near q that satisfies the conditions; None where none is met."""
+    if not problem.laws.c.numel() and not closed:
+        return q
+    contacts = list(closed)
+
+    def conditions(q: Floats) -> tuple[Floats, Floats] | None:
+        """The residual of the conditions alone, and of closed contacts, and its gradient."""
+        residuals, gradients = [], []
+        for t in problem.times:
+            values = problem.at(t, q, problem.nothing)
+            units = np.concatenate([scales.conditions, scales.contacts[contacts]])
+            residuals.append(np.concatenate([values.c, values.g[contacts]]) / units)
+            gradients.append(np.vstack([values.dc, values.G[contacts]]) / units[:, None])
+        r, J = np.concatenate(residuals), np.vstack(gradients)
+        return (r, J) if np.isfinite(r).all() and np.isfinite(J).all() else None
+
+    end = refine.solve(conditions, q)
+    return end.x if end is not None and end.residual <= 1e-8 * scales.length else None
+
+
+def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
+    """A configuration near the bottom (sign 1) or the top (-1) that lies downhill or uphill of q; None where the
+    surface is not met."""
+    problem, scales, closed = equations.problem, equations.scales, tuple(equations.acting)
+    point = onto(problem, q, closed, scales)
+    if point is None:
+        return None
+    height = sign * problem.value(point)
+    for _ in range(DESCENT.most_steps):
+        step, slope = _downhill(equations, point, sign)
+        if float(np.abs(point).max(initial=0.0)) > DESCENT.far * scales.length:
+            return None
+        if step is None or slope <= DESCENT.level * scales.force * scales.length:
+            break
+        length = float(np.linalg.norm(step))
+        part = min(1.0, DESCENT.stride * scales.length / length) if length else 1.0
+        for _ in range(DESCENT.halvings):
+            there = onto(problem, point + part * step, closed, scales)
+            lower = np.inf if there is None else sign * problem.value(there)
+            if there is not None and lower < height - DESCENT.enough * part * slope:
+                point, height = there, lower
+                break
+            part /= 2
+        else:
+            break
+    return point
+
+
+def _downhill(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | None, float]:
+    """Newton's step along the surface with all curvatures taken as positive, and the fall it promises."""
+    problem = equations.problem
+    each = equations.multipliers(q)
+    if each is None:
+        return None, 0.0
+    values = problem.at(problem.t, q, equations.all_multipliers(each[0]))
+    if not values.finite:
+        return None, 0.0
+    Z = rank.null_basis(decompositions.unit(np.vstack([values.B, values.G[equations.acting]])))
+    if not Z.shape[1]:
+        return None, 0.0
+    H = -sign * Z.T @ values.K @ Z
+    curvatures, axes = np.linalg.eigh((H + H.T) / 2)
+    length = equations.scales.length
+    least = DESCENT.flat * max(np.abs(curvatures).max(), equations.scales.force / length)
+    downhill = axes.T @ (sign * Z.T @ values.F)
+    # One axis that is nearly flat must not shorten the step along all others.
+    longest = DESCENT.stride * length
+    along = np.clip(downhill / np.maximum(np.abs(curvatures), least), -longest, longest)
+    return Z @ (axes @ along), float(downhill @ along)
 
 
 def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
@@ -78,15 +183,12 @@ def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
     None where the equations are not as many as the unknowns, or x is a zero itself.
     """
     found = equations(x)
-    if (
-        found is None
-        or found[1].shape[0] != found[1].shape[1]
-        or not np.linalg.norm(found[0]) > PARAMETERS.off
-    ):
+    if found is None or found[1].shape[0] != found[1].shape[1]:
         return
-    path = _Path(equations, x, found)
-    for sense in (1.0, -1.0):
-        yield from path.followed(sense)
+    if np.linalg.norm(found[0]) > PARAMETERS.off:
+        path = _Path(equations, x, found)
+        for sense in (1.0, -1.0):
+            yield from path.followed(sense)
 
 
 class _Path:
@@ -136,15 +238,14 @@ class _Path:
         return None if values is None else decompositions.axes(values[1])[1][-1]
 
     def _corrected(self, z: Floats) -> Floats | None:
-        for _ in range(PARAMETERS.corrections):
+        for _ in range(PARAMETERS.corrections + 1):
             values = self._values(z)
             if values is None:
                 return None
             if np.linalg.norm(values[0]) <= PARAMETERS.off:
                 return z
             z = z - decompositions.least_squares(values[1], values[0])
-        values = self._values(z)
-        return z if values is not None and np.linalg.norm(values[0]) <= PARAMETERS.off else None
+        return None
 
 
 class DeflatedEquations:

@@ -21,11 +21,18 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.linear import decompositions, rank
 from lagcli.smoothness import operation_graph, switches
-from lagcli.statics import newton, point_type, precise_zeros, refine, rest_equations, surface_descent
+from lagcli.statics import (
+    further_zeros,
+    point_search,
+    point_type,
+    precise_zeros,
+    refine,
+    rest_equations,
+    static_report,
+)
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import RestEquations
-from lagcli.statics.static_laws import StaticLaws
-from lagcli.statics.static_problem import StaticProblem
+from lagcli.statics.static_problem import StaticLaws, StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
@@ -40,15 +47,13 @@ class KinkSearchParameters:
 
     most_kinks: int = 12
     """Of more kinks none is looked at, which a note says. `test_twelve_kinks_are_looked_at` fails at 1 and 120."""
-    most_coordinates: int = 12
-    """Of more coordinates neither: starts at random find none in so many dimensions.
-    `test_kinks_are_looked_at_among_twelve_coordinates` fails at 1 and 120."""
     tries: int = 6
     """Starts at random, beside the start of the model. `test_kinks_are_sought_from_six_starts_beside_the_first`
     fails at 0."""
     beside: float = 1e-6
-    """How far off a kink slopes are looked at: `test_slopes_are_looked_at_six_digits_off_a_kink` fails at 1e-7 and
-    1e-5."""
+    """How far off a kink slopes are looked at, and the last of three distances from a pole, each a hundredth of the one
+    before, at which values are compared. `test_slopes_are_looked_at_six_digits_off_a_kink` and
+    `test_a_step_that_is_wide_is_no_pole` fail at 1e-7 and 1e-5."""
     same: float = 1e-5
     """Points closer than this are one: zeros of squares are found to the root of rounding.
     `test_kinks_closer_than_five_digits_are_one` fails at 1e-6 and 1e-4."""
@@ -58,9 +63,6 @@ class KinkSearchParameters:
     continuous: float = 0.9
     """Differences of values from that at a kink, a thousand times nearer, that are more than this part of them: it is
     a pole. `test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none` fails at 0.09 and 9."""
-    around: tuple[float, ...] = (1e-2, 1e-4, 1e-6)
-    """Distances from a pole at which values are compared. `test_a_step_that_is_wide_is_no_pole` fails at a tenth and
-    at ten times of it."""
     unbounded: float = 0.5
     """Of the changes of the value from one of these distances to the next: a logarithm's are equal.
     `test_a_value_that_grows_less_and_less_is_bounded` fails at 0.05 and 5."""
@@ -70,11 +72,6 @@ class KinkSearchParameters:
     narrowings: int = 12
     """Times that the directions from which a function is seen to fall most are drawn half as far about the best one.
     At 1 `test_a_narrow_valley_between_kinks_is_seen` of `tests/physics/test_tails_and_kinks.py` fails."""
-    most_contacts: int = 3
-    """Inequalities, every set of which is closed in turn; of more a note says that none is.
-    `test_kinks_are_looked_at_among_three_contacts` fails at 0 and 30."""
-    most_named: int = 4
-    """Points that notes name; `test_notes_name_four_kinks` fails at 0 and 40."""
 
 
 PARAMETERS = KinkSearchParameters()
@@ -102,44 +99,16 @@ class KinkPoint(NamedTuple):
 
 def kinks(laws: StaticLaws) -> list[Kink]:
     """The kinks and poles of the function, by its operations; none of those whose arguments do not vary."""
-    inputs, value = [laws.q, laws.t, laws.p], ca.densify(laws.value)
-    found = [
-        (each.op, argument, is_pole)
-        for each in switches.among(value, inputs)
-        for argument, is_pole in (
-            (_argument(each.op, each.parts), False),
-            (_divisor(each.op, each.parts), True),
-        )
-        if argument is not None and ca.depends_on(argument, laws.q)
-    ]
+    found: list[Kink] = []
     numbers = itertools.count()
-    return [Kink(_word(op), argument, None if is_pole else next(numbers)) for op, argument, is_pole in found]
-
-
-def _word(op: int) -> str:
-    word = switches.KINDS[op].word
-    return "/" if word == switches.QUOTIENT else word
-
-
-def _with_kinks(laws: StaticLaws, numbers: set[int | None]) -> ca.SX:
-    """The function with the results of some of its kinks as they are at the kinks."""
-    passed = 0
-
-    def put(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        nonlocal passed
-        argument = _argument(op, parts)
-        if argument is None or not ca.depends_on(argument, laws.q):
-            return result
-        passed += 1
-        if passed - 1 not in numbers:
-            return result
-        if op == ca.OP_ASIN:
-            return np.pi / 2 * ca.sign(parts[0])
-        if op == ca.OP_ACOS:
-            return np.pi / 2 * (1 - ca.sign(parts[0]))
-        return parts[0] if op in (ca.OP_FMIN, ca.OP_FMAX) else ca.SX(0)
-
-    return operation_graph.replayed(ca.densify(laws.value), [laws.q, laws.t, laws.p], put)
+    for each in switches.among(ca.densify(laws.value), [laws.q, laws.t, laws.p]):
+        word = "/" if each.kind.word == switches.QUOTIENT else each.kind.word
+        kink, pole = _argument(each.op, each.parts), _divisor(each.op, each.parts)
+        if kink is not None and ca.depends_on(kink, laws.q):
+            found.append(Kink(word, kink, next(numbers)))
+        if pole is not None and ca.depends_on(pole, laws.q):
+            found.append(Kink(word, pole, None))
+    return found
 
 
 def _argument(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
@@ -168,8 +137,21 @@ def _divisor(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
 
 
 def _on_kinks(laws: StaticLaws, there: Sequence[Kink]) -> StaticLaws:
-    """The problem on the surface u = 0 of all of some kinks, or of a pole."""
-    value = _with_kinks(laws, {kink.number for kink in there})
+    """The problem on the surface u = 0 of all of some kinks, or of a pole, of the function with the results of these
+    kinks as they are there."""
+    numbers, passed = {kink.number for kink in there}, itertools.count()
+
+    def put(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
+        argument = _argument(op, parts)
+        if argument is None or not ca.depends_on(argument, laws.q) or next(passed) not in numbers:
+            return result
+        if op == ca.OP_ASIN:
+            return np.pi / 2 * ca.sign(parts[0])
+        if op == ca.OP_ACOS:
+            return np.pi / 2 * (1 - ca.sign(parts[0]))
+        return parts[0] if op in (ca.OP_FMIN, ca.OP_FMAX) else ca.SX(0)
+
+    value = operation_graph.replayed(ca.densify(laws.value), [laws.q, laws.t, laws.p], put)
     arguments = ca.vertcat(*(kink.argument for kink in there))
     return dataclasses.replace(
         laws,
@@ -184,7 +166,8 @@ def extremes(search: PointSearch, known: Sequence[Kink]) -> Iterator[KinkPoint]:
     """Extremes at kinks, as far as they are found: on each alone, then where several meet."""
     problem = search.problem
     found: list[Floats] = []
-    for there in itertools.chain(_alone(known), _meeting(problem, known) or ()):
+    alone = [(kink,) for kink in known if kink.number is not None]
+    for there in itertools.chain(alone, _meeting(problem, known) or ()):
         on_kink = StaticProblem(_on_kinks(problem.laws, there), problem.p, (problem.t, problem.begin), 0.0)
         for q in _candidates(search, on_kink):
             if any(search.apart(q, other) <= PARAMETERS.same for other in found):
@@ -193,10 +176,6 @@ def extremes(search: PointSearch, known: Sequence[Kink]) -> Iterator[KinkPoint]:
             if kind is not None and precise_zeros.is_met(on_kink, q, search.scales.length):
                 found.append(q)
                 yield KinkPoint(there[0].word, q, kind)
-
-
-def _alone(known: Sequence[Kink]) -> list[tuple[Kink, ...]]:
-    return [(kink,) for kink in known if kink.number is not None]
 
 
 def _meeting(problem: StaticProblem, known: Sequence[Kink]) -> list[tuple[Kink, ...]] | None:
@@ -208,20 +187,16 @@ def _meeting(problem: StaticProblem, known: Sequence[Kink]) -> list[tuple[Kink, 
     return found if len(found) <= PARAMETERS.most_meeting else None
 
 
-def _begins(search: PointSearch) -> list[Floats]:
-    return [search.problem.begin, *search.others(PARAMETERS.tries)]
-
-
 def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]:
     """Stationary points on the surface of a kink, with each set of contacts closed: points on it where its gradient
     vanishes, as that of a distance does, and points in balance."""
     problem, length = search.problem, search.scales.length
     scales = rest_equations.scales(on_kink, problem.begin)
-    begins = _begins(search)
+    begins = [problem.begin, *search.others(PARAMETERS.tries)]
     for size in range(problem.K + 1):
         for closed in itertools.combinations(range(problem.K), size):
             for begin in begins:
-                q = surface_descent.onto(on_kink, begin, closed, scales)
+                q = further_zeros.onto(on_kink, begin, closed, scales)
                 if q is None:
                     continue
                 values = on_kink.at(on_kink.t, q, on_kink.nothing)
@@ -333,32 +308,27 @@ def _drawn(Z: Floats) -> Floats:
 
 def pole_sentences(search: PointSearch, known: Sequence[Kink], names: Sequence[str], value: str) -> list[str]:
     """Sentences on places where the function has no value, one for each operation that makes them."""
-    problem, sentences, found = search.problem, [], list[Floats]()
+    problem, length = search.problem, search.scales.length
+    sentences, found = [], list[Floats]()
     for pole in known:
         if pole.number is not None:
             continue
         on_pole = StaticProblem(_on_kinks(problem.laws, (pole,)), problem.p, (problem.t, problem.begin), 0.0)
-        for q in _on_surface(search, on_pole):
+        scales = rest_equations.scales(on_pole, problem.begin)
+        for begin in [problem.begin, *search.others(PARAMETERS.tries)]:
+            q = further_zeros.onto(on_pole, begin, (), scales)
+            if q is None:
+                continue
+            g = on_pole.at(on_pole.t, q, on_pole.nothing).g
+            if (g < -doubles.ZERO * search.scales.contacts * length).any():
+                continue
+            q = np.where(np.abs(q) <= PARAMETERS.same * length, 0.0, q)
             if not any(search.apart(q, other) <= PARAMETERS.same for other in found):
                 found.append(q)
-                where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
-                what = _beside(search, on_pole, q, value)
+                where, what = static_report.place(names, q), _beside(search, on_pole, q, value)
                 sentences.append(f"at {where} the {value} is not defined, by `{pole.word}`: {what}")
             break
-    return sentences[: PARAMETERS.most_named]
-
-
-def _on_surface(search: PointSearch, on_pole: StaticProblem) -> Iterator[Floats]:
-    """Points where a divisor vanishes, within the inequalities."""
-    length = search.scales.length
-    scales = rest_equations.scales(on_pole, search.problem.begin)
-    for begin in _begins(search):
-        q = surface_descent.onto(on_pole, begin, (), scales)
-        if q is None:
-            continue
-        g = on_pole.at(on_pole.t, q, on_pole.nothing).g
-        if not (g < -doubles.ZERO * search.scales.contacts * length).any():
-            yield np.where(np.abs(q) <= PARAMETERS.same * length, 0.0, q)
+    return sentences[: point_search.PARAMETERS.most_named]
 
 
 def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) -> str:
@@ -367,16 +337,15 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
     ways = _drawn(rank.null_basis(decompositions.unit(on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1])))
     ways = np.vstack([ways, -ways])
     far, middle, near = (
-        np.array([precise_zeros.value(problem, q + part * length * way) for way in ways])
-        for part in PARAMETERS.around
+        np.array(
+            [precise_zeros.value(problem, q + PARAMETERS.beside ** (k / 3) * length * way) for way in ways]
+        )
+        for k in (1, 2, 3)
     )
     first, then = middle - far, near - middle
     is_known = np.isfinite(then) & np.isfinite(first)
-    wild = (
-        is_known
-        & (np.abs(then) > PARAMETERS.unbounded * np.abs(first))
-        & (np.abs(then) > doubles.ROOT * np.abs(near))
-    )
+    least = np.maximum(PARAMETERS.unbounded * np.abs(first), doubles.ROOT * np.abs(near))
+    wild = is_known & (np.abs(then) > least)
     rises, falls = bool((wild & (then > 0)).any()), bool((wild & (then < 0)).any())
     if rises and falls:
         return f"beside it the {value} grows and falls without bound"
@@ -390,10 +359,11 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
 def _along(on_kink: StaticProblem, q: Floats, closed: tuple[int, ...]) -> str | None:
     """The type of a point on the surface of a kink, with these contacts closed."""
     scales = rest_equations.scales(on_kink, q)
-    x = refine.begun(RestEquations(on_kink, closed, scales), q)
+    equations = RestEquations(on_kink, closed, scales)
+    x = refine.begun(equations, q)
     if x is None:
         return None
-    point = refine.settled(RestEquations(on_kink, closed, scales), newton.NewtonEnd(x, 0.0, 0.0))
+    point = refine.settled(equations, x)
     if not isinstance(point, refine.EquilibriumPoint):
         return None
     return point_type.classify(on_kink, point, scales, True)[0].kind
@@ -402,10 +372,17 @@ def _along(on_kink: StaticProblem, q: Floats, closed: tuple[int, ...]) -> str | 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     """Sentences on extremes at kinks and poles; `value`: the function that is asked for. Points of another type that
     the search has listed there are none."""
-    problem = search.problem
-    jumps = _jumps(problem.laws)
-    sentences = [f"{jumps} make forces jump: points of rest at a jump are not looked for"] if jumps else []
-    known = kinks(problem.laws) if search.options.has_potential else []
+    problem, laws, most = search.problem, search.problem.laws, point_search.PARAMETERS.most_named
+    jumps = [
+        f"`{each.kind.word}`"
+        for each in switches.among(laws.driving, [laws.q, laws.t, laws.p])
+        if each.kind.is_comparing and each.kind.word and ca.depends_on(each.value, laws.q)
+    ]
+    sentences = []
+    if jumps:
+        words = ", ".join(dict.fromkeys(jumps))
+        sentences.append(f"{words} make forces jump: points of rest at a jump are not looked for")
+    known = kinks(laws) if search.options.has_potential else []
     if not known:
         return sentences
     why = _beyond(problem, known)
@@ -415,20 +392,19 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     sentences += pole_sentences(search, known, names, value)
     if _meeting(problem, known) is None:
         sentences.append("where several kinks meet extremes are not looked for")
-    named = list(itertools.islice(extremes(search, known), PARAMETERS.most_named + 1))
-    for point in named[: PARAMETERS.most_named]:
+    named = list(itertools.islice(extremes(search, known), most + 1))
+    for point in named[:most]:
         # There derivatives are those of sign(0) = 0 and tell nothing.
         search.points = [
             known
             for known in search.points
             if known.type.kind == point.kind or search.apart(known.point.q, point.q) > PARAMETERS.same
         ]
-        where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, point.q, strict=True))
         sentences.append(
-            f"at {where} `{point.word}` makes a kink, and no lambda is needed for the {point.kind} of the {value}"
-            f" there ({value} = {problem.value(point.q):.9g})"
+            f"at {static_report.place(names, point.q)} `{point.word}` makes a kink, and no lambda is needed for the"
+            f" {point.kind} of the {value} there ({value} = {problem.value(point.q):.9g})"
         )
-    if len(named) > PARAMETERS.most_named:
+    if len(named) > most:
         sentences.append("there are extremes at further kinks, which are not named")
     return sentences
 
@@ -437,17 +413,8 @@ def _beyond(problem: StaticProblem, known: Sequence[Kink]) -> str | None:
     """The reason that kinks are not looked at; None where they are."""
     if len(problem.times) > 1:
         return "are not looked for where equations hold t"
-    if PARAMETERS.most_contacts < problem.K:
+    limits = point_search.PARAMETERS
+    if limits.most_contacts < problem.K:
         return "are not looked for among so many inequalities"
-    is_large = len(known) > PARAMETERS.most_kinks or problem.n > PARAMETERS.most_coordinates
+    is_large = len(known) > PARAMETERS.most_kinks or problem.n > limits.most_coordinates
     return "are not looked for" if is_large else None
-
-
-def _jumps(laws: StaticLaws) -> str:
-    """The words that make forces without a declared potential jump."""
-    words = [
-        f"`{each.kind.word}`"
-        for each in switches.among(laws.driving, [laws.q, laws.t, laws.p])
-        if each.kind.is_comparing and each.kind.word and ca.depends_on(each.value, laws.q)
-    ]
-    return ", ".join(dict.fromkeys(words))

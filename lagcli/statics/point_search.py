@@ -18,17 +18,13 @@ from lagcli.statics import (
     continuum,
     flat_directions,
     further_zeros,
-    known_continua,
-    newton,
     point_type,
     precise_zeros,
     refine,
     rest_equations,
-    surface_descent,
 )
+from lagcli.statics.continuum import FoundPoint, KnownContinua
 from lagcli.statics.further_zeros import DeflatedEquations
-from lagcli.statics.known_continua import FoundPoint, KnownContinua
-from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -42,7 +38,8 @@ Region = Callable[[Floats], bool]
 class SearchParameters:
     """Numbers of the search for all points; lengths are parts of the size of things.
 
-    The tests are of `tests/physics/test_statics.py` and `tests/unit/test_numbers_of_rest_searches.py`.
+    The tests are of `tests/physics/test_statics.py`, `tests/physics/test_statics_proofs.py`,
+    `tests/unit/test_numbers_of_rest_searches.py` and `tests/unit/test_numbers_of_statics.py`.
     """
 
     __slots__ = ()
@@ -54,17 +51,19 @@ class SearchParameters:
     """The part of it that the declared start may take, and the part that goes into what lies on which continuum.
     `test_the_first_start_takes_a_quarter_of_the_budget` fails at 1 and 40."""
     most_sets: int = 64
-    """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and
-    640."""
+    """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and 640."""
     most_together: int = 4
     """So many sets are searched from each start, of more only the next one.
     `test_four_sets_are_searched_from_each_start_and_of_more_one` fails at 0 and 40."""
     same_of_flat: float = 3e-4
-    """The same of degenerate ones, that Newton's steps find to the root of rounding alone.
-    `test_points_that_are_one_are_kept_once` fails at 3e-5 and 0.003."""
+    """The distance of two points that are one, where they are degenerate, and found to the root of rounding alone.
+    `test_points_that_are_one_are_kept_once` and
+    `test_a_coordinate_of_such_a_point_is_zero_to_the_root_of_rounding` fail at 3e-5 and 0.003."""
     rounding: float = 1e-15
-    """The least part of a coordinate, or of the force, that is reported.
-    `test_a_coordinate_that_rounding_moves_is_reported_as_zero` fails at 1e-16 and 1e-14."""
+    """The least part of a coordinate, of the force or of a row that is more than rounding.
+    `test_a_coordinate_that_rounding_moves_is_reported_as_zero` and
+    `test_digits_are_kept_where_rows_hold_to_rounding` of `tests/physics/test_statics_proofs.py` fail at 1e-16 and
+    1e-14."""
     spread: tuple[float, ...] = (0.3, 1.0, 2.5)
     """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond.
     `test_starts_are_drawn_beside_across_and_beyond` fails at a tenth and at ten times of it."""
@@ -75,17 +74,25 @@ class SearchParameters:
     """Above so many unknowns taking points out costs too much.
     `test_above_sixty_unknowns_no_points_are_taken_out` fails at 6 and 600."""
     damped: int = 60
-    """Damped steps of such a round. `test_known_points_are_taken_out_twice_from_a_start` fails at 6 and
-    600."""
+    """Damped steps of such a round. `test_known_points_are_taken_out_twice_from_a_start` fails at 6 and 600."""
     paths: int = 8
-    """Starts from which a homotopy is followed. `test_a_path_is_followed_from_eight_starts` fails at 0 and
-    80."""
+    """Starts from which a homotopy is followed. `test_a_path_is_followed_from_eight_starts` fails at 0 and 80."""
     most_failures: int = 12
-    """Rounds without a new point, after which no more are made.
-    At 3 `test_an_inexact_number_is_no_proof` fails."""
+    """Rounds without a new point, after which no more are made. At 3 `test_an_inexact_number_is_no_proof` fails."""
+    most_coordinates: int = 12
+    """Of more coordinates places without lambda are not looked for: starts at random find none in so many dimensions.
+    `test_places_of_dependent_gradients_are_sought_among_twelve_coordinates` and
+    `test_kinks_are_looked_at_among_twelve_coordinates` of `tests/unit/test_numbers_of_statics.py` fail at 1 and 120."""
+    most_contacts: int = 3
+    """Contacts, every set of which is closed in turn, for such places and to count all points; of more none is.
+    `test_points_of_twenty_four_unknowns_and_three_contacts_are_counted` fails at 0 and 30, as do
+    `test_dependent_gradients_of_three_contacts_are_sought` and `test_kinks_are_looked_at_among_three_contacts`."""
+    most_named: int = 4
+    """Places that notes of one kind name. `test_a_note_names_four_such_points`, `test_four_undecided_pieces_are_named`
+    and `test_notes_name_four_kinks` fail at 0 and 40."""
     most_points: int = 400
-    """Points after which a search ends: nobody reads more, and each is taken out of the equations of the
-    next. `test_a_search_ends_with_four_hundred_points` fails at 40 and 4000."""
+    """Points after which a search ends: nobody reads more, and each is taken out of the equations of the next.
+    `test_a_search_ends_with_four_hundred_points` fails at 40 and 4000."""
 
 
 PARAMETERS = SearchParameters()
@@ -117,6 +124,7 @@ class PointSearch:
         self.problem, self.options = problem, options
         self.scales = rest_equations.scales(problem, problem.begin)
         self._continua = KnownContinua(problem, self.scales, options.angles)
+        self._angles = np.array(options.angles, dtype=bool)
         self.points: list[FoundPoint] = []
         self.best = NoEquilibrium(np.inf, problem.begin)
         self.starts = 0
@@ -125,7 +133,10 @@ class PointSearch:
         self._on_continua = 0.0
         self._decided: dict[Contacts, Region] = {}
         self._vain = 0
-        sets = list(itertools.islice(_sets_of_contacts(problem), PARAMETERS.most_sets + 1))
+        # Sets of closed contacts, the small ones first; that of the start is the first of all.
+        sizes = range(min(problem.K, problem.n) + 1)
+        every = itertools.chain.from_iterable(itertools.combinations(range(problem.K), n) for n in sizes)
+        sets = list(itertools.islice(every, PARAMETERS.most_sets + 1))
         self._sets = sets[: PARAMETERS.most_sets]
         self.is_cut = len(sets) > len(self._sets)
 
@@ -164,12 +175,16 @@ class PointSearch:
         """Put all points of some sets of contacts, as far as a region is decided, in the place of those that were
         found; nothing further is taken there. False if a regular point was found that is none of them, which stays."""
         own: list[FoundPoint] = []
+        has_potential, along = self.options.has_potential, np.zeros((self.problem.n, 0))
+        is_whole = is_decided is _everywhere
         for point in itertools.chain.from_iterable(exact.values()):
             if not self.problem.has_value(point.q):
                 continue
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
-            kind, moved = self._typed(point, is_decided is _everywhere)
-            is_one = moved.q is not point.q and is_decided is not _everywhere
+            kind, moved = point_type.classify(
+                self.problem, point, self.scales, has_potential, along, is_exact=is_whole
+            )
+            is_one = moved.q is not point.q and not is_whole
             if is_one and any(self.apart(each.point.q, moved.q) <= doubles.ROOT for each in own):
                 continue
             own.append(FoundPoint(moved if is_one else point, kind, 0, point.closed))
@@ -186,7 +201,7 @@ class PointSearch:
         own = [one for one in own if not any(self._continua.is_on(known, one) for known in outside)]
         self.points = own + outside + strange
         self._decided |= dict.fromkeys(exact, is_decided)
-        if is_decided is _everywhere:
+        if is_whole:
             self._sets = [closed for closed in self._sets if closed not in exact]
         return not strange
 
@@ -196,11 +211,6 @@ class PointSearch:
             self._sets = [each for each in self._sets if each != closed]
         return is_known
 
-    def _typed(self, point: EquilibriumPoint, is_exact: bool) -> tuple[PointType, EquilibriumPoint]:
-        """The type of a point that is known to lie on no continuum, and the point to the digits of its type."""
-        has_potential, along = self.options.has_potential, np.zeros((self.problem.n, 0))
-        return point_type.classify(self.problem, point, self.scales, has_potential, along, is_exact)
-
     def _start(self, begin: Floats) -> list[Contacts]:
         """Search next to a start; the sets of contacts with which that was done."""
         first, problem = not self.starts, self.problem
@@ -209,11 +219,9 @@ class PointSearch:
             self.take(self._nearest(begin, () if waits else refine.PARAMETERS.offset))
         elif problem.K and self.options.pushes:
             self.take(refine.pushed(problem, begin, self.scales))
-        sets = (
-            self._sets
-            if first or len(self._sets) <= PARAMETERS.most_together
-            else [self._sets[self.starts % len(self._sets)]]
-        )
+        sets = self._sets
+        if not first and len(sets) > PARAMETERS.most_together:
+            sets = [sets[self.starts % len(sets)]]
         for closed in sets:
             self._from(begin, closed)
             if self.spent > self._allowed:
@@ -229,12 +237,61 @@ class PointSearch:
             return refine.nearest_equilibrium(self.problem, begin, asides)
         return refine.reached(self.problem, begin, (), self.scales)
 
+    def _from(self, begin: Floats, closed: Contacts) -> None:
+        """The points next to a start with these contacts closed."""
+        self.take(refine.reached(self.problem, begin, closed, self.scales))
+        equations = RestEquations(self.problem, closed, self.scales)
+        is_large = equations.size > PARAMETERS.most_unknowns
+        if self.options.has_potential and not (is_large and self.starts):
+            for sign in (1.0,) if is_large else (1.0, -1.0):
+                point = further_zeros.lowest(equations, begin, sign)
+                if point is not None:
+                    self.take(refine.reached(self.problem, point, closed, self.scales))
+
+    def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
+        """Further points round a start: along a path if it is followed, and without those that are known."""
+        equations = RestEquations(self.problem, closed, self.scales)
+        if equations.size > PARAMETERS.most_unknowns or self.spent > self._allowed:
+            return
+        if is_followed:
+            self._along_path(equations, begin)
+        if self._vain >= PARAMETERS.most_failures:
+            return
+        for _ in range(PARAMETERS.rounds):
+            known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
+            x = refine.begun(equations, begin)
+            if not known or x is None or self.spent > self._allowed:
+                return
+            end = refine.solve(DeflatedEquations(equations, known, self.options.angles), x, PARAMETERS.damped)
+            self._vain += 1
+            if end is None or not np.isfinite(end.x).all() or equations(end.x) is None:
+                return
+            again = refine.refined(equations, end.x)
+            if not self.take(refine.settled(equations, again.x, again.step)):
+                return
+            self._vain = 0
+
+    def _along_path(self, equations: RestEquations, begin: Floats) -> None:
+        """The points on the path of a homotopy from one start."""
+        x = refine.begun(equations, begin)
+        if x is None:
+            return
+        vain = 0
+        for point in further_zeros.near_zeros(equations, x):
+            # Along a continuum a path goes to and fro over zero without end.
+            if vain >= PARAMETERS.most_failures or self.spent > self._allowed:
+                return
+            vain += 1
+            if equations(point) is not None:
+                end = refine.refined(equations, point)
+                vain = 0 if self.take(refine.settled(equations, end.x, end.step)) else vain
+
     @property
     def spent(self) -> float:
         """The work so far: evaluations times the cost of one."""
         unknowns = self.problem.n + self.problem.C + self.problem.K
         # Of many unknowns what one evaluation leads to is mostly sparse algebra.
-        each = unknowns**3 / 50 if unknowns <= newton.PARAMETERS.dense else unknowns**3 / 5000 + 5000.0
+        each = unknowns**3 / 50 if unknowns <= refine.PARAMETERS.dense else unknowns**3 / 5000 + 5000.0
         made = self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
         return made - self._on_continua
 
@@ -262,7 +319,7 @@ class PointSearch:
     def _add(self, found: EquilibriumPoint) -> bool:
         """Keep a point of its own; False for one of a known continuum."""
         equations = RestEquations(self.problem, found.closed, self.scales)
-        x = known_continua.unknowns(equations, found)
+        x = refine.unknowns(equations, found)
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
@@ -292,10 +349,21 @@ class PointSearch:
         self.points.append(dataclasses.replace(typed, point=found))
         return True
 
+    def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
+        """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
+        digits, at a flat point the last half of them."""
+        q = np.where(np.abs(found.q) <= limit, 0.0, found.q)
+        begun = refine.begun(equations, q)
+        if begun is None or np.array_equal(q, found.q):
+            return found
+        # Not refined: a further step would bring the rounding back.
+        tidy = refine.settled(equations, begun)
+        worst = max(found.residual, PARAMETERS.rounding * self.scales.force)
+        return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
+
     def wrapped_angles(self, q: Floats) -> Floats:
         """q with angles between -pi and pi, or within half a turn of the start where turns differ."""
-        turned = np.array(q)
-        angles = np.array(self.options.angles, dtype=bool)
+        turned, angles = np.array(q), self._angles
         centres = np.where(self.options.repeating or False, self.problem.begin, 0.0)
         turned[angles] = (centres + np.pi - np.remainder(centres + np.pi - turned, 2 * np.pi))[angles]
         # -pi and pi are one angle, and rounding decides nothing.
@@ -305,8 +373,7 @@ class PointSearch:
 
     def apart(self, a: Floats, b: Floats) -> float:
         """The distance of two configurations, as a part of the size of things."""
-        angles = np.array(self.options.angles, dtype=bool)
-        d = np.abs(a - b)
+        d, angles = np.abs(a - b), self._angles
         d[angles] = np.minimum(np.remainder(d[angles], 2 * np.pi), np.remainder(-d[angles], 2 * np.pi))
         d[~angles] /= self.scales.length
         return float(d.max(initial=0.0))
@@ -319,72 +386,10 @@ class PointSearch:
                 return True
         return False
 
-    def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
-        """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
-        digits, at a flat point the last half of them."""
-        q = np.where(np.abs(found.q) <= limit, 0.0, found.q)
-        begun = refine.begun(equations, q)
-        if begun is None or np.array_equal(q, found.q):
-            return found
-        # Not refined: a further step would bring the rounding back.
-        tidy = refine.settled(equations, newton.NewtonEnd(begun, 0.0, 0.0))
-        worst = max(found.residual, PARAMETERS.rounding * self.scales.force)
-        return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
-
-    def _from(self, begin: Floats, closed: tuple[int, ...]) -> None:
-        """The points next to a start with these contacts closed."""
-        self.take(refine.reached(self.problem, begin, closed, self.scales))
-        equations = RestEquations(self.problem, closed, self.scales)
-        is_large = equations.size > PARAMETERS.most_unknowns
-        if self.options.has_potential and not (is_large and self.starts):
-            for sign in (1.0,) if is_large else (1.0, -1.0):
-                point = surface_descent.lowest(equations, begin, sign)
-                if point is not None:
-                    self.take(refine.reached(self.problem, point, closed, self.scales))
-
-    def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
-        """Further points round a start: along a path if it is followed, and without those that are known."""
-        equations = RestEquations(self.problem, closed, self.scales)
-        if equations.size > PARAMETERS.most_unknowns or self.spent > self._allowed:
-            return
-        if is_followed:
-            self._along_path(equations, begin)
-        if self._vain >= PARAMETERS.most_failures:
-            return
-        for _ in range(PARAMETERS.rounds):
-            known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
-            x = refine.begun(equations, begin)
-            if not known or x is None or self.spent > self._allowed:
-                return
-            end = newton.solve(DeflatedEquations(equations, known, self.options.angles), x, PARAMETERS.damped)
-            self._vain += 1
-            if end is None or not np.isfinite(end.x).all() or equations(end.x) is None:
-                return
-            again = newton.refined(equations, end.x)
-            if not self.take(refine.settled(equations, again)):
-                return
-            self._vain = 0
-
-    def _along_path(self, equations: RestEquations, begin: Floats) -> None:
-        """The points on the path of a homotopy from one start."""
-        x = refine.begun(equations, begin)
-        if x is None:
-            return
-        vain = 0
-        for point in further_zeros.near_zeros(equations, x):
-            # Along a continuum a path goes to and fro over zero without end.
-            if vain >= PARAMETERS.most_failures or self.spent > self._allowed:
-                return
-            is_new = equations(point) is not None and self.take(
-                refine.settled(equations, newton.refined(equations, point))
-            )
-            vain = 0 if is_new else vain + 1
-
     def others(self, count: int) -> Iterator[Floats]:
         """Starts beside the declared one: angles anywhere, the rest at several distances."""
-        problem = self.problem
+        problem, angles = self.problem, self._angles
         random = np.random.default_rng(self.options.seed)
-        angles = np.array(self.options.angles, dtype=bool)
         for number in range(count):
             spread = PARAMETERS.spread[number % len(PARAMETERS.spread)] * self.scales.length
             centre = problem.begin if number % 2 else np.zeros(problem.n)
@@ -392,14 +397,8 @@ class PointSearch:
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
             if not number:
                 q = np.zeros(problem.n)  # where much is symmetric
-            point = surface_descent.onto(problem, q, (), self.scales)
+            point = further_zeros.onto(problem, q, (), self.scales)
             yield q if point is None else point
-
-
-def _sets_of_contacts(problem: StaticProblem) -> Iterator[Contacts]:
-    """Sets of closed contacts, the small ones first; that of the start is the first of all."""
-    for size in range(min(problem.K, problem.n) + 1):
-        yield from itertools.combinations(range(problem.K), size)
 
 
 def typed_point(
@@ -417,7 +416,7 @@ def _nearest_zero(
     """The point that is meant by one that may be degenerate, None where it is none; and whether it is known in many
     digits."""
     equations = RestEquations(problem, found.closed, scales)
-    x = known_continua.unknowns(equations, found)
+    x = refine.unknowns(equations, found)
     is_rounding = equations.rounding(x) > doubles.ZERO
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
@@ -431,7 +430,7 @@ def _nearest_zero(
         return found, False
     if equations(zero) is None:
         return None, True  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
-    again = refine.settled(equations, newton.NewtonEnd(zero, 0.0, 0.0))
+    again = refine.settled(equations, zero)
     return (None if isinstance(again, NoEquilibrium) else again), True
 
 
@@ -441,27 +440,27 @@ def _typed_zero(
     if not problem.has_value(found.q):
         return None
     equations = RestEquations(problem, found.closed, scales)
-    x = known_continua.unknowns(equations, found)
+    x = refine.unknowns(equations, found)
     along = continuum.tangent(equations, x)
     beside = continuum.beside_crossing(equations, x) if along.size else x
     if beside is x:
         kind, moved = point_type.classify(problem, found, scales, has_potential, along, is_exact)
     else:  # which has the type of its branches, whose directions a crossing has together
         moved, own = found, continuum.tangent(equations, beside)
-        other = refine.settled(equations, newton.NewtonEnd(beside, 0.0, 0.0))
+        other = refine.settled(equations, beside)
         if isinstance(other, NoEquilibrium):
             return None
         kind, _ = point_type.classify(problem, other, scales, has_potential, own)
     if moved.q is not found.q:
-        x = known_continua.unknowns(equations, moved)
-        again = refine.settled(equations, newton.NewtonEnd(x, 0.0, 0.0))
+        x = refine.unknowns(equations, moved)
+        again = refine.settled(equations, x)
         if isinstance(again, NoEquilibrium):
             return None
         found = again
     flat = continuum.directions(equations, x)
     if not kind.is_regular and (kind.kind == "degenerate" or flat.size):
         way = np.abs(found.q - problem.begin).max(initial=0.0)
-        if way > surface_descent.PARAMETERS.far * scales.length:
+        if way > further_zeros.DESCENT.far * scales.length:
             return None
         exact = flat_directions.balanced(problem, found, scales, flat)
         if exact is None:

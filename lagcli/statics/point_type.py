@@ -3,24 +3,31 @@
 A contact that touches and carries nothing holds nothing, but one may not pass it. The sign of u^T H u on the cone of
 what is left decides (strict copositivity), and not the eigenvalues of H: on x >= 0, y >= 0 nothing is less than
 x y + x^2 + y^2 - 3 x y / 2 at 0.
+
+Where gradients depend on each other many multipliers balance a point. Allowed are the directions d with B d = 0 and
+G d >= 0, G of all contacts that touch. To first order a function falls along none of them where there are multipliers
+of contacts >= 0 (Farkas), and rises along none where there are some <= 0. Of second order it falls along d where the
+curvature of the Lagrangian does for all such multipliers, if these are bounded, and it is a minimum where it rises for
+one of them along all d (Ben-Tal, J. Optim. Theory Appl. 31 (1980) 143).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
-from lagcli.statics import flat_directions, precise_zeros, refine, shared_multipliers
+from lagcli.statics import flat_directions, precise_zeros, refine
 from lagcli.statics.flat_directions import FlatVerdict
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
-from lagcli.statics.shared_multipliers import SharedMultipliers
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -97,21 +104,27 @@ def classify(
     if freedom == 0:
         return dataclasses.replace(plain, kind="isolated", index=0, is_regular=True), point
     along = np.zeros((problem.n, 0)) if along is None else along
-    shared = shared_multipliers.of_one_sign(problem, point, scales)
+    shared = _of_one_sign(problem, point, scales)
     held, walls = shared.point, (shared.pushes, shared.pulls)
     values, carry = problem.at(problem.t, held.q, held.lam), carrying(problem, held, scales)
     Z = rank.null_basis(np.vstack([B, decompositions.unit(values.G[list(carry)]), along.T]))
     if (decided := _of_many_multipliers(problem, shared, scales, Z)) is not None:
         is_alone = decided[0] == "isolated" and not along.size
         return dataclasses.replace(plain, kind=decided[0], index=decided[1], is_regular=is_alone), point
-    H, units = _scaled(-Z.T @ values.K @ Z)
+    # Rows and columns of H are measured by what they hold: signs stay, units go.
+    H = np.asarray(-Z.T @ values.K @ Z)
+    units, widest = np.ones(len(H)), float(np.abs(H).max(initial=0.0))
+    if widest > 0:
+        units = np.sqrt(np.maximum(np.abs(H).max(axis=1), 1e-6 * widest))
+        H = H / units[:, None] / units[None, :]
     largest = float(np.abs(H).max(initial=0.0))
     if np.abs(H - H.T).max(initial=0.0) > PARAMETERS.asymmetric * largest:
         return plain, point
     curvatures, axes = np.linalg.eigh((H + H.T) / 2)
     idle = [k for k in refine.touching(problem, point, scales) if k not in carry]
-    if shared.are_many:
-        idle = shared_multipliers.in_the_way(values.G, idle, Z)
+    if shared.are_many:  # contacts that may not be passed: the others follow from those that carry
+        parts = np.abs(decompositions.unit(values.G[idle]) @ Z).max(axis=1, initial=0.0)
+        idle = [k for k, part in zip(idle, parts.tolist(), strict=True) if part > rank.PARAMETERS.small]
     ways = Z @ (axes / units[:, None])
     ways /= np.linalg.norm(ways, axis=0)
     slopes = np.abs(np.einsum("ij,ik,kj->j", ways, values.K, ways))
@@ -120,17 +133,14 @@ def classify(
     is_doubtful |= slopes <= max(PARAMETERS.doubtful * float(np.abs(values.K).max()), PARAMETERS.soft * floor)
     bare = dataclasses.replace(held, closed=carry)
     is_known = np.abs(curvatures) > PARAMETERS.flat * largest
-    signs = np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > doubles.ZERO * floor)
-    doubtful, sure = (ways[:, is_doubtful], along), curvatures[~is_doubtful]
-    exact = _of_digits(problem, bare, scales, along) if is_doubtful.any() else None
-    verdict = exact or _of_doubtful(problem, bare, scales, doubtful, signs[is_doubtful], is_exact)
+    signs = (np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > doubles.ZERO * floor))[is_doubtful]
+    verdict, is_whole = _of_doubtful(problem, bare, scales, (ways[:, is_doubtful], along), signs, is_exact)
     if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
-        verdict = _of_signs(bare, signs[is_doubtful])
+        verdict = _of_signs(bare, signs)
     if idle and verdict.is_odd:  # along one of two opposite directions a contact is in the way
         verdict = dataclasses.replace(verdict, rises=False, falls=False)
-    up, down = verdict.up, verdict.down
-    if exact is None:
-        up, down = int((sure > 0).sum()) + up, int((sure < 0).sum()) + down
+    sure = curvatures[:0] if is_whole else curvatures[~is_doubtful]
+    up, down = int((sure > 0).sum()) + verdict.up, int((sure < 0).sum()) + verdict.down
     weak = decompositions.unit(values.G[idle]) @ Z / units
     if len(idle) < 2 or not np.isfinite(weak).all():  # one may be left along a direction or against it
         is_strict = verdict.is_strict or not verdict.flat
@@ -143,33 +153,6 @@ def classify(
     return found, dataclasses.replace(verdict.point, closed=point.closed, lam=lam)
 
 
-def _of_many_multipliers(
-    problem: StaticProblem, shared: SharedMultipliers, scales: Scales, Z: Floats
-) -> tuple[Kind, int] | None:
-    """The kind and the index along directions Z (n, d) where one choice of multipliers does not give them."""
-    if not shared.are_told:
-        return "degenerate", 0
-    if not Z.shape[1] and not (shared.pushes or shared.pulls):
-        return "isolated", 0
-    signs = shared_multipliers.curvature_signs(problem, shared, scales, Z, PARAMETERS.most_weak)
-    if signs is None:
-        return None
-    rises, falls, is_strict, index = signs
-    return _kind(rises, falls, is_strict, shared.pushes, shared.pulls), index
-
-
-def _of_digits(
-    problem: StaticProblem, point: EquilibriumPoint, scales: Scales, along: Floats
-) -> FlatVerdict | None:
-    """The verdict on all directions beside those of a continuum (n, d) by many digits, where these decide."""
-    equations = RestEquations(problem, point.closed, scales)
-    found = precise_zeros.signs(
-        equations,
-        np.concatenate([point.q, point.lam[[*range(problem.C), *(problem.C + k for k in point.closed)]]]),
-    )
-    return None if found is None or found[2] != along.shape[1] else FlatVerdict(point, *found[:2])
-
-
 def _of_doubtful(
     problem: StaticProblem,
     point: EquilibriumPoint,
@@ -177,16 +160,25 @@ def _of_doubtful(
     directions: tuple[Floats, Floats],
     signs: Floats,
     is_exact: bool,
-) -> FlatVerdict:
-    """The verdict on directions (n, k) whose curvatures may vanish, beside those of a continuum (n, d): by higher
-    derivatives, where rows are of positions alone, nothing depends on t, and the model is not large; else by the signs
-    (k,) of the curvatures."""
+) -> tuple[FlatVerdict, bool]:
+    """The verdict on directions (n, k) whose curvatures may vanish, beside those of a continuum (n, d), and whether it
+    is one on all directions.
+
+    By many digits, where these decide; by higher derivatives, where rows are of positions alone, nothing depends on t,
+    and the model is not large; else by the signs (k,) of the curvatures.
+    """
     doubtful, along = directions
-    is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
-    if doubtful.shape[1] and is_small and is_holonomic(problem, point):
-        basis = decompositions.orthonormal(doubtful)[0]
-        return flat_directions.judged(problem, point, scales, (basis, along), is_exact)
-    return _of_signs(point, signs)
+    if doubtful.shape[1]:
+        acting = [*range(problem.C), *(problem.C + k for k in point.closed)]
+        x = np.concatenate([point.q, point.lam[acting]])
+        found = precise_zeros.signs(RestEquations(problem, point.closed, scales), x)
+        if found is not None and found[2] == along.shape[1]:
+            return FlatVerdict(point, *found[:2]), True
+        is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
+        if is_small and is_holonomic(problem, point):
+            basis = decompositions.orthonormal(doubtful)[0]
+            return flat_directions.judged(problem, point, scales, (basis, along), is_exact), False
+    return _of_signs(point, signs), False
 
 
 def _of_signs(point: EquilibriumPoint, signs: Floats) -> FlatVerdict:
@@ -199,6 +191,20 @@ def is_holonomic(problem: StaticProblem, point: EquilibriumPoint) -> bool:
     """True if what the rows leave is what the conditions leave."""
     values = problem.at(problem.t, point.q, point.lam)
     return unit_rank(np.vstack([values.B, values.dc])) == unit_rank(values.dc)
+
+
+def unit_rank(rows: Floats) -> int:
+    """The rank of rows, each measured by its length."""
+    return rank.space(decompositions.unit(rows), is_whole=False).low
+
+
+def _kind(rises: bool, falls: bool, is_strict: bool, pushes: bool, pulls: bool) -> Kind:
+    rises, falls = rises or pushes, falls or pulls
+    if rises and falls:
+        return "saddle"
+    if not is_strict or not (rises or falls):
+        return "degenerate"
+    return "minimum" if rises else "maximum"
 
 
 def _kind_on_cone(
@@ -218,43 +224,14 @@ def _kind_on_cone(
     return _kind(rises, falls, least > flat or greatest < -flat, *walls), down if falls else 0
 
 
-def carrying(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
-    """The closed contacts that carry a force, by their numbers."""
-    signs = shared_multipliers.signs(problem, point, scales)
-    return tuple(k for k, sign in zip(point.closed, signs.tolist(), strict=True) if sign)
-
-
-def _kind(rises: bool, falls: bool, is_strict: bool, pushes: bool, pulls: bool) -> Kind:
-    rises, falls = rises or pushes, falls or pulls
-    if rises and falls:
-        return "saddle"
-    if not is_strict or not (rises or falls):
-        return "degenerate"
-    return "minimum" if rises else "maximum"
-
-
-def unit_rank(rows: Floats) -> int:
-    """The rank of rows, each measured by its length."""
-    return rank.space(decompositions.unit(rows), is_whole=False).low
-
-
-def _scaled(H: Floats) -> tuple[Floats, Floats]:
-    """H with its rows and columns measured by what they hold, and these units: signs stay, units go."""
-    widest = float(np.abs(H).max(initial=0.0))
-    if not widest > 0:
-        return H, np.ones(len(H))
-    by = np.sqrt(np.maximum(np.abs(H).max(axis=1), 1e-6 * widest))
-    return np.asarray(H / by[:, None] / by[None, :]), by
-
-
 def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
     """The least and the greatest u^T H u of all u of length one with G u >= 0, None where only u = 0 is left.
 
     H (d, d) symmetric, G (k, d) with few rows. Both are reached at an eigenvector of H restricted to a face
     of the cone, on which some rows are zero, and of several the smaller faces have their own.
     """
-    lengths = np.linalg.norm(G, axis=1)
-    rows = G[lengths > rank.PARAMETERS.small] / lengths[lengths > rank.PARAMETERS.small, None]
+    lengths, small = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
+    rows = G[lengths > small] / lengths[lengths > small, None]
     found: list[float] = []
     for size in range(len(rows) + 1):
         for on in itertools.combinations(range(len(rows)), size):
@@ -263,8 +240,142 @@ def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
                 continue
             values, vectors = np.linalg.eigh(face.T @ H @ face)
             above = rows @ (face @ vectors)
-            inside = (above >= -rank.PARAMETERS.small).all(axis=0) | (above <= rank.PARAMETERS.small).all(
-                axis=0
-            )
+            inside = (above >= -small).all(axis=0) | (above <= small).all(axis=0)
             found += values[inside].tolist()
     return (min(found), max(found)) if found else None
+
+
+# Multipliers, where those of contacts are not the only ones
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class _SharedMultipliers:
+    """The point with multipliers of which those of contacts have one sign, if there are such; pushes, pulls: whether
+    the function rises, and falls, along an allowed direction to first order; are_many: other multipliers balance it
+    too, and those of `point` are a choice; are_told: not where numbers leave it open whether there are some."""
+
+    point: EquilibriumPoint
+    pushes: bool
+    pulls: bool
+    are_many: bool = False
+    are_told: bool = True
+
+
+def carrying(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
+    """The closed contacts that carry a force, by their numbers."""
+    signs = _signs(problem, point, scales)
+    return tuple(k for k, sign in zip(point.closed, signs.tolist(), strict=True) if sign)
+
+
+def _signs(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> Floats:
+    """The signs of the forces of the closed contacts, 0 of what is rounding."""
+    push = point.lam[[problem.C + k for k in point.closed]] * scales.contacts[list(point.closed)]
+    return np.asarray(np.sign(push) * (np.abs(push) > _no_force(problem, point, scales)))
+
+
+def _no_force(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> float:
+    F = problem.at(problem.t, point.q, point.lam).F
+    return doubles.ZERO * max(scales.force, float(np.abs(F).max(initial=0.0)))
+
+
+def _of_one_sign(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> _SharedMultipliers:
+    """The multipliers of one sign at a point."""
+    own = _signs(problem, point, scales)
+    plain = _SharedMultipliers(point, bool((own > 0).any()), bool((own < 0).any()))
+    touching = refine.touching(problem, point, scales)
+    values = problem.at(problem.t, point.q, point.lam)
+    rows = np.vstack([values.B, values.G[list(touching)]])
+    unit, lengths = decompositions.unit(rows), decompositions.lengths(rows)
+    if not own.any() or rank.space(unit, is_whole=False).low == len(rows):
+        return plain
+    limit = _no_force(problem, point, scales)
+    balanced: dict[int, Floats] = {}
+    for sign in (1, -1):
+        columns = np.vstack([unit[: problem.C], -unit[: problem.C], sign * unit[problem.C :]]).T
+        weights = least_distance.weights(columns, -values.F)
+        if weights is None:
+            return dataclasses.replace(plain, are_told=False)
+        if np.abs(values.F + columns @ weights).max() <= limit:
+            of_rows = weights[: problem.C] - weights[problem.C : 2 * problem.C]
+            balanced[sign] = np.concatenate([of_rows, sign * weights[2 * problem.C :]]) / lengths
+    if not balanced:
+        return _SharedMultipliers(point, True, True)
+    lam = _whole(problem, touching, balanced[1 if 1 in balanced else -1])
+    chosen = dataclasses.replace(point, lam=lam, closed=touching)
+    return _SharedMultipliers(chosen, -1 not in balanced, 1 not in balanced, are_many=True)
+
+
+def _whole(problem: StaticProblem, contacts: tuple[int, ...], lam: Floats) -> Floats:
+    """lambda (C + K,) from that of the rows and of these contacts."""
+    whole = np.zeros(problem.C + problem.K)
+    whole[[*range(problem.C), *(problem.C + k for k in contacts)]] = lam
+    return whole
+
+
+def _of_many_multipliers(
+    problem: StaticProblem, shared: _SharedMultipliers, scales: Scales, Z: Floats
+) -> tuple[Kind, int] | None:
+    """The kind and the index along directions Z (n, d) where curvatures are not the same for all multipliers; None
+    where one choice of them gives these."""
+    if not shared.are_told:
+        return "degenerate", 0
+    if not Z.shape[1]:
+        return None if shared.pushes or shared.pulls else ("isolated", 0)
+    if not shared.are_many:
+        return None
+    point, limit = shared.point, _no_force(problem, shared.point, scales)
+
+    def curvature(lam: Floats) -> Floats:
+        H = -Z.T @ problem.at(problem.t, point.q, lam).K @ Z
+        return np.asarray((H + H.T) / 2)
+
+    def turns(curvatures: list[Floats], limit: float) -> int:
+        """The number of directions, among the axes of curvatures (d, d), along which all of these are negative."""
+        if not curvatures:
+            return 0
+        axes = np.hstack([np.linalg.eigh(H)[1] for H in curvatures])
+        most = np.max([np.einsum("ij,ik,kj->j", axes, H, axes) for H in curvatures], axis=0)
+        return min(int((most < -limit).sum()), len(axes))
+
+    own = curvature(point.lam)
+    values = problem.at(problem.t, point.q, point.lam)
+    rows = np.vstack([values.B, values.G[list(point.closed)]])
+    unit = decompositions.unit(rows)
+    dependences = rank.space(unit).dependences / decompositions.lengths(rows)
+    nothing = doubles.ZERO * max(float(np.abs(own).max()), scales.force / scales.length)
+    added = (_whole(problem, point.closed, lam) for lam in dependences)
+    bent = [curvature(point.lam + lam * np.abs(values.F).max()) - own for lam in added]
+    if all(np.abs(each).max() <= nothing for each in bent):
+        return None
+    known: dict[int, list[Floats]] = {1: [], -1: []}
+    for sign, is_met in ((1, not shared.pulls), (-1, not shared.pushes)):
+        if is_met and len(point.closed) <= PARAMETERS.most_weak:
+            known[sign] = [sign * curvature(lam) for lam in _vertices(problem, point, sign, limit)]
+        if any(np.linalg.eigvalsh(H)[0] > nothing for H in known[sign]):
+            kind = _kind(sign > 0, sign < 0, True, shared.pushes, shared.pulls)
+            return kind, 0 if sign > 0 else Z.shape[1]
+    # They are unbounded where weights >= 0 of contacts, with any of the equality rows, sum to nothing.
+    columns = np.vstack([unit[: problem.C], -unit[: problem.C], unit[problem.C :]]).T
+    of_contacts = np.concatenate([np.zeros(2 * problem.C), np.ones(len(rows) - problem.C)])
+    target = np.append(np.zeros(len(columns)), 1.0)
+    left = least_distance.residual(np.vstack([columns, of_contacts]), target)
+    if left is None or float(np.linalg.norm(left)) <= doubles.ZERO:
+        return _kind(False, False, False, shared.pushes, shared.pulls), 0
+    falling = turns(known[1], nothing)
+    rises, falls = shared.pushes or turns(known[-1], nothing) > 0, shared.pulls or falling > 0
+    return _kind(rises, falls, rises and falls, shared.pushes, shared.pulls), falling
+
+
+def _vertices(problem: StaticProblem, point: EquilibriumPoint, sign: int, limit: float) -> Iterator[Floats]:
+    """The corners of the multipliers of which those of contacts have a sign: of independent gradients."""
+    values, C = problem.at(problem.t, point.q, point.lam), problem.C
+    for size in range(len(point.closed) + 1):
+        for held in itertools.combinations(point.closed, size):
+            rows = np.vstack([values.B, values.G[list(held)]])
+            own = rank.space(decompositions.unit(rows), is_whole=False)
+            if own.low < C + size:
+                continue
+            lam = own.weights(-values.F) / decompositions.lengths(rows)
+            is_met = np.abs(values.F + rows.T @ lam).max() <= limit
+            if is_met and (sign * lam[C:] * decompositions.lengths(rows)[C:] >= -limit).all():
+                yield _whole(problem, held, lam)

@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 class PolynomialParameters:
     """Sizes beyond which equations are not taken for polynomials.
 
-    Each was moved by a factor of ten, both ways; the tests are of `tests/unit/test_numbers_of_statics.py`.
+    The tests are of `tests/unit/test_numbers_of_statics.py`.
     """
 
     __slots__ = ()
@@ -43,8 +43,7 @@ class PolynomialParameters:
     """Terms of a numerator or denominator: a basis of larger ones takes minutes.
     At 40 and 4000 `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails."""
     most_degree: int = 14
-    """Their total degree. At 1 and at 140
-    `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails too."""
+    """Their total degree. `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails at 1 and 140."""
     most_turns: int = 6
     """Whole multiples of an angle, each of which raises the degree.
     At 1 and at 60 `test_six_turns_of_an_angle_are_a_polynomial_and_seven_are_not` fails."""
@@ -162,7 +161,16 @@ class _Translation:
 
     def __init__(self, program: Program, unknowns: int, parameters: Floats, order: CountedOrder) -> None:
         self._program, self._count, self._parameters = program, unknowns, parameters
-        angles = self._angles_of(program)
+        # The inputs on which arguments of sines and cosines depend
+        depends: dict[int, frozenset[int]] = {}
+        angles: set[int] = set()
+        for name, out, ins, _ in program.steps:
+            if name == "input":
+                depends[out[0]] = frozenset([ins[1]]) if ins[0] == 0 else frozenset()
+            elif name != "output":
+                depends[out[0]] = frozenset().union(*(depends.get(i, frozenset()) for i in ins))
+                if name in ("sin", "cos", "tan"):
+                    angles |= depends[ins[0]]
         self._angles = tuple(sorted(angles))
         roots = sum(step[0] in ("sqrt", "pow", "constpow") for step in program.steps)
         names = [f"x{k}" for k in range(unknowns)]
@@ -175,37 +183,6 @@ class _Translation:
         self._roots: list[RootUnknown] = []
         self._denominators: list[PolyElement] = []
         self._divisors: list[PolyElement] = []
-
-    @staticmethod
-    def _angles_of(program: Program) -> set[int]:
-        """The inputs on which arguments of sines and cosines depend."""
-        depends: dict[int, frozenset[int]] = {}
-        found: set[int] = set()
-        for name, out, ins, _ in program.steps:
-            if name == "input":
-                depends[out[0]] = frozenset([ins[1]]) if ins[0] == 0 else frozenset()
-            elif name == "const":
-                depends[out[0]] = frozenset()
-            elif name != "output":
-                depends[out[0]] = frozenset().union(*(depends.get(i, frozenset()) for i in ins))
-                if name in ("sin", "cos", "tan"):
-                    found |= depends[ins[0]]
-        return found
-
-    def _steps_of(self, first: int) -> list[bool]:
-        """For each step whether one of the first outputs needs it."""
-        needed: set[int] = set()
-        found = []
-        for name, out, ins, _ in reversed(self._program.steps):
-            if name == "output":
-                is_needed = out[0] == 0 and out[1] < first
-            else:
-                is_needed = out[0] in needed
-                needed.discard(out[0])
-            found.append(is_needed)
-            if is_needed and name not in ("input", "const"):
-                needed.update(ins)
-        return found[::-1]
 
     def result(self, count: int) -> PolynomialEquations:
         """The first outputs as equations, the others as signs."""
@@ -237,26 +214,35 @@ class _Translation:
         )
 
     def _outputs(self, count: int) -> dict[int, Quotient]:
+        """The outputs by their numbers; the first ones are equations."""
+        # For each step whether one of these needs it, from the last step on
+        needed: set[int] = set()
+        of_equations: list[bool] = []
+        for name, out, ins, _ in reversed(self._program.steps):
+            if name == "output":
+                is_needed = out[0] == 0 and out[1] < count
+            else:
+                is_needed = out[0] in needed
+                needed.discard(out[0])
+            of_equations.append(is_needed)
+            if is_needed and name not in ("input", "const"):
+                needed.update(ins)
         registers: dict[int, Quotient] = {}
         outputs: dict[int, Quotient] = {}
-        for step, is_of_equations in zip(self._program.steps, self._steps_of(count), strict=True):
-            name, out, ins, value = step
-            self._is_of_equations = is_of_equations
+        for name, out, ins, value in self._program.steps:
+            self._is_of_equations = of_equations.pop()
             if name == "output":
                 if out[0] == 0:
                     outputs[out[1]] = registers[ins[0]]
+            elif name == "input" and ins[0] == 0:
+                registers[out[0]] = Quotient(self._ring.gens[ins[1]], self._one)
             elif name == "input":
-                registers[out[0]] = self._input(*ins)
+                registers[out[0]] = self._number(float(self._parameters[ins[1]]))
             elif name == "const":
                 registers[out[0]] = self._number(value)
             else:
                 registers[out[0]] = self._operation(name, [registers[i] for i in ins])
         return outputs
-
-    def _input(self, argument: int, index: int) -> Quotient:
-        if argument == 0:
-            return Quotient(self._ring.gens[index], self._one)
-        return self._number(float(self._parameters[index]))
 
     def _number(self, value: float) -> Quotient:
         found = exact(value)
@@ -264,10 +250,22 @@ class _Translation:
 
     def _operation(self, name: str, given: list[Quotient]) -> Quotient:
         a, b = given[0], given[-1]
-        plain = self._plain(name, a, b)
-        if plain is not None:
-            return plain
         match name:
+            case "add" | "sub":
+                sign = 1 if name == "add" else -1
+                if a.below == b.below:
+                    return self._quotient(a.above + sign * b.above, a.below)
+                return self._quotient(a.above * b.below + sign * b.above * a.below, a.below * b.below)
+            case "mul":
+                return self._quotient(a.above * b.above, a.below * b.below)
+            case "neg":
+                return Quotient(-a.above, a.below)
+            case "sq":
+                return self._quotient(a.above**2, a.below**2)
+            case "twice":
+                return Quotient(2 * a.above, a.below)
+            case "assign":
+                return a
             case "div":
                 return self._divided(a, b)
             case "inv":
@@ -279,28 +277,6 @@ class _Translation:
             case "pow" | "constpow":
                 return self._power(a, b)
         raise NotPolynomial(f"it holds `{name}`")
-
-    def _plain(self, name: str, a: Quotient, b: Quotient) -> Quotient | None:
-        """Sums and products; None for another operation."""
-        match name:
-            case "add" | "sub":
-                return self._sum(a, b, 1 if name == "add" else -1)
-            case "mul":
-                return self._quotient(a.above * b.above, a.below * b.below)
-            case "neg":
-                return Quotient(-a.above, a.below)
-            case "sq":
-                return self._quotient(a.above**2, a.below**2)
-            case "twice":
-                return Quotient(2 * a.above, a.below)
-            case "assign":
-                return a
-        return None
-
-    def _sum(self, a: Quotient, b: Quotient, sign: int) -> Quotient:
-        if a.below == b.below:
-            return self._quotient(a.above + sign * b.above, a.below)
-        return self._quotient(a.above * b.below + sign * b.above * a.below, a.below * b.below)
 
     def _quotient(self, above: PolyElement, below: PolyElement) -> Quotient:
         for part in (above, below):
@@ -325,16 +301,14 @@ class _Translation:
             raise NotPolynomial("it holds a power with a variable exponent")
         number = Fraction(str(QQ.convert(exponent.above.LC))) if exponent.above else Fraction(0)
         if number.denominator == 2:
-            return self._power(
-                self._root(a), Quotient(self._ring.ground_new(QQ(number.numerator)), self._one)
-            )
+            whole = Quotient(self._ring.ground_new(QQ(number.numerator)), self._one)
+            return self._power(self._root(a), whole)
         if number.denominator != 1 or abs(number) > PARAMETERS.most_degree:
             raise NotPolynomial("it holds a power that is not whole")
         integer = int(number)
         if integer < 0:
-            return self._divided(
-                Quotient(self._one, self._one), self._power(a, Quotient(-exponent.above, self._one))
-            )
+            inverse = self._power(a, Quotient(-exponent.above, self._one))
+            return self._divided(Quotient(self._one, self._one), inverse)
         return self._quotient(a.above**integer, a.below**integer)
 
     def _root(self, a: Quotient) -> Quotient:

@@ -86,15 +86,15 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     if not is_known(equations, x):
         return None
     problem = equations.problem
-    found = _approached(problem, equations.precise_program, x, equations.scales.length)
+    n, length = problem.n, equations.scales.length
+    found = _approached(problem, equations.precise_program, x, length)
     if found is None:
         return None
     # What is below the rounding of lengths is zero.
-    q = found[: problem.n]
-    found[: problem.n] = np.where(np.abs(q) <= doubles.EPS * equations.scales.length, 0.0, q)
+    found[:n] = np.where(np.abs(found[:n]) <= doubles.EPS * length, 0.0, found[:n])
     # A point that is right to rounding, its multipliers too, stays where doubles balance.
-    moved, n = np.abs(found - x), problem.n
-    is_rounding = moved[:n].max(initial=0.0) <= 8 * doubles.EPS * equations.scales.length
+    moved = np.abs(found - x)
+    is_rounding = moved[:n].max(initial=0.0) <= 8 * doubles.EPS * length
     is_rounding &= moved[n:].max(initial=0.0) <= PARAMETERS.doubtful * np.abs(x[n:]).max(initial=0.0)
     return x if is_rounding else found
 
@@ -157,32 +157,30 @@ def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
     """How many curvatures of the function, on what rows and closed contacts leave at the zero next to x, are positive,
     negative and zero. None where Newton's steps do not square their length, as beside a zero that is degenerate, or
     where a number of the equations is not exact: a curvature might be its rounding."""
-    if not is_known(equations, x) or not _is_exact(equations.problem, equations.precise_program):
+    if not is_known(equations, x):
         return None
-    n = equations.problem.n
+    n, problem, steps = equations.problem.n, equations.problem, equations.precise_program.steps
+    try:
+        for value in (problem.t, *problem.p.tolist(), *(step[-1] for step in steps if step[0] == "const")):
+            polynomial_equations.exact(value)
+    except polynomial_equations.NotPolynomial:
+        return None
     with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
         length = equations.scales.length
-        at = _AtPoint(equations.problem, equations.precise_program, x, length, _rounding())
+        at = _AtPoint(problem, equations.precise_program, x, length, _rounding())
         end = surface.approach(at, at.begun)
         there = at(end.x) if end is not None and end.is_met else None
         if there is None:
             return None
-        free = _null_basis([row[:n] for row in there.gradients[n:]], n)
+        # Vectors that span what rows leave
+        done, _ = _eliminated([row[:n] for row in there.gradients[n:]], n)
+        taken = {j for j, _ in done}
+        units = [[Decimal(i == j) for i in range(n)] for j in range(n) if j not in taken]
+        free = [_with_pivots(done, unit, [ZERO] * len(done)) for unit in units]
         K = [row[:n] for row in there.gradients[:n]]
         bent = [[_product(row, along) for row in K] for along in free]
         H = [[-_product(along, each) for along in free] for each in bent]
         return _inertia(H, _largest(K))
-
-
-def _is_exact(problem: StaticProblem, program: Program) -> bool:
-    """True if all numbers of a problem are as they were written."""
-    constants = (value for name, *_, value in program.steps if name == "const")
-    try:
-        for value in (problem.t, *problem.p.tolist(), *constants):
-            polynomial_equations.exact(value)
-    except polynomial_equations.NotPolynomial:
-        return False
-    return True
 
 
 class _AtPoint:
@@ -231,7 +229,11 @@ class _InDigits:
 
     def __init__(self, f: Numbers, gradients: list[Numbers], length: Decimal, arrived: Decimal) -> None:
         self.gradients = gradients
-        self._step, left = _solved(gradients, f)
+        # f + gradients x = 0 by elimination with the largest pivots, 0 of unknowns that are left free
+        k = len(gradients[0])
+        done, over = _eliminated([[*row, -value] for row, value in zip(gradients, f, strict=True)], k)
+        self._step = _with_pivots(done, [ZERO] * k, [row[k] for _, row in done])
+        left = max((abs(row[k]) for row in over), default=ZERO)
         steepest = _largest(gradients)
         longest = max(map(abs, self._step), default=ZERO)
         # Of a degenerate zero the steps fall and not the forces: those of a steep direction cancel the others before.
@@ -282,23 +284,6 @@ def _with_pivots(done: list[tuple[int, Numbers]], x: Numbers, right: Numbers) ->
     for (j, row), value in reversed(list(zip(done, right, strict=True))):
         x[j] = (value - sum((row[i] * x[i] for i in range(len(x)) if x[i] and i != j), ZERO)) / row[j]
     return x
-
-
-def _solved(rows: list[Numbers], f: Numbers) -> tuple[Numbers, Decimal]:
-    """x (k,) with f + rows x = 0 by elimination with the largest pivots, 0 of unknowns that are left free; and the
-    largest |f + rows x| of the rows that are left over."""
-    k = len(rows[0])
-    done, left = _eliminated([[*row, -value] for row, value in zip(rows, f, strict=True)], k)
-    x = _with_pivots(done, [ZERO] * k, [row[k] for _, row in done])
-    return x, max((abs(row[k]) for row in left), default=ZERO)
-
-
-def _null_basis(rows: list[Numbers], k: int) -> list[Numbers]:
-    """Vectors (k,) that span what rows leave."""
-    done, _ = _eliminated(rows, k)
-    taken = {j for j, _ in done}
-    units = [[Decimal(i == j) for i in range(k)] for j in range(k) if j not in taken]
-    return [_with_pivots(done, unit, [ZERO] * len(done)) for unit in units]
 
 
 def _product(a: Numbers, b: Numbers) -> Decimal:

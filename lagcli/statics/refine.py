@@ -1,31 +1,44 @@
-"""The point of rest that a start leads to, refined to rounding."""
+"""The point of rest that a start leads to: damped least-squares steps, then Newton's down to rounding.
+
+The damped steps (Levenberg, Marquardt) go downhill from anywhere; near a zero Newton's shortest step is taken, which
+serves where rows are redundant (multipliers are not unique) and where zeros form a continuum.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.linear import decompositions
-from lagcli.statics import newton, rest_equations
-from lagcli.statics.newton import NewtonEnd
+from lagcli.linear import decompositions, surface
+from lagcli.statics import rest_equations
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
+Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 
 
 class RefineParameters:
-    """Numbers of the refinement of a point; parts are of no unit.
+    """Numbers of a search for a point and of its refinement; parts are of no unit.
 
     The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
     """
 
     __slots__ = ()
 
+    most_damped: int = 200
+    """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more.
+    `test_two_hundred_damped_steps_are_made_of_a_search` fails at 20 and 2000."""
+    least: float = 1e-13
+    """The least damping, so that the normal equations have a solution.
+    `test_the_least_damping_holds_back_what_is_seven_digits_weaker` fails at 1e-14 and 1e-12."""
+    dense: int = 120
+    """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on.
+    `test_above_a_hundred_and_twenty_unknowns_algebra_is_sparse` fails at 12 and 1200."""
     settled: float = 1e-5
     """The last Newton step, as a part of the unknowns: 1e-8 where a zero is double.
     `test_a_point_is_settled_and_balanced` fails at 1e-6 and 0.0001."""
@@ -36,11 +49,20 @@ class RefineParameters:
     """How far starts beside the first one lie, as parts of the size of things.
     `test_starts_lie_beside_the_first_in_four_sizes` fails at a tenth and at ten times of it."""
     large: int = 60
-    """Above so many unknowns a search costs so much that the starts aside wait until the way downhill has
-    failed. `test_above_sixty_unknowns_the_starts_beside_wait` fails at 6 and 600."""
+    """Above so many unknowns the starts aside wait until the way downhill has failed, for they cost much.
+    `test_above_sixty_unknowns_the_starts_beside_wait` fails at 6 and 600."""
 
 
 PARAMETERS = RefineParameters()
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class NewtonEnd:
+    """The end of a search: x, the norm of the residual, and the last Newton step, the largest part of an unknown."""
+
+    x: Floats
+    residual: float
+    step: float
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +84,99 @@ class NoEquilibrium:
     q: Floats
 
 
+def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -> NewtonEnd | None:
+    """The zero that damped steps lead to, refined; or the point with the least residual met. None where the residual
+    has no value at the start."""
+    begun = residual(x)
+    if begun is None:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Newton's steps double the digits from there.
+        x, r, J = _lowered(residual, x, begun, damped, doubles.ROOT)
+        end, left = refined(residual, x), np.linalg.norm(r)
+        # A double zero is as far as the root of the residual: what seems farther is so by rounding alone.
+        if 2 * end.residual > left and end.step**2 > doubles.ROOT >= left:
+            # Beside a continuum gradients are dependent but for the distance, and the shortest step goes far along it.
+            x, r, _ = _lowered(residual, x, (r, J), damped, 0.0)
+            again = refined(residual, x)
+            end = min(end, again, key=lambda each: each.residual)
+        return end
+
+
+def _lowered(
+    residual: Residual, x: Floats, begun: tuple[Floats, Floats], damped: int, near: float
+) -> tuple[Floats, Floats, Floats]:
+    """The point that damped steps lead to, as far as a residual is near, with this and its gradient."""
+    r, J = begun
+    damping, growth = 1e-3, 2.0
+    widths = np.zeros(x.size)
+    for _ in range(damped):
+        size = float(np.linalg.norm(r))
+        if size <= near:
+            break
+        widths = np.maximum(widths, np.linalg.norm(J, axis=0))
+        unit = np.where(widths > 0, widths, 1.0)
+        slope = J.T @ r
+        if np.abs(slope / unit).max(initial=0.0) < doubles.SUM * size:
+            break  # the bottom of a valley
+        step = _damped(J, slope, damping, unit)
+        there = residual(x + step)
+        expected = size**2 - float(np.linalg.norm(r + J @ step)) ** 2
+        gained = size**2 - (np.inf if there is None else float(np.linalg.norm(there[0])) ** 2)
+        if there is not None and gained > 0 and gained > 1e-4 * expected:
+            x, (r, J) = x + step, there
+            agreement = min(1.0, gained / max(expected, doubles.TINY))
+            damping *= max(1 / 9, 1 - (2 * agreement - 1) ** 3)
+            growth = 2.0
+        else:
+            damping, growth = damping * growth, growth * 2
+            if damping > 1e30:
+                break
+    return x, r, J
+
+
+def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
+    """The step that is shortest in the scaled norm for its gain."""
+    damping = max(damping, PARAMETERS.least)
+    if unit.size <= PARAMETERS.dense:
+        scaled = J / unit
+        normal = scaled.T @ scaled
+        normal[np.diag_indices_from(normal)] += damping
+        return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
+    # Most entries of J are zero in a large model.
+    from scipy import sparse
+    from scipy.sparse import linalg
+
+    columns = sparse.csc_array(J / unit)
+    few = sparse.csc_matrix(columns.T @ columns + damping * sparse.eye(unit.size))
+    return np.asarray(-linalg.splu(few).solve(slope / unit) / unit)
+
+
+def refined(residual: Residual, x: Floats) -> NewtonEnd:
+    """The end of Newton's steps from x as long as they lead downhill."""
+
+    def at(x: Floats) -> _Linear | None:
+        found = residual(x)
+        return None if found is None else _Linear(*found)
+
+    end = surface.approach(at, x, may_rise=False)
+    assert end is not None
+    return NewtonEnd(end.x, end.distance, end.moved)
+
+
+class _Linear:
+    """A residual r (k,) with its gradient J (k, n) at a point."""
+
+    def __init__(self, r: Floats, J: Floats) -> None:
+        self._r, self._J = r, J
+        self.distance = float(np.linalg.norm(r))
+        self.is_there = self.distance == 0.0
+
+    def step(self) -> Floats:
+        """The shortest step (n,)."""
+        return decompositions.least_squares(self._J, -self._r)
+
+
 def nearest_equilibrium(
     problem: StaticProblem, begin: Floats, asides: Sequence[float] = PARAMETERS.offset
 ) -> EquilibriumPoint | NoEquilibrium:
@@ -74,10 +189,7 @@ def nearest_equilibrium(
     best = NoEquilibrium(np.inf, begin)
     for part in (0.0, *asides):
         point = begin + part * scales.length * random.standard_normal(begin.size)
-        if problem.K:
-            found = pushed(problem, point, scales)
-        else:
-            found = reached(problem, point, (), scales)
+        found = pushed(problem, point, scales) if problem.K else reached(problem, point, (), scales)
         if isinstance(found, EquilibriumPoint):
             return found
         best = min(best, found, key=lambda one: one.residual)
@@ -85,18 +197,13 @@ def nearest_equilibrium(
 
 
 def reached(
-    problem: StaticProblem,
-    begin: Floats,
-    closed: tuple[int, ...],
-    scales: Scales,
+    problem: StaticProblem, begin: Floats, closed: tuple[int, ...], scales: Scales
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with these contacts closed, whatever the signs of lambda and g."""
     equations = RestEquations(problem, closed, scales)
     x = begun(equations, begin)
-    found = None if x is None else newton.solve(equations, x)
-    if found is None:
-        return NoEquilibrium(np.inf, begin)
-    return settled(equations, found)
+    found = None if x is None else solve(equations, x)
+    return NoEquilibrium(np.inf, begin) if found is None else settled(equations, found.x, found.step)
 
 
 def begun(equations: RestEquations, begin: Floats) -> Floats | None:
@@ -105,41 +212,36 @@ def begun(equations: RestEquations, begin: Floats) -> Floats | None:
     return None if each is None else np.concatenate([begin, *each])
 
 
-def settled(equations: RestEquations, found: NewtonEnd) -> EquilibriumPoint | NoEquilibrium:
-    """The point where a search ended, if it is one."""
-    problem = equations.problem
-    q, each = equations.split(found.x)
+def unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:
+    """q of a point and the multipliers that balance best there, as one vector."""
+    found = begun(equations, point.q)
+    assert found is not None
+    return found
+
+
+def settled(equations: RestEquations, x: Floats, step: float = 0.0) -> EquilibriumPoint | NoEquilibrium:
+    """The point where a search ended with a step, if it is one; without a step the point as it is given."""
+    problem, scales, acting = equations.problem, equations.scales, equations.acting
+    q, each = equations.split(x)
     lam = equations.all_multipliers(each[0])
-    residual = _largest(problem, q, lam, equations.acting)
-    closed = tuple(equations.acting)
-    point = EquilibriumPoint(q.copy(), lam, closed, residual)
-    good = found.step <= PARAMETERS.settled and equations.unbalanced(found.x) <= doubles.ZERO
-    if good and _holds_later(problem, q, closed, equations.scales):
-        return point
-    return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
-
-
-def _largest(problem: StaticProblem, q: Floats, lam: Floats, closed: list[int]) -> float:
-    """The largest |F + B^T lambda|, |c|, and |g| of closed contacts, as the equations are written."""
     values = problem.at(problem.t, q, lam)
-    rows, by = (
-        np.vstack([values.B, values.G[closed]]),
-        lam[[*range(problem.C), *(problem.C + k for k in closed)]],
-    )
-    parts = [values.F + rows.T @ by, values.c, values.g[closed]]
-    return float(max(np.abs(part).max(initial=0.0) for part in parts))
-
-
-def _holds_later(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> bool:
-    """True if a point of rest is one at further times too."""
-    for t in problem.later:
+    rows = np.vstack([values.B, values.G[acting]])
+    by = lam[[*range(problem.C), *(problem.C + k for k in acting)]]
+    parts = [values.F + rows.T @ by, values.c, values.g[acting]]
+    residual = float(max(np.abs(part).max(initial=0.0) for part in parts))
+    is_point = step <= PARAMETERS.settled and equations.unbalanced(x) <= doubles.ZERO
+    # A point of rest is one at further times too.
+    for t in problem.later if is_point else ():
         values = problem.at(t, q, problem.nothing)
-        rows = np.vstack([values.B, values.G[list(closed)]])
+        rows = np.vstack([values.B, values.G[acting]])
         left = np.abs(decompositions.residual(rows.T, values.F)).max(initial=0.0) / scales.force
         apart = np.abs(values.c / (scales.conditions * scales.length)).max(initial=0.0)
         if not max(left, apart) <= 1e-8:
-            return False
-    return True
+            is_point = False
+            break
+    if is_point:
+        return EquilibriumPoint(q.copy(), lam, tuple(acting), residual)
+    return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
 
 
 def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> EquilibriumPoint | NoEquilibrium:
@@ -163,6 +265,20 @@ def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> Equilibrium
     return best
 
 
+def _complementary(problem: StaticProblem, begin: Floats, scales: Scales) -> tuple[Floats, tuple[int, ...]]:
+    """The end of a search with all contacts, and those that are closed there."""
+    equations = RestEquations(problem, None, scales)
+    x = begun(equations, begin)
+    found = None if x is None else solve(equations, x)
+    if found is None:
+        return begin, ()
+    q, each = equations.split(found.x)
+    values = problem.at(problem.t, q, problem.nothing)
+    push = each[0][problem.C :] * scales.contacts / scales.force * scales.length
+    closed = np.flatnonzero(push > values.g / scales.contacts)
+    return q, tuple(closed.tolist())
+
+
 def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[set[int], set[int]]:
     """The contacts that pull at a point, and the open ones behind whose surface it lies."""
     values = problem.at(problem.t, point.q, point.lam)
@@ -178,17 +294,3 @@ def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) ->
     g = problem.at(problem.t, found.q, found.lam).g
     near = np.flatnonzero(g <= doubles.ZERO * scales.contacts * scales.length)
     return tuple(sorted({*found.closed, *near.tolist()}))
-
-
-def _complementary(problem: StaticProblem, begin: Floats, scales: Scales) -> tuple[Floats, tuple[int, ...]]:
-    """The end of a search with all contacts, and those that are closed there."""
-    equations = RestEquations(problem, None, scales)
-    x = begun(equations, begin)
-    found = None if x is None else newton.solve(equations, x)
-    if found is None:
-        return begin, ()
-    q, each = equations.split(found.x)
-    values = problem.at(problem.t, q, problem.nothing)
-    push = each[0][problem.C :] * scales.contacts / scales.force * scales.length
-    closed = np.flatnonzero(push > values.g / scales.contacts)
-    return q, tuple(closed.tolist())

@@ -18,7 +18,7 @@ from lagcli.compiled.program import Program
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
-from lagcli.statics.static_problem import StaticProblem, Values
+from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
@@ -79,36 +79,24 @@ class RestEquations:
             G, g = values.G[self.acting], values.g[self.acting]
             if not values.finite or not np.isfinite(G).all() or not np.isfinite(g).all():
                 return None
-            residual, by_q, by_lam = self._at(values, lam)
-            gradient = np.zeros((residual.size, self.size))
-            gradient[:, : self.problem.n] = by_q
-            first = self.problem.n + number * self.rows
-            gradient[:, first : first + self.rows] = by_lam
-            residuals.append(residual)
+            s, C, units = self.scales, self.problem.C, self.scales.contacts[self.acting]
+            contact, by_q = g / units, G / units[:, None]
+            by_lam = np.zeros((g.size, self.rows))
+            if self.closed is None:
+                push = lam[C:] * units / s.force * s.length
+                contact, along_g, along_lam = _complementary(contact, push)
+                by_q = along_g[:, None] * by_q
+                by_lam[:, C:] = np.diag(along_lam * units / s.force * s.length)
+            rows = np.vstack([values.B, G])
+            residuals += [(values.F + rows.T @ lam) / s.forces, values.c / s.conditions, contact]
+            zeros = np.zeros((values.c.size, self.rows))
+            first, count = self.problem.n + number * self.rows, values.F.size + values.c.size + g.size
+            gradient = np.zeros((count, self.size))
+            slopes = [values.K / s.forces[:, None], values.dc / s.conditions[:, None], by_q]
+            gradient[:, : self.problem.n] = np.vstack(slopes)
+            gradient[:, first : first + self.rows] = np.vstack([rows.T / s.forces[:, None], zeros, by_lam])
             gradients.append(gradient)
         return np.concatenate(residuals), np.vstack(gradients)
-
-    def _at(self, values: Values, lam: Floats) -> tuple[Floats, Floats, Floats]:
-        """Residual and gradients by q and by lambda at one time."""
-        s, C = self.scales, self.problem.C
-        G, g = values.G[self.acting], values.g[self.acting] / s.contacts[self.acting]
-        dg = G / s.contacts[self.acting][:, None]
-        rows = np.vstack([values.B, G])
-        force = (values.F + rows.T @ lam) / s.forces
-        zeros = np.zeros((values.c.size, self.rows))
-        contact, by_q = g, dg
-        by_lam = np.zeros((g.size, self.rows))
-        if self.closed is None:
-            contact, along_g, along_lam = _complementary(
-                g, lam[C:] * s.contacts[self.acting] / s.force * s.length
-            )
-            by_q = along_g[:, None] * dg
-            by_lam[:, C:] = np.diag(along_lam * s.contacts[self.acting] / s.force * s.length)
-        return (
-            np.concatenate([force, values.c / s.conditions, contact]),
-            np.vstack([values.K / s.forces[:, None], values.dc / s.conditions[:, None], by_q]),
-            np.vstack([rows.T / s.forces[:, None], zeros, by_lam]),
-        )
 
     def multipliers(self, q: Floats) -> list[Floats] | None:
         """The least-norm multipliers that come closest to balance at q, at each time."""
@@ -210,18 +198,12 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
     groups, together = [order[a:b] for a, b in itertools.pairwise(ends)], np.full(q.size, force)
     for group in groups if count > 1 else ():
         together[group] = float(forces[group].max()) or float(own[group].max()) or force
-    found = Scales(force, size, conditions, contacts, together, own)
-    _require_squares(problem, found)
-    return found
-
-
-def _require_squares(problem: StaticProblem, found: Scales) -> None:
     least, most = np.sqrt([np.finfo(float).tiny, np.finfo(float).max])
     for what, units in (
-        ("forces", np.array([found.force])),
-        ("coordinates", np.array([found.length])),
-        ("gradients of constraints", found.conditions),
-        ("gradients of contacts", found.contacts),
+        ("forces", np.array([force])),
+        ("coordinates", np.array([size])),
+        ("gradients of constraints", conditions),
+        ("gradients of contacts", contacts),
     ):
         beyond = units[(units < least) | (units > most)]
         if beyond.size:
@@ -231,3 +213,4 @@ def _require_squares(problem: StaticProblem, found: Scales) -> None:
             raise diagnostics.ModelError(
                 [diagnostics.Diagnostic("not-finite-at-start", message, place, hint)]
             )
+    return Scales(force, size, conditions, contacts, together, own)

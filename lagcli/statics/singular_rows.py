@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.statics import newton, point_type
+from lagcli.statics import point_search, point_type, refine, static_report
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -29,9 +29,6 @@ class DependenceParameters:
 
     __slots__ = ()
 
-    most_coordinates: int = 12
-    """Of more coordinates no such points are looked for: starts at random find none in so many dimensions.
-    `test_places_of_dependent_gradients_are_sought_among_twelve_coordinates` fails at 1 and 120."""
     tries: int = 12
     """Starts at random, beside the start of the model.
     `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 1 and 120."""
@@ -39,30 +36,18 @@ class DependenceParameters:
     """The same for each set of closed contacts, of which there are several.
     `test_such_points_are_sought_from_four_starts_where_contacts_close` fails at 0 and 40."""
     damped: int = 80
-    """Damped steps of each. `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 8 and
-    800."""
-    most_contacts: int = 3
-    """Contacts, every set of which is gone through; of more none is.
-    `test_dependent_gradients_of_three_contacts_are_sought` fails at 0 and 30."""
+    """Damped steps of each. `test_such_points_are_sought_from_twelve_starts_beside_the_first` fails at 8 and 800."""
     digits: int = 3
     """Digits of a point behind the size of things that are tried, for rows that hold there to rounding.
     `test_the_corner_of_kuhn_and_tucker_is_named_exactly` fails at 0 and 30."""
-    most_named: int = 4
-    """Points that a note names; of more it gives the number. `test_a_note_names_four_such_points` fails at 0
-    and 40."""
     zero: float = 1e-10
-    """The residual of a point, of rows of length one. `test_such_a_point_has_no_residual` fails at 1e-11 and
-    1e-9."""
-    rounding: float = 1e-15
-    """The residual of rows of length one that hold to rounding where digits are tried.
-    `test_digits_are_kept_where_rows_hold_to_rounding` fails at 1e-16 and 1e-14."""
-    near: float = 3e-4
-    """Such zeros are double, and found to the root of rounding: coordinates of this part of the size of
-    things are zero, and points closer than ten times it are one.
-    `test_a_coordinate_of_such_a_point_is_zero_to_the_root_of_rounding` fails at 3e-5 and 0.003."""
+    """The residual of a point, of rows of length one. `test_such_a_point_has_no_residual` fails at 1e-11 and 1e-9."""
 
 
 PARAMETERS = DependenceParameters()
+# Such zeros are double: coordinates of this part of the size of things are zero, and points closer than ten times it
+# are one.
+NEAR = point_search.PARAMETERS.same_of_flat
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +101,11 @@ def singular_points(search: PointSearch) -> list[SingularPoint]:
     """Configurations on the surface where rows, or rows and contacts, that are independent elsewhere depend on each
     other."""
     problem = search.problem
-    if problem.n > PARAMETERS.most_coordinates or len(problem.times) > 1:
+    limits = point_search.PARAMETERS
+    if problem.n > limits.most_coordinates or len(problem.times) > 1:
         return []
     found: list[SingularPoint] = []
-    contacts = range(problem.K if PARAMETERS.most_contacts >= problem.K else 0)
+    contacts = range(problem.K if limits.most_contacts >= problem.K else 0)
     for size in range(len(contacts) + 1):
         for closed in itertools.combinations(contacts, size):
             if problem.C or closed:
@@ -131,8 +117,16 @@ def _find(search: PointSearch, closed: tuple[int, ...], found: list[SingularPoin
     """Add the points with these contacts closed."""
     problem, scales = search.problem, search.scales
     random = np.random.default_rng(search.options.seed + 1)
-    rows = _independent(problem, scales.length, random, closed)
-    if rows is None:
+    # Rows that are independent at a point anywhere; none where contacts are not independent of them
+    anywhere = problem.begin + 0.3 * scales.length * random.standard_normal(problem.n)
+    values = problem.at(problem.t, anywhere, problem.nothing)
+    B, G = values.B, values.G[list(closed)]
+    rows: list[int] = []
+    for row in range(problem.C):
+        if np.isfinite(B[row]).all() and point_type.unit_rank(B[[*rows, row]]) > len(rows):
+            rows.append(row)
+    together = np.vstack([B[rows], G])
+    if closed and (not np.isfinite(G).all() or point_type.unit_rank(together) < len(together)):
         return
     values = problem.at(problem.t, problem.begin, problem.nothing)
     gradients = np.vstack([values.B[rows], values.G[list(closed)]])
@@ -146,17 +140,17 @@ def _find(search: PointSearch, closed: tuple[int, ...], found: list[SingularPoin
         mu /= np.linalg.norm(mu)
         if closed and not equations.bends(begin, mu):
             return
-        end = newton.solve(equations, np.concatenate([begin, mu]), PARAMETERS.damped)
+        end = refine.solve(equations, np.concatenate([begin, mu]), PARAMETERS.damped)
         if end is None or not end.residual <= PARAMETERS.zero or not np.isfinite(end.x).all():
             continue
         pushes = end.x[problem.n + len(rows) :]
-        if closed and not ((pushes > PARAMETERS.near).all() or (pushes < -PARAMETERS.near).all()):
+        if closed and not ((pushes > NEAR).all() or (pushes < -NEAR).all()):
             continue  # contacts of both signs leave a side free, on which the rule holds
         q = _rounded(equations, end.x, scales.length)
         g = problem.at(problem.t, q, problem.nothing).g / scales.contacts
-        if (g < -PARAMETERS.near * scales.length).any():
+        if (g < -NEAR * scales.length).any():
             continue
-        if not any(search.apart(q, other.q) <= 10 * PARAMETERS.near for other in found):
+        if not any(search.apart(q, other.q) <= 10 * NEAR for other in found):
             found.append(SingularPoint(q, bool(closed)))
 
 
@@ -164,45 +158,29 @@ def _rounded(equations: DependentGradients, x: Floats, length: float) -> Floats:
     """The configuration of a zero, which is a double one, to the digits that are no rounding."""
     n = equations.problem.n
     q = x[:n]
-    exact = np.where(np.abs(q) <= PARAMETERS.near * length, 0.0, q)
+    exact = np.where(np.abs(q) <= NEAR * length, 0.0, q)
     for tried in (np.round(q / length, PARAMETERS.digits) * length, exact):
         again = equations(np.concatenate([tried, x[n:]]))
-        if again is None or np.linalg.norm(again[0]) > PARAMETERS.near:
+        if again is None or np.linalg.norm(again[0]) > NEAR:
             continue
         conditions = len(equations.closed) + equations.problem.laws.c.numel()
-        if tried is exact or np.abs(again[0][:conditions]).max(initial=0.0) <= PARAMETERS.rounding:
+        off = np.abs(again[0][:conditions]).max(initial=0.0)
+        if tried is exact or off <= point_search.PARAMETERS.rounding:
             return np.asarray(tried) + 0.0
     return q
-
-
-def _independent(
-    problem: StaticProblem, length: float, random: np.random.Generator, closed: tuple[int, ...]
-) -> list[int] | None:
-    """Rows that are independent at a point anywhere; None where contacts are not independent of them."""
-    q = problem.begin + 0.3 * length * random.standard_normal(problem.n)
-    values = problem.at(problem.t, q, problem.nothing)
-    B, G = values.B, values.G[list(closed)]
-    chosen: list[int] = []
-    for row in range(problem.C):
-        if np.isfinite(B[row]).all() and point_type.unit_rank(B[[*chosen, row]]) > len(chosen):
-            chosen.append(row)
-    together = np.vstack([B[chosen], G])
-    if closed and (not np.isfinite(G).all() or point_type.unit_rank(together) < len(together)):
-        return None
-    return chosen
 
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     """Sentences on such points; `value`: the function that is asked for."""
     notes = []
-    found = singular_points(search)
-    for point in found[: PARAMETERS.most_named]:
-        where = ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, point.q, strict=True))
+    found, most = singular_points(search), point_search.PARAMETERS.most_named
+    for point in found[:most]:
         which = "closed inequalities" if point.with_contacts else "the rows"
         notes.append(
-            f"at {where} the gradients of {which} depend on each other: the multiplier rule need not hold there, and"
-            f" it may be an extreme without lambda ({value} = {search.problem.value(point.q):.9g})"
+            f"at {static_report.place(names, point.q)} the gradients of {which} depend on each other: the multiplier"
+            " rule need not hold there, and it may be an extreme without lambda"
+            f" ({value} = {search.problem.value(point.q):.9g})"
         )
-    if len(found) > PARAMETERS.most_named:
+    if len(found) > most:
         notes.append("there are more such points")
     return notes

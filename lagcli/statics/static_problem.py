@@ -1,4 +1,10 @@
-"""The equations of `static_laws` at numbers, with exact derivatives, for one time or for several; what is periodic."""
+"""The equations of a point of rest, or of a stationary point (D.25): in CasADi symbols, and at numbers.
+
+    F + B^T lambda + G^T lambda_g = 0,   c = 0,   g >= 0
+
+Rest: F is h of (D.24) without velocities, inertial terms of x(q, t) and L(q, 0) included; c are the holonomic rows,
+the levels of integrals, and the parts of rows that move without velocities. Stationary: F = -grad f.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +21,10 @@ from lagcli import doubles
 from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
+from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.power_series import SeriesFunction
+from lagcli.equations.system import System
 from lagcli.smoothness.sized_function import SizedFunction
-from lagcli.statics.static_laws import StaticLaws
 
 Floats = npt.NDArray[np.float64]
 
@@ -28,6 +35,104 @@ ASKED, PROVED = (0.0, 0.37, 0.81), (0.113, 0.291, 0.523, 0.697, 0.977)
 NOT_PERIODIC: Final = None
 # Functions without which nothing is periodic.
 WAVES = frozenset(("sin", "cos", "tan"))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class StaticLaws:
+    """Expressions of t, q (n,) and p: F (n,), B (C, n), c (k,), g (K,), G (K, n), and the function that is stationary.
+
+    value: f, or the effective potential where the forces have one by their declaration; driving (n,): the rest of
+    F, what is declared without a potential; sides: positive on the leaves through the start
+    (`EnforcedLevel.side`); path: of the model.
+    """
+
+    t: ca.SX
+    q: ca.SX
+    p: ca.SX
+    F: ca.SX
+    B: ca.SX
+    c: ca.SX
+    g: ca.SX
+    G: ca.SX
+    value: ca.SX
+    driving: ca.SX
+    sides: ca.SX
+    path: str
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class EnforcedLevel:
+    """The level of a first integral through a start: its chart with above and below there."""
+
+    chart: LevelExpression
+    above: float
+    below: float
+
+    @property
+    def expression(self) -> ca.SX:
+        """Zero on the level; of a chart with a period less its whole periods."""
+        chart = self.chart
+        if chart.period is None:
+            return chart.above * self.below - chart.below * self.above
+        turned = chart.above - self.above
+        return turned - chart.period * ca.floor(turned / chart.period + 0.5)
+
+    @property
+    def side(self) -> ca.SX:
+        """Positive as far as the chart above/below is regular from the start on: where above and below are both zero
+        a level passes on to another leaf (y dx - x dy = 0 has rays as leaves, lines through 0 as levels)."""
+        below, above = self.chart.below, self.chart.above
+        if self.chart.period is not None or (below.is_constant() and above.is_constant()):
+            return ca.SX(1)
+        return below * self.below + above * self.above
+
+
+def of_rest(system: System, levels: Sequence[EnforcedLevel]) -> StaticLaws:
+    """The equations of a point of rest: q' = q'' = 0 satisfies (D.24)."""
+    v, rows, dynamics = system.symbols.v, system.rows, system.dynamics
+    F, value = (ca.substitute(ca.SX(part), v, ca.SX.zeros(v.shape)) for part in (dynamics.h, dynamics.rest))
+    moving = [rows.b[i] for i in range(rows.b.numel()) if not rows.b[i].is_zero()]
+    return _laws(
+        system,
+        levels,
+        F=ca.densify(F),
+        B=rows.B,
+        c=_column([system.f, *(level.expression for level in levels), *moving]),
+        value=value,
+        driving=ca.densify(F + ca.gradient(value, system.symbols.q)),
+    )
+
+
+def of_function(system: System, f: ca.SX, levels: Sequence[EnforcedLevel]) -> StaticLaws:
+    """The equations of a stationary point of f(q) on the holonomic surfaces and on levels, whose rows come last in
+    B."""
+    q, on_levels = system.symbols.q, _column([level.expression for level in levels])
+    return _laws(
+        system,
+        levels,
+        F=ca.densify(-ca.gradient(f, q)),
+        B=ca.vertcat(system.rows.B[: system.holonomic_count, :], ca.jacobian(on_levels, q)),
+        c=ca.vertcat(system.f, on_levels),
+        value=f,
+        driving=ca.SX.zeros(q.numel()),
+    )
+
+
+def _laws(system: System, levels: Sequence[EnforcedLevel], **own: ca.SX) -> StaticLaws:
+    return StaticLaws(
+        t=system.symbols.t,
+        q=system.symbols.q,
+        p=system.p,
+        g=ca.densify(system.contacts.g),
+        G=system.contacts.G,
+        sides=_column([side for side in (level.side for level in levels) if not side.is_constant()]),
+        path=system.model.path,
+        **own,
+    )
+
+
+def _column(parts: Sequence[ca.SX]) -> ca.SX:
+    return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -50,8 +155,9 @@ class Values:
 
 
 class StaticProblem:
-    """The values of one problem. n, C, K: coordinates, equality rows, contacts; `times`: those at which its equations
-    are to hold, one where they do not depend on t."""
+    """The values of one problem, with exact derivatives. n, C, K: coordinates, equality rows, contacts; `times`: those
+    at which its equations are to hold, one where they do not depend on t; `later`: further ones, at which what is found
+    must hold too."""
 
     def __init__(self, laws: StaticLaws, p: Floats, start: tuple[float, Floats], duration: float) -> None:
         self.laws, self.p = laws, p
@@ -60,34 +166,24 @@ class StaticProblem:
         self.t, self.begin = start
         self._series: dict[tuple[int, ...], SeriesFunction] = {}
         self._precise: dict[tuple[int, ...], Program] = {}
-        self._later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
         self.times: tuple[float, ...] = (self.t,)
-        if not self._is_steady():
+        self.later: tuple[float, ...] = ()
+        later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
+        if not self._is_steady(later):
             self.times = tuple(self.t + part * (duration or 1.0) for part in ASKED)
-
-    @property
-    def later(self) -> tuple[float, ...]:
-        """Further times, at which what is found must hold too; none where nothing depends on t."""
-        return self._later if len(self.times) > 1 else ()
+            self.later = later
 
     @cached_property
-    def _function(self) -> ca.Function:
+    def _bound(self) -> BoundFunction:
+        """All values, on arrays of its own: to convert what it returns would take longer than to compute it."""
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + self.K)
         K = ca.jacobian(self._acting(list(range(self.K)), lam), laws.q)
         outputs = [laws.F, laws.B, laws.c, ca.jacobian(laws.c, laws.q), laws.g, laws.G, K]
-        return SizedFunction("statics", [laws.t, laws.q, lam, laws.p], [ca.densify(o) for o in outputs])
-
-    @cached_property
-    def _bound(self) -> BoundFunction:
-        """The function on arrays of its own: to convert what it returns would take longer than to compute it."""
-        arguments = [
-            np.zeros(1),
-            np.zeros(self.n),
-            np.zeros(self.C + self.K),
-            np.array(self.p, dtype=float).ravel(),
-        ]
-        return BoundFunction(self._function, arguments)
+        inputs = [laws.t, laws.q, lam, laws.p]
+        function = SizedFunction("statics", inputs, [ca.densify(o) for o in outputs])
+        numbers = np.array(self.p, dtype=float).ravel()
+        return BoundFunction(function, [np.zeros(1), np.zeros(self.n), np.zeros(self.C + self.K), numbers])
 
     @cached_property
     def _value(self) -> ca.Function:
@@ -102,28 +198,20 @@ class StaticProblem:
         of_t, of_q, of_lam, _ = bound.arguments
         of_t[0], of_q[:], of_lam[:] = t, q, lam
         bound.trigger()
-        n, k = self.n, self.laws.c.numel()
+        n, k, laws = self.n, self.laws.c.numel(), self.laws
         shapes = ((n,), (self.C, n), (k,), (k, n), (self.K,), (self.K, n), (n, n))
         F, B, c, dc, g, G, K = (
             np.array(part.reshape(shape, order="F"))
             for part, shape in zip(bound.results, shapes, strict=True)
         )
         if self.K and not np.isfinite(K).all() and np.isfinite(G[lam[self.C :] != 0]).all():
-            # The gradient of an open contact may have no value.
-            K = self._without(t, q, lam)
+            # The gradient of an open contact may have no value: K without those.
+            closed = np.flatnonzero(lam[self.C :]).tolist()
+            some = ca.SX.sym("lam", self.C + len(closed))
+            gradient = ca.densify(ca.jacobian(self._acting(closed, some), laws.q))
+            function = SizedFunction("K", [laws.t, laws.q, some, laws.p], [gradient])
+            K = function(t, q, np.concatenate([lam[: self.C], lam[self.C :][closed]]), self.p).full()
         return Values(F, B, c, dc, g, G, K)
-
-    def _without(self, t: float, q: Floats, lam: Floats) -> Floats:
-        closed = np.flatnonzero(lam[self.C :]).tolist()
-        laws = self.laws
-        some = ca.SX.sym("lam", self.C + len(closed))
-        acting = self._acting(closed, some)
-        function = SizedFunction(
-            "K", [laws.t, laws.q, some, laws.p], [ca.densify(ca.jacobian(acting, laws.q))]
-        )
-        picked = np.concatenate([lam[: self.C], lam[self.C :][closed]])
-        found: Floats = function(t, q, picked, self.p).full()
-        return found
 
     def _acting(self, closed: list[int], lam: ca.SX) -> ca.SX:
         """F + B^T lambda with the lambda of all rows and of these contacts; CasADi has no product with nothing."""
@@ -156,10 +244,23 @@ class StaticProblem:
         there, here = (self._value(self.t, each, self.p)[3].full() for each in (q, self.begin))
         return bool((there <= part * here).any())
 
-    def as_program(self, *parts: ca.SX) -> Program:
-        """Expressions as a function of q and of t and p, as a list of operations."""
-        laws = self.laws
-        return program.written_out(SizedFunction("parts", [laws.q, laws.t, laws.p], [_stacked([*parts])]))
+    def of_place(self, *parts: ca.SX) -> Program:
+        """Expressions, column by column, as a function of q and of (t, p), as a list of operations."""
+        inputs = [self.laws.q, ca.vertcat(self.laws.t, self.laws.p)]
+        return program.written_out(SizedFunction("of_place", inputs, [_stacked(parts)]))
+
+    @cached_property
+    def value_program(self) -> Program:
+        """The function, or the declared potential, as a function of q and of (t, p)."""
+        return self.of_place(self.laws.value)
+
+    def conditions_program(self) -> Program:
+        """The conditions c (k,), then their gradient column by column (k, n), as a function of q and of (t, p)."""
+        return self.of_place(self.laws.c, ca.jacobian(self.laws.c, self.laws.q))
+
+    def slope_program(self) -> Program:
+        """F of one coordinate and its slope, as a function of q and of (t, p)."""
+        return self.of_place(self.laws.F, ca.jacobian(self.laws.F, self.laws.q))
 
     def exact_program(self, closed: tuple[int, ...]) -> tuple[Program, int]:
         """All equations with these contacts closed, then the gaps of the others and the sides of leaves, as a function
@@ -178,24 +279,6 @@ class StaticProblem:
             both = _stacked([residual, ca.jacobian(residual, x)])
             self._precise[closed] = program.written_out(SizedFunction("precise", [x, numbers], [both]))
         return self._precise[closed]
-
-    def conditions_program(self) -> Program:
-        """The conditions c (k,), then their gradient column by column (k, n), as a function of q and of (t, p)."""
-        return self._of_place([self.laws.c, ca.jacobian(self.laws.c, self.laws.q)])
-
-    @cached_property
-    def value_program(self) -> Program:
-        """The function, or the declared potential, as a function of q and of (t, p)."""
-        return self._of_place([self.laws.value])
-
-    def slope_program(self) -> Program:
-        """F of one coordinate and its slope, as a function of q and of (t, p)."""
-        return self._of_place([self.laws.F, ca.jacobian(self.laws.F, self.laws.q)])
-
-    def _of_place(self, parts: list[ca.SX]) -> Program:
-        laws = self.laws
-        inputs = [laws.q, ca.vertcat(laws.t, laws.p)]
-        return program.written_out(SizedFunction("of_place", inputs, [_stacked(parts)]))
 
     def balance_series(self, closed: tuple[int, ...]) -> SeriesFunction:
         """All equations with these contacts closed as power series of (q, lambda) and of (t, p)."""
@@ -216,11 +299,10 @@ class StaticProblem:
         """lambda = 0, (C + K,)."""
         return np.zeros(self.C + self.K)
 
-    def _is_steady(self) -> bool:
+    def _is_steady(self, later: Sequence[float]) -> bool:
         """True if no value depends on t, at random points round the start."""
         laws = self.laws
-        entries = [laws.F, laws.B, laws.c, laws.g, laws.G]
-        everything = _stacked(entries)
+        everything = _stacked([laws.F, laws.B, laws.c, laws.g, laws.G])
         if not ca.depends_on(everything, laws.t):
             return True
         function = SizedFunction("parts", [laws.t, laws.q, laws.p], [everything])
@@ -229,7 +311,7 @@ class StaticProblem:
         for part in (0.0, 0.1, 1.0):
             q = self.begin + part * size * random.standard_normal(self.n)
             first = function(self.t, q, self.p).full()
-            for t in self._later:
+            for t in later:
                 other = function(t, q, self.p).full()
                 both = np.isfinite(first) & np.isfinite(other)
                 largest = np.abs(first[both]).max(initial=0.0)
@@ -238,28 +320,25 @@ class StaticProblem:
         return True
 
 
-def _stacked(parts: list[ca.SX]) -> ca.SX:
+def _stacked(parts: Sequence[ca.SX]) -> ca.SX:
     return ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
 
 
 def angles(problem: StaticProblem) -> tuple[bool, ...]:
     """For each of the n coordinates, whether the equations have the period 2 pi in it, by their form."""
     laws = problem.laws
-    equations = problem.as_program(laws.F, laws.B, laws.c, laws.g, laws.G)
+    equations = problem.of_place(laws.F, laws.B, laws.c, laws.g, laws.G)
     if not any(name in WAVES for name, *_ in equations.steps):
         return (False,) * problem.n
-    return tuple(_occurs(equations, k) and _is_periodic(equations, k) for k in range(problem.n))
+    occurring = {ins[1] for name, _, ins, _ in equations.steps if name == "input" and ins[0] == 0}
+    return tuple(k in occurring and _is_periodic(equations, k) for k in range(problem.n))
 
 
 def repeating(problem: StaticProblem, positions: ca.SX) -> tuple[bool, ...]:
     """For each coordinate, whether it is an angle to the equations and not to the function or to positions: x - 2 sin x
     is stationary at pi/3 and at pi/3 + 2 pi, which are two points."""
-    shown = problem.as_program(problem.laws.value, positions)
+    shown = problem.of_place(problem.laws.value, positions)
     return tuple(is_angle and not _is_periodic(shown, k) for k, is_angle in enumerate(angles(problem)))
-
-
-def _occurs(program: Program, index: int) -> bool:
-    return any(name == "input" and ins == (0, index) for name, _, ins, _ in program.steps)
 
 
 def _is_periodic(program: Program, index: int) -> bool:

@@ -1,17 +1,33 @@
-"""The answer of `stationary` and `equilibrium`: points, and what is known of their completeness."""
+"""The answer of `stationary` and `equilibrium`: points with the contents of their table, and how complete they are.
+
+Of all multipliers that balance, those of least weighted norm are given, as in a run; contacts only push. The potential
+is the one whose stationary points are the points of rest, where the forces have one.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
+from lagcli.contact import complementarity
+from lagcli.equations.system import System
+from lagcli.linear import decompositions
+from lagcli.smoothness.sized_function import SizedFunction
+from lagcli.statics.static_problem import StaticProblem
+
 Floats = npt.NDArray[np.float64]
 Value = Literal["value", "potential"]
+Origin = Literal["declared", "integrated", "none"]
+
+# Points at which forces are looked at.
+SAMPLES = (0.0, 0.1, 0.5, 1.0, 2.0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -34,20 +50,6 @@ class StaticPoint:
     residual: float
     unique_multipliers: bool | None
     dimension: int
-
-    def as_json(self, called: Value) -> dict[str, object]:
-        """An entry of `points`."""
-        return {
-            "at": dict(self.at),
-            "multipliers": dict(self.multipliers),
-            "reactions": dict(self.reactions),
-            called: self.value,
-            "type": self.type,
-            "index": self.index,
-            "residual": self.residual,
-            "unique_multipliers": self.unique_multipliers,
-            "dimension": self.dimension,
-        }
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -91,12 +93,15 @@ class StaticReport:
 
     def as_json(self) -> dict[str, object]:
         """The object of `--json`."""
-        return {
-            "points": [point.as_json(self.called) for point in self.points],
-            "starts": self.starts,
-            "complete": self.complete,
-            "notes": list(self.notes),
-        }
+        entries = [
+            {
+                self.called if name == "value" else name: each
+                for name, each in dataclasses.asdict(point).items()
+            }
+            for point in self.points
+        ]
+        notes = list(self.notes)
+        return {"points": entries, "starts": self.starts, "complete": self.complete, "notes": notes}
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -114,6 +119,115 @@ class StaticReport:
             numbers = [*point.at.values(), *point.multipliers.values(), *point.reactions.values()]
             rest = [point.value, point.index, point.residual, point.unique_multipliers, point.dimension]
             rows.append([*numbers, *(np.nan if x is None else float(x) for x in rest)])
-        return np.array(rows).reshape(len(rows), len(self.columns)), [
-            point.type or "" for point in self.points
-        ]
+        types = [point.type or "" for point in self.points]
+        return np.array(rows).reshape(len(rows), len(self.columns)), types
+
+
+class PointColumns:
+    """Positions and reactions of one system at rest, at one time and for one p."""
+
+    def __init__(self, system: System, t: float, p: Floats) -> None:
+        self._model, self._t, self._p = system.model, t, p
+        s, n = system.symbols, system.symbols.q.numel()
+        zeros = ca.SX.zeros(n)
+        R = ca.substitute([system.R, system.Q_R], [s.v, system.a], [zeros, zeros])
+        self._positions = SizedFunction("positions", [s.t, s.q, system.p], [system.r])
+        inputs = [s.t, s.q, system.lam, system.p]
+        self._reactions = SizedFunction("reactions", inputs, [ca.densify(part) for part in R])
+
+    def at(self, q: Floats) -> dict[str, float]:
+        """Positions of all particles, then the generalized coordinates."""
+        names = [f"{name}.{axis}" for name in self._model.particle_names for axis in "xyz"]
+        generalized = self._model.generalized_names
+        positions = self._positions(self._t, q, self._p).full().ravel().tolist()
+        return _named([*names, *generalized], [*positions, *q[q.size - len(generalized) :].tolist()])
+
+    def reactions(self, q: Floats, lam: Floats) -> dict[str, float]:
+        """R of all particles, then of the generalized coordinates; lam (C + K,)."""
+        R, Q = (part.full().ravel().tolist() for part in self._reactions(self._t, q, lam, self._p))
+        names = [f"R.{name}.{axis}" for name in self._model.particle_names for axis in "xyz"]
+        names += [f"R.{name}" for name in self._model.generalized_names]
+        return _named(names, [*R, *Q[len(Q) - len(self._model.generalized_names) :]])
+
+    def row_reactions(self, q: Floats, lam: Floats) -> dict[str, float]:
+        """The sum of lambda_i times the gradients, by the columns of the coordinates."""
+        Q = self._reactions(self._t, q, lam, self._p)[1].full().ravel().tolist()
+        return _named([f"R.{name}" for name in self._model.coordinate_names], Q)
+
+
+def place(names: Sequence[str], q: Floats) -> str:
+    """A configuration in words."""
+    return ", ".join(f"{name} = {x:.9g}" for name, x in zip(names, q, strict=True))
+
+
+def _named(names: Sequence[str], values: list[float]) -> dict[str, float]:
+    return {name: value + 0.0 for name, value in zip(names, values, strict=True)}
+
+
+def potential_origin(problem: StaticProblem) -> Origin:
+    """The potential of the forces at rest: as declared, of forces that have one by their gradient, or none.
+
+    Functions are told from zero by their values at random points.
+    """
+    random = np.random.default_rng(7)
+    size = float(np.abs(problem.begin).max(initial=0.0)) or 1.0
+    found: Origin = "declared"
+    for part in SAMPLES:
+        q = problem.begin + part * size * random.standard_normal(problem.n)
+        driving, gradient = problem.driving(q)
+        F = problem.at(problem.t, q, problem.nothing).F
+        if not np.isfinite(driving).all() or not np.isfinite(gradient).all():
+            continue
+        largest = np.abs(F).max(initial=0.0)
+        if np.abs(driving).max(initial=0.0) <= doubles.ZERO * max(largest, doubles.TINY):
+            continue  # a Lagrangian written at length leaves rounding, whose gradient is of any shape
+        found = "integrated"
+        if not decompositions.is_symmetric(gradient):
+            return "none"
+    return found
+
+
+def potential(problem: StaticProblem, source: Origin, q: Floats) -> float | None:
+    """The potential at q; of forces without a declared one less their work from the start, along a straight way."""
+    if source == "none":
+        return None
+    declared = problem.value(q)
+    if source == "declared":
+        return declared + 0.0
+    from scipy import integrate
+
+    way = q - problem.begin
+
+    def along(part: float) -> float:
+        return float(problem.driving(problem.begin + part * way)[0] @ way)
+
+    # With its full output it warns of nothing: the error that it gives is judged here.
+    work, error = integrate.quad(along, 0.0, 1.0, epsabs=0.0, epsrel=1e-12, limit=200, full_output=1)[:2]
+    return declared - work if np.isfinite(work) and error <= 1e-9 * max(1.0, abs(work)) else None
+
+
+def pushing_multipliers(rows: Floats, lam: Floats, M: Floats, equalities: int) -> tuple[Floats, bool]:
+    """lambda (C,) with the same rows^T lambda, no less than 0 after the first `equalities`, of least norm in the mass
+    metric, and whether it is the only one: the same as in a run. rows (C, n), M (n, n)."""
+    try:
+        white = np.linalg.solve(np.linalg.cholesky((M + M.T) / 2), rows.T).T
+    except np.linalg.LinAlgError:
+        white = rows
+    size = np.linalg.norm(white, axis=1)
+    unit = np.asarray(white / np.where(size > 0, size, 1.0)[:, None])
+    shared, same = complementarity.shared(unit, lam * size, equalities)
+    return np.asarray(np.divide(shared, size, out=np.zeros_like(lam), where=size > 0)), bool(same.all())
+
+
+def row_lengths(rows: Floats, M: Floats) -> Floats:
+    """sqrt(B_i M^-1 B_i^T) of rows (C, n), by the plain metric where M is singular."""
+    if not len(rows):
+        return np.zeros(0)
+    try:
+        solved = np.linalg.solve(M, rows.T)
+    except np.linalg.LinAlgError:
+        solved = rows.T
+    squares = np.einsum("ij,ji->i", rows, solved)
+    if not np.isfinite(squares).all() or (squares < 0).any():
+        squares = np.einsum("ij,ij->i", rows, rows)
+    return np.asarray(np.sqrt(squares))

@@ -50,7 +50,12 @@ class RepresentationParameters:
 PARAMETERS = RepresentationParameters()
 
 
-class NotSeparated(Exception):
+class NotCounted(Exception):
+    """The zeros are infinitely many, or too many to be counted, or something about them is not decided exactly; the
+    message says which."""
+
+
+class NotSeparated(NotCounted):
     """No sum of the unknowns tells all zeros apart, or digits do not suffice."""
 
 
@@ -71,14 +76,12 @@ class Representation:
 
     def __init__(self, algebra: FiniteAlgebra) -> None:
         self._algebra = algebra
-        random_weights = random.Random(0)
-        count = len(algebra.generators)
-        for trial in range(PARAMETERS.most_weights):
-            weights = (
-                range(1, count + 1) if not trial else [random_weights.randint(-9, 9) for _ in range(count)]
-            )
-            if self._is_separating(list(weights)):
+        drawn, count = random.Random(0), len(algebra.generators)
+        weights = list(range(1, count + 1))
+        for _ in range(PARAMETERS.most_weights):
+            if self._is_separating(weights):
                 return
+            weights = [drawn.randint(-9, 9) for _ in range(count)]
         raise NotSeparated("their zeros could not be told apart")
 
     def _is_separating(self, weights: Whole) -> bool:
@@ -94,14 +97,20 @@ class Representation:
             ]
             for i in range(D)
         ]
-        self._powers = list(_powers(matrix, D))
+        one = [1] + [0] * (D - 1)
+        self._powers = [one]  # 1, t, ..., t^(D - 1) as elements
+        for _ in range(D):
+            self._powers.append(combined(self._powers[-1], matrix))
         traces = algebra.traces
         sums = [dot(power, traces[0][0]) // traces[1] for power in self._powers]  # whole, as t is
         self._powers.pop()
-        characteristic = _from_power_sums(sums)
+        # The monic polynomial with these sums of powers of its roots (Newton), highest power first
+        characteristic = [1]
+        for k in range(1, len(sums)):
+            total = sum(characteristic[k - i] * sums[i] for i in range(1, k + 1))
+            characteristic.append(-total // k)
         self.f: Whole = [int(x) for x in dup_sqf_part(characteristic, ZZ)]
         self._horner = [self.f[: k + 1] for k in range(len(self.f) - 1)]
-        one = [1] + [0] * (D - 1)
         self.one = self.of(one)
         if len(self.f) - 1 == D:
             return True
@@ -185,7 +194,8 @@ class RealRoot:
 
     def _is_common(self, g: Whole) -> bool:
         """True if g vanishes at the root."""
-        common = dup_gcd(_stripped(g), [ZZ(x) for x in self._all.f], ZZ)
+        stripped = [ZZ(x) for x in itertools.dropwhile(lambda x: not x, g)]
+        common = dup_gcd(stripped, [ZZ(x) for x in self._all.f], ZZ)
         if self._low == self._high:
             return not _sign(common, self._low)
         # A factor of f has no other root between, and changes its sign at this one; at the ends it may have others.
@@ -215,34 +225,12 @@ class RealRoot:
             digits = min(2 * digits, bits + 2)
             end = _rounded(middle - _value(f, middle) / steep, digits) if steep else middle
             for x in (middle, end - Fraction(1, 2**digits), end + Fraction(1, 2**digits)):
-                if self._low < x < self._high:
-                    self._cut(x)
-
-    def _cut(self, x: Fraction) -> None:
-        """Leave out the part beside x without the root."""
-        sign = _sign(self._all.f, x)
-        if sign != self._left:
-            self._high = x
-        if sign != -self._left:
-            self._low = x
-
-
-def _powers(matrix: list[Whole], D: int) -> Iterator[Whole]:
-    """1, t, ..., t^D as elements."""
-    element = [1] + [0] * (D - 1)
-    yield element
-    for _ in range(D):
-        element = combined(element, matrix)
-        yield element
-
-
-def _from_power_sums(sums: Whole) -> Whole:
-    """The monic polynomial with these sums of powers of its roots (Newton), highest power first."""
-    found = [1]
-    for k in range(1, len(sums)):
-        total = sum(found[k - i] * sums[i] for i in range(1, k + 1))
-        found.append(-total // k)
-    return found
+                if not self._low < x < self._high:
+                    continue
+                # The part beside x without the root is left out.
+                sign = _sign(f, x)
+                self._high = x if sign != self._left else self._high
+                self._low = x if sign != -self._left else self._low
 
 
 def combined(element: Whole, rows: Sequence[Whole]) -> Whole:
@@ -259,10 +247,6 @@ def combined(element: Whole, rows: Sequence[Whole]) -> Whole:
 def dot(a: Whole, b: Whole) -> int:
     """The sum of products."""
     return sum(x * y for x, y in zip(a, b, strict=True) if x and y)
-
-
-def _stripped(g: Sequence[int]) -> Whole:
-    return [ZZ(x) for x in itertools.dropwhile(lambda x: not x, g)]
 
 
 def _scaled_value(polynomial: Sequence[int], x: Fraction) -> int:

@@ -70,7 +70,8 @@ HALVING = {
     "lagcli.smoothness.sides": "the owner",
     "lagcli.contact.zero_search": "Newton's steps within a bracket, whose slopes are at hand",
     "lagcli.contact.zero_bounds": "the same on a cubic",
-    "lagcli.statics.one_unknown": "all pieces that bounds leave open, not one change",
+    "lagcli.statics.all_zeros": "all pieces that bounds leave open, not one change",
+    "lagcli.statics.univariate": "the same as the owner in whole fractions, for which no double is near enough",
     "lagcli.linearization.floquet": "SciPy's root of a value that costs a matrix each time",
 }
 ROOTS = frozenset("brentq brenth bisect ridder toms748 root_scalar".split())

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.sparse.linalg
 from mpmath import iv
 
 from lagcli import doubles
@@ -16,22 +17,18 @@ from lagcli.statics import (
     all_zeros,
     continuum,
     further_zeros,
-    newton,
-    one_unknown,
     point_search,
     point_type,
     polynomial_equations,
     refine,
     rest_equations,
     singular_rows,
-    surface_descent,
 )
-from lagcli.statics.known_continua import FoundPoint
-from lagcli.statics.newton import NewtonEnd
+from lagcli.statics.continuum import FoundPoint
 from lagcli.statics.point_search import PointSearch, SearchOptions
 from lagcli.statics.point_type import PointType
 from lagcli.statics.polynomial_equations import SpentError
-from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
+from lagcli.statics.refine import EquilibriumPoint, NewtonEnd, NoEquilibrium
 from lagcli.statics.rest_equations import Scales
 
 NO_FORCE = NoEquilibrium(math.inf, np.zeros(1))
@@ -71,13 +68,13 @@ def fake_equations(problem=None, acting=(), **more):
 
 def test_two_hundred_damped_steps_are_made_of_a_search():
     slow = Shrinking(0.99)
-    newton._lowered(slow, np.zeros(1), slow(None), newton.PARAMETERS.most_damped, doubles.ROOT)
+    refine._lowered(slow, np.zeros(1), slow(None), refine.PARAMETERS.most_damped, doubles.ROOT)
     assert slow.calls == 1 + 200
 
 
 def test_damped_steps_end_where_newton_takes_over():
     halved = Shrinking(0.5)
-    newton._lowered(halved, np.zeros(1), halved(None), 200, doubles.ROOT)
+    refine._lowered(halved, np.zeros(1), halved(None), 200, doubles.ROOT)
     assert halved.calls == 1 + 20  # 2**-20 is the root of what a value is known to
 
 
@@ -89,21 +86,26 @@ def test_a_slope_of_rounding_is_the_bottom_of_a_valley():
             calls.append(x)
             return np.array([1.0, slope - x[0]]), np.array([[0.0], [-1.0]])
 
-        newton._lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, doubles.ROOT)
+        refine._lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, doubles.ROOT)
         assert len(calls) == 1 + steps
 
 
 def test_the_least_damping_holds_back_what_is_seven_digits_weaker():
     J = np.array([[1.0, 1.0], [0.0, 3e-7]])
-    step = newton._damped(J, J.T @ (J @ [-1.0, 1.0]), 0.0, np.ones(2))
+    step = refine._damped(J, J.T @ (J @ [-1.0, 1.0]), 0.0, np.ones(2))
     assert 0.2 < -step[1] < 0.5  # without damping 1
 
 
 @pytest.mark.parametrize(("count", "is_sparse"), [(120, False), (121, True)])
 def test_above_a_hundred_and_twenty_unknowns_algebra_is_sparse(count, is_sparse, monkeypatch):
     asked = []
-    monkeypatch.setattr(newton, "_damped_sparse", lambda *given: asked.append(given))
-    newton._damped(np.eye(count), np.ones(count), 1e-3, np.ones(count))
+
+    def splu(normal):
+        asked.append(normal)
+        return SimpleNamespace(solve=lambda slope: slope)
+
+    monkeypatch.setattr(scipy.sparse.linalg, "splu", splu)
+    refine._damped(np.eye(count), np.ones(count), 1e-3, np.ones(count))
     assert bool(asked) is is_sparse
 
 
@@ -125,8 +127,8 @@ def descent(monkeypatch, fall, step=1e-3, slope=1.0, begin=0.0):
     """The heights asked for on a way downhill whose every step is given, and its end."""
     height = Slope(fall)
     equations = fake_equations(fake_problem(value=height.value))
-    monkeypatch.setattr(surface_descent, "_step", lambda *_: (np.array([step]), slope))
-    return height.places, surface_descent.lowest(equations, np.array([begin]), 1.0)
+    monkeypatch.setattr(further_zeros, "_downhill", lambda *_: (np.array([step]), slope))
+    return height.places, further_zeros.lowest(equations, np.array([begin]), 1.0)
 
 
 def test_a_way_downhill_has_eighty_steps(monkeypatch):
@@ -173,7 +175,7 @@ def test_a_curvature_seven_digits_smaller_is_taken_for_more():
     equations = fake_equations(
         fake_problem(2, at=lambda *_: values), multipliers=lambda q: [q], all_multipliers=lambda each: each
     )
-    step, _ = surface_descent._step(equations, np.zeros(2), 1.0)
+    step, _ = further_zeros._downhill(equations, np.zeros(2), 1.0)
     assert abs(step[1]) == pytest.approx(0.1)
 
 
@@ -342,7 +344,7 @@ def test_a_point_is_settled_and_balanced(step, left, is_point):
         all_multipliers=lambda each: each,
         unbalanced=lambda x: left,
     )
-    found = refine.settled(equations, NewtonEnd(np.zeros(1), 0.0, step))
+    found = refine.settled(equations, np.zeros(1), step)
     assert isinstance(found, EquilibriumPoint) is is_point
 
 
@@ -476,10 +478,10 @@ def from_a_start(search_of, monkeypatch):
         monkeypatch.setattr(refine, "reached", lambda *_: NO_FORCE)
         monkeypatch.setattr(refine, "begun", lambda *_: np.zeros(1))
         monkeypatch.setattr(refine, "settled", lambda *_: NO_FORCE)
-        monkeypatch.setattr(surface_descent, "lowest", lambda *_: None)
-        monkeypatch.setattr(newton, "refined", lambda *_: None)
+        monkeypatch.setattr(further_zeros, "lowest", lambda *_: None)
+        monkeypatch.setattr(refine, "refined", lambda *_: NewtonEnd(np.zeros(1), 0.0, 0.0))
         monkeypatch.setattr(
-            newton, "solve", lambda r, x, damped: asked.damped.append(damped) or NewtonEnd(x, 0.0, 0.0)
+            refine, "solve", lambda r, x, damped: asked.damped.append(damped) or NewtonEnd(x, 0.0, 0.0)
         )
         monkeypatch.setattr(point_search, "RestEquations", lambda *_: Sized(size=size))
         monkeypatch.setattr(search, "take", lambda found: is_new)
@@ -547,7 +549,7 @@ def dependent_places(search_of, monkeypatch):
             asked.append(damped)
             return NewtonEnd(np.full(n + 1, x), residual, 0.0)
 
-        monkeypatch.setattr(newton, "solve", solve)
+        monkeypatch.setattr(refine, "solve", solve)
         return singular_rows.singular_points(search), asked
 
     return made
@@ -595,7 +597,7 @@ def test_a_note_names_four_such_points(count, sentences, search_of, monkeypatch)
 
 
 def shells_of(force, search):
-    return one_unknown._pieces(force, search, False)
+    return all_zeros._pieces(force, search, False)
 
 
 @pytest.mark.parametrize(("zero", "is_found"), [(3e5, True), (3e6, False)])
@@ -606,7 +608,7 @@ def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_found, sea
 
 
 def test_an_interval_of_a_turn_overlaps_itself(search_of):
-    pieces = one_unknown._pieces(lambda x: (iv.mpf([-1, 1]), iv.mpf([-1, 1])), search_of(), True).undecided
+    pieces = all_zeros._pieces(lambda x: (iv.mpf([-1, 1]), iv.mpf([-1, 1])), search_of(), True).undecided
     low, high = min(low for low, _ in pieces), max(high for _, high in pieces)
     assert 0 < high - low - 2 * math.pi < 1e-11
 
@@ -616,10 +618,10 @@ def test_intervals_have_twenty_digits(search_of, monkeypatch):
 
     def pieces(*_):
         digits.append(iv.dps)
-        return one_unknown.LinePieces()
+        return all_zeros.LinePieces()
 
-    monkeypatch.setattr(one_unknown, "_pieces", pieces)
-    one_unknown.complete(search_of(slope_program=lambda: None), False)
+    monkeypatch.setattr(all_zeros, "_pieces", pieces)
+    all_zeros.by_intervals(search_of(slope_program=lambda: None), False)
     assert digits == [20]
 
 
@@ -631,20 +633,20 @@ def test_four_thousand_intervals_are_looked_at(width, is_known, search_of):
         looks.append(x)
         return iv.mpf([1, 2] if x.delta < width else [-1, 1]), iv.mpf([-1, 1])
 
-    found = one_unknown._pieces(force, search_of(), True)
+    found = all_zeros._pieces(force, search_of(), True)
     assert (not found.undecided) is is_known
     assert 2000 < len(looks) <= 4000
 
 
 def test_a_double_zero_is_enclosed_to_nine_digits(search_of):
-    found = one_unknown._pieces(lambda x: ((x - 0.3) ** 2, 2 * (x - 0.3)), search_of(), True)
-    (piece,) = one_unknown._merged(found.undecided)
+    found = all_zeros._pieces(lambda x: ((x - 0.3) ** 2, 2 * (x - 0.3)), search_of(), True)
+    (piece,) = all_zeros._merged(found.undecided)
     assert 3e-10 < piece[1] - piece[0] < 3e-9
 
 
 @pytest.mark.parametrize(("count", "is_more"), [(4, False), (5, True)])
 def test_four_undecided_pieces_are_named(count, is_more):
-    told = one_unknown._undecided([(float(k), float(k)) for k in range(count)])
+    told = all_zeros._undecided([(float(k), float(k)) for k in range(count)])
     assert told.count("near") == 4
     assert ("elsewhere" in told) is is_more
 
@@ -659,7 +661,7 @@ def test_points_of_twenty_four_unknowns_and_three_contacts_are_counted(
     n, K, is_counted, search_of, monkeypatch
 ):
     monkeypatch.setattr(all_zeros, "_of_set", lambda *_: all_zeros.SetZeros([], []))
-    found = all_zeros.complete(search_of(n=n, K=K))
+    found = all_zeros.by_algebra(search_of(n=n, K=K))
     assert found.proved is is_counted
     if not is_counted:
         assert found.reason == "there are too many unknowns for exact algebra"
@@ -674,7 +676,7 @@ def test_two_million_comparisons_of_monomials_are_made(cost, is_spent, search_of
 
     monkeypatch.setattr(polynomial_equations, "equations", equations)
     monkeypatch.setattr(algebraic_zeros, "zeros", lambda *_: [])
-    found = all_zeros.complete(search_of(exact_program=lambda closed: (None, 0)))
+    found = all_zeros.by_algebra(search_of(exact_program=lambda closed: (None, 0)))
     assert (found.reason == "the budget of exact algebra is spent") is is_spent
 
 
@@ -719,9 +721,8 @@ def test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through(count, k
 
 @pytest.mark.parametrize(("width", "is_one"), [(5e-8, True), (5e-7, False)])
 def test_a_hundred_narrow_intervals_are_one_piece(width, is_one):
-    search = SimpleNamespace(scales=scales())
-    assert (width <= one_unknown._width(search, 0.0)) is is_one
-    assert one_unknown._width(search, 0.0) > 2e-8
+    assert (width <= all_zeros._width(1.0, 0.0)) is is_one
+    assert all_zeros._width(1.0, 0.0) > 2e-8
 
 
 @pytest.mark.parametrize(("left", "x"), [(5e-16, 0.7), (5e-15, 0.70004)])

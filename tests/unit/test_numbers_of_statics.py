@@ -18,6 +18,7 @@ from lagcli.equations.power_series import PowerSeries, SeriesFunction, Underflow
 from lagcli.statics import (
     algebraic_zeros,
     flat_directions,
+    further_zeros,
     kink_points,
     point_type,
     polynomial_equations,
@@ -25,15 +26,13 @@ from lagcli.statics import (
     precise_zeros,
     refine,
     rest_equations,
-    surface_descent,
 )
 from lagcli.statics.flat_directions import FlatEquations, FlatVerdict
 from lagcli.statics.kink_points import KinkPoint
 from lagcli.statics.polynomial_equations import NotPolynomial, PolynomialEquations
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import Scales
-from lagcli.statics.static_laws import StaticLaws
-from lagcli.statics.static_problem import StaticProblem
+from lagcli.statics.static_problem import StaticLaws, StaticProblem
 
 Build = Callable[[ca.SX], ca.SX]
 
@@ -404,7 +403,7 @@ def test_kinks_are_looked_at_among_twelve_coordinates(
 
 def test_kinks_are_sought_from_six_starts_beside_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     begins: list[np.ndarray] = []
-    monkeypatch.setattr(surface_descent, "onto", lambda problem, begin, *_: begins.append(begin))
+    monkeypatch.setattr(further_zeros, "onto", lambda problem, begin, *_: begins.append(begin))
     assert not list(extremes_of(search_at_kinks(ca.fabs)))
     assert len(begins) == 7
 
@@ -433,7 +432,7 @@ def candidates_at(q: list[float], monkeypatch: pytest.MonkeyPatch) -> list[np.nd
     search = search_at_kinks(lambda q: ca.fabs(q[0] ** 2 / 2), 2)
     (kink,) = kink_points.kinks(search.problem.laws)
     laws = kink_points._on_kinks(search.problem.laws, (kink,))
-    monkeypatch.setattr(surface_descent, "onto", lambda *_: np.array(q))
+    monkeypatch.setattr(further_zeros, "onto", lambda *_: np.array(q))
     monkeypatch.setattr(
         rest_equations, "scales", lambda *_: dataclasses.replace(UNITS, conditions=np.ones(1))
     )
