@@ -44,11 +44,9 @@ class ImpactParameters:
     most: int = 4
     """So many contacts are few. `test_four_contacts_are_few` fails at 0 and 40."""
     apart: float = 1e-2
-    """The smallest eigenvalue of D with ones on its diagonal is not below this: what is solved with it keeps
-    its digits. `test_few_contacts_are_apart_from_a_hundredth` fails at 0.001 and 0.1."""
-    free: float = 0.01
-    """Of the square of a row the equality rows leave this part at the least, or rounding is too large for a
-    formula. `test_a_formula_serves_a_row_of_which_a_hundredth_is_left` fails at 0.001 and 0.1."""
+    """A formula keeps its digits where the smallest eigenvalue of D with ones on its diagonal is not below this, and
+    where the equality rows leave this part of the square of a row. `test_few_contacts_are_apart_from_a_hundredth` and
+    `test_a_formula_serves_a_row_of_which_a_hundredth_is_left` fail at 0.001 and 0.1."""
 
 
 PARAMETERS = ImpactParameters()
@@ -108,26 +106,21 @@ def impact(
     push = _push(rows, -(rows.B.times(v) + b), least_after(before, e) - before, rounding)
     after = v + push.change
     speeds = rows.G.times(after) + g_t
-    energy = certified(Exchange(before, speeds, terms, metric.length(v) ** 2), push.contacts)
+    energy = certified(before, speeds, push.contacts, terms, metric.length(v) ** 2)
     return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Exchange:
-    """dg/dt before and after an impact (k,), the sizes of their terms before it, and twice the energy at hand."""
+def certified(
+    before: Floats, after: Floats, impulses: Floats, terms: Floats, at_hand: float | None = None
+) -> float:
+    """The energy gained by impulses of contacts (k,), none of which pulls. Raises `EnergyCreated`.
 
-    before: Floats
-    after: Floats
-    terms: Floats
-    at_hand: float = 0.0
-
-
-def certified(exchange: Exchange, impulses: Floats) -> float:
-    """The energy gained by impulses of contacts (k,), none of which pulls. Raises `EnergyCreated`."""
+    before, after: dg/dt (k,); terms: the sizes of its terms before the impact; at_hand: twice the energy there is.
+    """
     assert (impulses >= 0.0).all()
-    gains = impulses * (exchange.before + exchange.after) / 2
+    gains = impulses * (before + after) / 2
     energy = float(gains.sum())
-    through = float(impulses @ (exchange.terms + np.abs(exchange.after))) + exchange.at_hand
+    through = float(impulses @ (terms + np.abs(after))) + (at_hand or 0.0)
     if energy > doubles.ZERO * through:
         raise EnergyCreated(tuple(int(row) for row in np.flatnonzero(gains > 0)), energy)
     return energy
@@ -160,7 +153,7 @@ def _push(rows: TouchingRows, c: Floats, d: Floats, rounding: Floats) -> Push:
     except ContradictoryRows as error:
         raise LawError("no push keeps all of these contacts from closing further", error.rows) from None
     except UndecidedRows as error:
-        everything = tuple(range(rows.count))
+        everything = tuple(range(rows.G.count))
         raise LawError(f"the law of impact does not decide ({error}) for contacts", everything) from None
 
 
@@ -187,16 +180,6 @@ class TouchingRows:
         rows = MetricRows(stacked(B, G), metric)
         self._lengths, self._unit = rows.lengths, LocalRows(rows.unit)
 
-    @property
-    def equalities(self) -> int:
-        """Equality rows, C."""
-        return self.B.count
-
-    @property
-    def count(self) -> int:
-        """Contacts, k."""
-        return self.G.count
-
     def push(self, c: Floats, d: Floats, rounding: Floats) -> Push:
         """The push with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary.
 
@@ -204,7 +187,7 @@ class TouchingRows:
         together, contacts >= 0. Raises `ContradictoryRows` with the contacts that cannot all be obeyed, and
         `UndecidedRows`.
         """
-        C, lengths, unit = self.equalities, self._lengths, self._unit
+        C, lengths, unit = self.B.count, self._lengths, self._unit
         asked, rounding = np.concatenate([c, d]) / lengths, rounding / lengths[C:]
         if not (np.isfinite(asked).all() and np.isfinite(unit.values).all()):
             raise UndecidedRows("not finite")
@@ -279,7 +262,7 @@ class Response:
     @property
     def is_certain(self) -> bool:
         """True where the formula is as good as rounding."""
-        is_left = 0.0 < self.free < np.inf and self.square > PARAMETERS.free * self.free
+        is_left = 0.0 < self.free < np.inf and self.square > PARAMETERS.apart * self.free
         return bool(is_left and self.left <= doubles.VALUE)
 
 
@@ -298,7 +281,7 @@ def single(v: Floats, speed: float, e: float, response: Response) -> LawResult |
     if not (after >= asked - rounding and (impulse == 0.0 or after <= asked + rounding)):
         return None
     speeds, impulses = np.array([after]), np.array([impulse])
-    energy = certified(Exchange(before, speeds, np.array([response.terms])), impulses)
+    energy = certified(before, speeds, impulses, np.array([response.terms]))
     of_equalities = impulse * response.of_equalities
     unique = np.ones(of_equalities.size + 1, dtype=bool)
     return LawResult(v + impulse * response.x, of_equalities, impulses, unique, speeds, energy)
@@ -367,7 +350,7 @@ class FewContacts:
         if z is None:
             return None
         after = speeds + self.D @ z
-        energy = certified(Exchange(speeds, after, terms), z)
+        energy = certified(speeds, after, z, terms)
         of_equalities = self.of_equalities(z)
         unique = np.ones(of_equalities.size + z.size, dtype=bool)
         return LawResult(self.moved(v, z), of_equalities, z, unique, after, energy)

@@ -31,7 +31,7 @@ Flags = npt.NDArray[np.bool_]
 Values = Callable[[float], tuple[Floats, Floats]]
 
 DOWN, BOTH, UP = -1, 0, 1  # the direction of a crossing: the sign of its slope, 0 for either
-GOLDEN = (3 - 5**0.5) / 2  # the golden section of an interval
+GOLDEN = (3 - math.sqrt(5)) / 2  # the golden section of an interval
 
 
 class ZeroSearchParameters:
@@ -150,11 +150,8 @@ class _Piece(NamedTuple):
 
     def with_least_misfit(self) -> _Piece:
         """The piece with no less misfit than a part of how much the cubic bends: one misfit may be small by chance."""
-        return _Piece(
-            self.left,
-            self.right,
-            max(self.misfit, zero_bounds.PARAMETERS.wary * zero_bounds.bend(self.cubic)),
-        )
+        least = zero_bounds.PARAMETERS.wary * zero_bounds.bend(self.cubic)
+        return _Piece(self.left, self.right, max(self.misfit, least))
 
 
 class _Unresolved(Exception):
@@ -220,8 +217,11 @@ class _Search:
         if crossing is None:
             ending = self.up_at(1.0) & (np.abs(end.g) <= self.noise) & (self.start.g > self.noise)
             return FirstCrossing(None, ending=_numbers(ending), evaluations=self.evaluations)
-        rows = self.near(crossing, stop, together)
-        return FirstCrossing(stop.x, rows, clear=stop.x, evaluations=self.evaluations)
+        # Those that cross within a distance after it cross with it.
+        near = self.up_at(stop.x) & (stop.slope < -2 * self.noise)
+        near &= stop.g + together * stop.slope <= self.noise
+        near[crossing] = True
+        return FirstCrossing(stop.x, _numbers(near), clear=stop.x, evaluations=self.evaluations)
 
     def candidates(self, inner: _Sample, end: _Sample) -> list[int]:
         """The functions that may leave their side, those first that seem to do so first."""
@@ -314,16 +314,6 @@ class _Search:
         up = self.up.copy()
         up[[row for row, point in self.rises.items() if point <= x]] = True
         return up
-
-    def near(self, row: int, found: _Sample, together: float) -> tuple[int, ...]:
-        """The function that crosses at the point found, and those that do within a distance after it."""
-        near = (
-            self.up_at(found.x)
-            & (found.slope < -2 * self.noise)
-            & (found.g + together * found.slope <= self.noise)
-        )
-        near[row] = True
-        return _numbers(near)
 
 
 def _of(sample: _Sample, row: int) -> _Point:

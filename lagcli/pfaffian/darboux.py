@@ -31,17 +31,7 @@ def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
     """
     listed = list(entries)
     basis = normal_form.NormalForm([*listed, *variables])
-    found: list[sympy.Expr] = []
-    for letter in reversed(basis.letters):
-        meaning = basis.means(letter)
-        if not isinstance(meaning, sympy.exp):
-            found.append(meaning)
-        if isinstance(meaning, (sympy.sin, sympy.cos)):
-            found.append(1 + meaning)
-    for e in listed:
-        found += basis.factors(e)
-    moving = set(variables)
-    return [f for f in dict.fromkeys(found) if f.free_symbols & moving][:MAX_FACTORS]
+    return basis.surfaces(listed, variables)[:MAX_FACTORS]
 
 
 def denominator(entries: Iterable[sympy.Expr]) -> sympy.Expr:

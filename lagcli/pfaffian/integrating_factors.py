@@ -195,30 +195,16 @@ def _pieces(form: forms.Form, below: Sequence[sympy.Expr]) -> Pieces:
     variables = set(form.variables)
     euler = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
     basis = normal_form.NormalForm([*form.coefficients, *form.variables, *below])
-    factors: list[sympy.Expr] = []
-    letters: list[sympy.Expr] = []
-    summands: list[sympy.Expr] = []
-    for letter in reversed(basis.letters):
-        meaning = basis.means(letter)
-        if not meaning.free_symbols & variables:
-            continue
-        letters.append(letter)
-        if isinstance(meaning, sympy.exp):
-            summands.append(meaning.args[0])
-            continue
-        factors.append(meaning)
-        if isinstance(meaning, (sympy.sin, sympy.cos)):
-            factors.append(1 + meaning)
-    for a in [*form.coefficients, euler, *below]:
-        factors += basis.factors(a)
+    factors = basis.surfaces([*form.coefficients, euler, *below], form.variables)
+    letters = [g for g in reversed(basis.letters) if basis.means(g).free_symbols & variables]
+    summands = [e.args[0] for e in map(basis.means, letters) if isinstance(e, sympy.exp)]
     products = [*letters, *(a * b for a, b in combinations_with_replacement(letters, 2))]
     for product in products[:MAX_SUMMANDS]:
         meaning = basis.to_functions(product)
         # cos(u)**2 is 1 - sin(u)**2: it would only add a constant.
         if not (meaning.is_Pow and isinstance(meaning.base, sympy.cos)):
             summands.append(meaning)
-    useful = [f for f in dict.fromkeys(factors) if f.free_symbols & variables]
-    return Pieces(tuple(useful[:MAX_FACTORS]), tuple(dict.fromkeys(summands)))
+    return Pieces(tuple(factors[:MAX_FACTORS]), tuple(dict.fromkeys(summands)))
 
 
 # The strategies: each takes the primitive form and the pieces of its coefficients and yields hints.

@@ -54,7 +54,8 @@ class Translation:
 
     def _form(self, row: str, value: sympy.Expr) -> Form:
         names = self._names
-        coefficients = {x: sympy.diff(value, names.differentials[x]) for x in names.moved(value.free_symbols)}
+        present = names.ordered({names.moved[d] for d in value.free_symbols if d in names.moved})
+        coefficients = {x: sympy.diff(value, names.differentials[x]) for x in present}
         at_rest = dict.fromkeys((*(names.differentials[x] for x in coefficients), _DT), ZERO)
         # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
         coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
@@ -107,7 +108,7 @@ class Translation:
         """The parameters and their values, as they are written, or as exact decimals."""
         found: dict[sympy.Symbol, sympy.Expr] = {}
         for parameter in self._model.parameters:
-            symbols, value = self._names.parameter(parameter.name), parameter.value
+            symbols, value = self._names.named[parameter.name], parameter.value
             if isinstance(value, tuple):
                 found |= {symbol: exact(part) for symbol, part in zip(symbols, value, strict=True)}
                 continue
@@ -178,14 +179,14 @@ class _FormNames(notation.SympyAlgebra):
         self._model = model
         self._coordinates = notation.coordinates(model)
         self.differentials = {x: sympy.Symbol(f"d({x.name})", real=True) for x in self._coordinates.values()}
-        self._moved = {d: x for x, d in self.differentials.items()}
+        self.moved = {d: x for x, d in self.differentials.items()}
         self._rank = {x: n for n, x in enumerate((*self.differentials, TIME))}
-        self._parameters = {p.name: notation.parameter(p) for p in model.parameters}
+        self.named = {p.name: notation.parameter(p) for p in model.parameters}
         self._constants: dict[str, Value[sympy.Expr]] = {
             "t": TIME,
             "dt": _DT,
             **notation.constants(model),
-            **self._parameters,
+            **self.named,
         }
         self._names = ModelNames(model)
         self._particles, self._generalized = self._names.particles, self._names.coordinates
@@ -193,7 +194,7 @@ class _FormNames(notation.SympyAlgebra):
         self._positions: dict[int, Triple[sympy.Expr] | TooLarge] = {}
         self._indices: dict[str, int] = {}
         self.resolver = Resolver(self._names, self, {}, {})
-        values = (value if isinstance(value, tuple) else (value,) for value in self._parameters.values())
+        values = (value if isinstance(value, tuple) else (value,) for value in self.named.values())
         self.parameters = [symbol for each in values for symbol in each]
         # In this order each finds what it uses: a chain of any length needs no recursion.
         # What is too large is met again where a law uses it, and else does no harm.
@@ -202,16 +203,8 @@ class _FormNames(notation.SympyAlgebra):
                 if isinstance(step, str):
                     self.definition(step)
                     continue
-                for member in step.member_numbers.tolist():
-                    self._position(self._particles.first(step.entry) + member)
-
-    def parameter(self, name: str) -> Value[sympy.Expr]:
-        """The symbol of a parameter, or the three of a vector."""
-        return self._parameters[name]
-
-    def moved(self, symbols: set[sympy.Symbol]) -> tuple[sympy.Symbol, ...]:
-        """The coordinates whose differentials are among these symbols, in their order."""
-        return self.ordered({self._moved[d] for d in symbols if d in self._moved})
+                for number in self._particles.first(step.entry) + step.member_numbers:
+                    self.position(np.array([number]))
 
     def ordered(self, symbols: set[sympy.Symbol]) -> tuple[sympy.Symbol, ...]:
         """The coordinates and time among these symbols, in their order, time last."""
@@ -227,7 +220,7 @@ class _FormNames(notation.SympyAlgebra):
         return there
 
     def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
-        if exponent.free_symbols and not base.free_symbols.isdisjoint((*self._moved, _DT)):
+        if exponent.free_symbols and not base.free_symbols.isdisjoint((*self.moved, _DT)):
             # In a row, which is linear in differentials, it is 0 or 1 for the values of the parameters.
             numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
             values = dict(zip(self.parameters, map(exact, numbers), strict=True))
@@ -242,7 +235,26 @@ class _FormNames(notation.SympyAlgebra):
 
     def position(self, numbers: Integers) -> Triple[sympy.Expr]:
         """r of a particle."""
-        return self._position(int(numbers[0]))
+        number = int(numbers[0])
+
+        def value() -> Triple[sympy.Expr]:
+            entry = int(self._particles.entries(numbers[:1])[0])
+            particle = self._model.particles[entry]
+            if not particle.is_dependent:
+                x, y, z = (self._coordinates[f"{self._particles.names[number]}.{axis}"] for axis in "xyz")
+                return x, y, z
+            parts = [part.tree for part in particle.position.parts]
+            for part in parts:
+                notation.require_short(part)
+            names = self.at(particle.members, number - self._particles.first(entry))
+            if len(parts) == 1:
+                return evaluate.vector(parts[0], names)
+            x, y, z = (evaluate.scalar(part, names) for part in parts)
+            return x, y, z
+
+        if number not in self._positions:
+            self._positions[number] = _attempted(value)
+        return _given(self._positions[number])
 
     def velocity(self, numbers: Integers) -> Triple[sympy.Expr]:
         """v of a particle."""
@@ -272,28 +284,6 @@ class _FormNames(notation.SympyAlgebra):
     def _along(self, value: sympy.Expr) -> sympy.Expr:
         used = (x for x in self.ordered(value.free_symbols) if x != TIME)
         return sum((sympy.diff(value, x) * self.differentials[x] for x in used), ZERO)
-
-    def _position(self, number: int) -> Triple[sympy.Expr]:
-        """r of the particle of this number."""
-
-        def value() -> Triple[sympy.Expr]:
-            entry = int(self._particles.entries(np.array([number]))[0])
-            particle = self._model.particles[entry]
-            if not particle.is_dependent:
-                x, y, z = (self._coordinates[f"{self._particles.names[number]}.{axis}"] for axis in "xyz")
-                return x, y, z
-            parts = [part.tree for part in particle.position.parts]
-            for part in parts:
-                notation.require_short(part)
-            names = self.at(particle.members, number - self._particles.first(entry))
-            if len(parts) == 1:
-                return evaluate.vector(parts[0], names)
-            x, y, z = (evaluate.scalar(part, names) for part in parts)
-            return x, y, z
-
-        if number not in self._positions:
-            self._positions[number] = _attempted(value)
-        return _given(self._positions[number])
 
 
 def _attempted(compute: Callable[[], V]) -> V | TooLarge:

@@ -14,7 +14,7 @@ from lagcli.model import model as nouns
 Words = frozenset[str]
 
 
-ANGLES = functions.calls(lambda row: row.period > 0.0)
+ANGLES = functions.calls(lambda row: row.period > 0)
 _SWITCHES = functions.calls(lambda row: row.is_piecewise)
 # A power whose exponent is not whole may be a root, and so a modulus.
 _JUMPS = functions.calls(lambda row: row.may_jump) | {"**"}

@@ -74,9 +74,8 @@ def test_a_contact_that_hardly_moves_is_left_to_the_law_of_all() -> None:
 
 
 def test_energy_that_would_be_made_is_seen() -> None:
-    exchange = impact_law.Exchange(np.array([1.0]), np.array([2.0]), np.array([1.0]))
     with pytest.raises(EnergyCreated):
-        impact_law.certified(exchange, np.array([3.0]))
+        impact_law.certified(*(np.array([number]) for number in (1.0, 2.0, 3.0, 1.0)))
 
 
 def test_contacts_are_not_looked_at_again_after_an_impact(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -123,11 +123,22 @@ class NormalForm:
         """The SymPy expression of a `ring` or `field` element."""
         return self.to_functions(element.as_expr())
 
-    def factors(self, expression: sympy.Expr) -> list[sympy.Expr]:
-        """The irreducible factors above and below."""
-        element = self.element(expression)
-        parts = (f for part in (element.numer, element.denom) for f, _ in part.factor_list()[1])
-        return [self.expression(f) for f in parts]
+    def surfaces(
+        self, expressions: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]
+    ) -> list[sympy.Expr]:
+        """The letters, and the irreducible factors of some expressions, that hold variables: where they are zero may be
+        invariant surfaces."""
+        found: list[sympy.Expr] = []
+        for meaning in map(self.means, reversed(self.letters)):
+            if not isinstance(meaning, sympy.exp):
+                found.append(meaning)
+            if isinstance(meaning, (sympy.sin, sympy.cos)):
+                found.append(1 + meaning)
+        for e in expressions:
+            element = self.element(e)
+            parts = (f for part in (element.numer, element.denom) for f, _ in part.factor_list()[1])
+            found += [self.expression(f) for f in parts]
+        return [f for f in dict.fromkeys(found) if f.free_symbols & set(variables)]
 
     def means(self, letter: sympy.Symbol) -> sympy.Expr:
         """The function that a letter stands for, or the symbol it is."""
