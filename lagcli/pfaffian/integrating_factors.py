@@ -146,8 +146,7 @@ def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr 
             minor = zero_test.is_zero(gradient[i] * coefficients[k] - gradient[k] * a, deadline)
             if minor.truth is not zero_test.Truth.YES:
                 return None
-    own = [[gradient[k]]]
-    for ((side,),) in forms.kink_sides(own, forms.moduli(own)[:MAX_KINKS]):
+    for ((side,),) in forms.kink_sides([[gradient[k]]], MAX_KINKS):
         if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
             return None
     choices = [i for i, a in enumerate(coefficients) if a != 0]
@@ -257,44 +256,40 @@ def _product_factor(form: forms.Form, parts: Pieces) -> Hints:
 
 
 def _one_variable(form: forms.Form, parts: Pieces) -> Hints:
-    for m in range(len(form.variables)):
-        mu = _factor_with_function(form, Pieces(parts.factors, ()), m)
-        if mu is not None:
-            yield Hint(mu)
-
-
-def _factor_with_function(form: forms.Form, parts: Pieces, m: int) -> sympy.Expr | None:
     """mu = product of powers p_j^a_j times an unknown function of the variable m, with d(mu omega) = 0.
 
     Covers factors of one variable, linear and Bernoulli equations and separable ones. Its derivative h'
     follows from the component (m, k) and must not depend on the other variables, which is linear in the a_j.
     """
     a, x = form.coefficients, form.variables
-    choices = [i for i, c in enumerate(a) if c != 0 and i != m]
-    if not choices:
-        return None
-    k = min(choices, key=lambda i: (a[i].count_ops(), i))
-    others = [i for i in range(len(a)) if i not in (k, m)]
-    rates: list[sympy.Expr] = []
-    columns: list[list[sympy.Expr]] = []
-    for g in [*parts.gradients(x), None]:
-        if g is None:
-            entries, rate = [form.curl(i, k) for i in others], form.curl(m, k) / a[k]
-        else:
-            entries, rate = [g[i] * a[k] - g[k] * a[i] for i in others], g[m] - g[k] * a[m] / a[k]
-        rates.append(rate)
-        columns.append([*entries, *(forms.partial(rate, x[i]) for i in range(len(a)) if i != m)])
-    for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
-        if v[-1] == 0:
+    parts = Pieces(parts.factors, ())
+    for m in range(len(x)):
+        choices = [i for i, c in enumerate(a) if c != 0 and i != m]
+        if not choices:
             continue
-        constants = [guarded.cancel(c / v[-1]) for c in v]
-        total = sum((c * r for c, r in zip(constants, rates, strict=True)), sympy.Integer(0))
-        rate = _function_of(-total, x, m)
-        primitive = None if rate is None else potential.antiderivative(rate, x[m])
-        if primitive is not None:
-            growth = guarded.powsimp(guarded.expand_log(sympy.exp(guarded.expand(primitive)), force=True))
-            return parts.exponential(constants[:-1]) * growth
-    return None
+        k = min(choices, key=lambda i: (a[i].count_ops(), i))
+        others = [i for i in range(len(a)) if i not in (k, m)]
+        ways = [
+            ([g[i] * a[k] - g[k] * a[i] for i in others], g[m] - g[k] * a[m] / a[k])
+            for g in parts.gradients(x)
+        ]
+        ways.append(([form.curl(i, k) for i in others], form.curl(m, k) / a[k]))
+        columns = [
+            [*entries, *(forms.partial(rate, x[i]) for i in range(len(a)) if i != m)]
+            for entries, rate in ways
+        ]
+        for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
+            if v[-1] == 0:
+                continue
+            constants = [guarded.cancel(c / v[-1]) for c in v]
+            terms = (c * rate for c, (_, rate) in zip(constants, ways, strict=True))
+            rate = _function_of(-sum(terms, sympy.Integer(0)), x, m)
+            primitive = None if rate is None else potential.antiderivative(rate, x[m])
+            if primitive is not None:
+                powers = sympy.exp(guarded.expand(primitive))
+                growth = guarded.powsimp(guarded.expand_log(powers, force=True))
+                yield Hint(parts.exponential(constants[:-1]) * growth)
+                break
 
 
 def _function_of(rate: sympy.Expr, x: Sequence[sympy.Symbol], m: int) -> sympy.Expr | None:
@@ -350,46 +345,40 @@ def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbo
 
 
 def _inverse_polynomial(form: forms.Form, parts: Pieces) -> Hints:
-    """The factors of an inverse factor V are invariant surfaces: products of their powers come first."""
+    """Polynomials V in the letters with V d omega = dV ^ omega: 1/V is an integrating factor.
+
+    The factors of V are invariant surfaces: products of their powers come first.
+    """
+    a, x, k = form.coefficients, form.variables, _pivot(form)
+    curls = {i: form.curl(i, k) for i in range(len(a)) if i != k}
     for degree in (2, 4, 5):
-        found = _inverse_factors(form, degree)
+        basis = normal_form.NormalForm([*a, *x])
+        meanings = map(basis.means, reversed(basis.letters))
+        letters = [m for m in meanings if m.free_symbols & set(x)]
+        monomials: list[sympy.Expr] = []
+        for d in range(degree + 1):
+            products = [sympy.Mul(*c) for c in combinations_with_replacement(letters, d)]
+            if len(monomials) + len(products) > MAX_INVERSE:
+                break
+            monomials += products
+        powers = {v: v.as_powers_dict().items() for v in monomials}
+        monomials = [v for v in monomials if not any(b.func is sympy.cos and n > 1 for b, n in powers[v])]
+        columns = []
+        for v in monomials:
+            slope = forms.partial(v, x[k])
+            wedge = {i: forms.partial(v, x[i]) * a[k] - slope * a[i] for i in curls}
+            columns.append([v * curls[i] - wedge[i] for i in curls])
+        found = []
+        for vector in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
+            found.append(sum((c * v for c, v in zip(vector, monomials, strict=True)), sympy.Integer(0)))
         surfaces = [p for v in found[:2] for p, _ in guarded.factor_list(v)[1]]
-        varying = [p for p in dict.fromkeys(surfaces) if p.free_symbols & set(form.variables)]
+        varying = [p for p in dict.fromkeys(surfaces) if p.free_symbols & set(x)]
         if varying:
-            yield from _products(form, Pieces(tuple(varying), form.variables))
+            yield from _products(form, Pieces(tuple(varying), x))
             yield from (Hint(1 / guarded.factor(v)) for v in found[:2])
         if len(found) > 1:
             yield Hint(tidy_integral.ratio(found[0], found[1]), is_factor=False)
             return
-
-
-def _inverse_factors(form: forms.Form, degree: int) -> list[sympy.Expr]:
-    """Polynomials V in the letters up to `degree` with V d omega = dV ^ omega: 1/V is an integrating factor."""
-    basis = normal_form.NormalForm([*form.coefficients, *form.variables])
-    meanings = [basis.means(g) for g in reversed(basis.letters)]
-    varying = [m for m in meanings if m.free_symbols & set(form.variables)]
-    monomials: list[sympy.Expr] = []
-    for d in range(degree + 1):
-        products = [sympy.Mul(*c) for c in combinations_with_replacement(varying, d)]
-        if len(monomials) + len(products) > MAX_INVERSE:
-            break
-        monomials += products
-    monomials = [
-        v for v in monomials if not any(b.func is sympy.cos and n > 1 for b, n in v.as_powers_dict().items())
-    ]
-    a, x, k = form.coefficients, form.variables, _pivot(form)
-    curls = {i: form.curl(i, k) for i in range(len(a)) if i != k}
-    columns = [
-        [
-            v * curl - (forms.partial(v, x[i]) * a[k] - forms.partial(v, x[k]) * a[i])
-            for i, curl in curls.items()
-        ]
-        for v in monomials
-    ]
-    found = []
-    for vector in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
-        found.append(sum((c * v for c, v in zip(vector, monomials, strict=True)), sympy.Integer(0)))
-    return found
 
 
 _STRATEGIES: tuple[tuple[Strategy, str], ...] = (

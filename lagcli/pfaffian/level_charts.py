@@ -165,37 +165,27 @@ def _cancelled(phi: sympy.Expr) -> sympy.Expr:
     if phi.count_ops() > SHORT:
         return guarded.together(phi)
     phi = guarded.factor(guarded.together(phi))
-    above, below = _fraction(phi)
-    arguments = {f.args[0] for f in below.atoms(sympy.sin, sympy.cos)}
+    arguments = {f.args[0] for f in _fraction(phi)[1].atoms(sympy.sin, sympy.cos)}
     for u in sorted(arguments, key=sympy.default_sort_key):
-        above, below = _fraction(phi)
-        phi = _in_half_angles(above, below, u) or phi
-    return phi
-
-
-def _in_half_angles(above: sympy.Expr, below: sympy.Expr, u: sympy.Expr) -> sympy.Expr | None:
-    """above/below without the factors that sine and cosine of u hide from polynomials, or None without any.
-
-    With w = tan(u/2), sin(u) = 2 w/(1 + w^2) and cos(u) = (1 - w^2)/(1 + w^2) all factors show.
-    """
-    w = sympy.Dummy("w", real=True)
-    tangents = {sympy.sin(u): 2 * w / (1 + w**2), sympy.cos(u): (1 - w**2) / (1 + w**2)}
-    parts = [_fraction(guarded.subs(part, tangents)) for part in (above, below)]
-    common = guarded.gcd(*(part for part, _ in parts))
-    if not common.has(w):
-        return None
-    product = guarded.factor(parts[0][0] * parts[1][1] / (parts[1][0] * parts[0][1]))
-    s, c = sympy.sin(u / 2), sympy.cos(u / 2)
-    back = sympy.Integer(1)
-    for factor in sympy.Mul.make_args(product):
-        base, n = factor.as_base_exp()
-        if not base.has(w):
-            back *= factor
+        # Sine and cosine of u hide factors from polynomials. With w = tan(u/2), sin(u) = 2 w/(1 + w^2) and
+        # cos(u) = (1 - w^2)/(1 + w^2) all of them show.
+        w = sympy.Dummy("w", real=True)
+        tangents = {sympy.sin(u): 2 * w / (1 + w**2), sympy.cos(u): (1 - w**2) / (1 + w**2)}
+        parts = [_fraction(guarded.subs(part, tangents)) for part in _fraction(phi)]
+        if not guarded.gcd(*(part for part, _ in parts)).has(w):
             continue
-        degree = guarded.degree(base, w)
-        homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in guarded.poly(base, w).terms())
-        back *= (guarded.trigsimp(homogeneous) / c**degree) ** n
-    return back
+        product = guarded.factor(parts[0][0] * parts[1][1] / (parts[1][0] * parts[0][1]))
+        s, c = sympy.sin(u / 2), sympy.cos(u / 2)
+        phi = sympy.Integer(1)
+        for factor in sympy.Mul.make_args(product):
+            base, n = factor.as_base_exp()
+            if not base.has(w):
+                phi *= factor
+                continue
+            degree = guarded.degree(base, w)
+            homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in guarded.poly(base, w).terms())
+            phi *= (guarded.trigsimp(homogeneous) / c**degree) ** n
+    return phi
 
 
 def _powers(phi: sympy.Expr, variables: Variables) -> tuple[dict[sympy.Expr, sympy.Expr], sympy.Expr]:
