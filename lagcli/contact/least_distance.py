@@ -141,9 +141,8 @@ def weights(columns: Floats, target: Floats) -> Floats | None:
     size = float(np.linalg.norm(target))
     for proposed in proposals(columns, target):
         gradient = columns.T @ (target - columns @ proposed)
-        if (gradient <= doubles.ZERO * size).all() and abs(
-            float(proposed @ gradient)
-        ) <= doubles.ZERO * size * size:
+        least = doubles.ZERO * size
+        if (gradient <= least).all() and abs(float(proposed @ gradient)) <= least * size:
             return proposed
     return None
 

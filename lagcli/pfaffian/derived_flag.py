@@ -157,7 +157,6 @@ class _FlagSearch:
     def _derived(self, here: SolvedForms, first: SolvedForms) -> tuple[SolvedForms, tuple[sympy.Expr, ...]]:
         """The forms theta of `here` with d theta(X, Y) = 0 for X in ker `first`, Y in ker `here`; and where the values
         have a common zero."""
-        C = here.count
         values: list[Row] = []
         for X, Y in self._pairs(here, first):
             # d theta(X, Y), with a proof that it is not zero unless it is
@@ -167,23 +166,19 @@ class _FlagSearch:
         if not values:
             return here, ()
         solved = self._field.solved(values)
-        vanishing = []  # combinations c with c_i = 1, c_pivot = -value
-        for i in (i for i in range(C) if i not in solved.pivots):
-            c = [self._field.zero] * C
-            c[i] = self._field.one
-            for pivot, entries in zip(solved.pivots, solved.rows, strict=True):
-                c[pivot] = -entries[i]
-            vanishing.append(c)
+        # Combinations c with c_i = 1, c_pivot = -value
+        vanishing = self._field.frame(solved, here.count)
         columns = list(zip(*here.rows, strict=True))
         basis_rows = [[self._field.sum(zip(c, column, strict=True)) for column in columns] for c in vanishing]
         return self._field.solved(basis_rows, self._time), self._common(values, solved.count)
 
     def _pairs(self, here: SolvedForms, first: SolvedForms) -> list[tuple[Row, Row]]:
         """Pairs of a frame of ker `first` with one of ker `here`; each pair once where they are one."""
-        frame = self._field.frame(here)
+        n = len(self._variables)
+        frame = self._field.frame(here, n)
         if here is first:
             return list(combinations(frame, 2))
-        return [(X, Y) for X in self._field.frame(first) for Y in frame if X != Y]
+        return [(X, Y) for X in self._field.frame(first, n) for Y in frame if X != Y]
 
     def _raw_curl(self, theta: Sequence[FracElement], X: Row, Y: Row) -> FracElement:
         """d theta(X, Y) = sum_k X(theta_k) Y_k - Y(theta_k) X_k."""

@@ -143,11 +143,11 @@ class FunctionField:
             raise NotDecidedError("whether a component of the flag vanishes could not be proved")
         return a
 
-    def frame(self, solved: SolvedForms) -> list[Row]:
-        """The fields X_j of the kernel of solved forms, for every free j."""
+    def frame(self, solved: SolvedForms, size: int) -> list[Row]:
+        """The fields X_j (size,) of the kernel of solved forms, for every free j."""
         found = []
-        for j in (k for k in range(len(self._block.variables)) if k not in solved.pivots):
-            X = [self.zero] * len(self._block.variables)
+        for j in (k for k in range(size) if k not in solved.pivots):
+            X = [self.zero] * size
             X[j] = self.one
             for p, row in zip(solved.pivots, solved.rows, strict=True):
                 X[p] = -row[j]

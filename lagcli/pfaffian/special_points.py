@@ -218,7 +218,7 @@ def _slopes(
     rows = field.rows([*field.gradients[: len(block.surface)], *block.rows])
     solved = field.solved(rows, vanishes=vanishes)
     gradients = field.rows([forms.partial(e, x) for x in block.variables] for e in new)
-    frame = field.frame(solved)
+    frame = field.frame(solved, len(block.variables))
     found = [field.sum(zip(X, gradient, strict=True)) for X in frame for gradient in gradients]
     if any(vanishes(field.expression(a.denom)) for a in found):
         raise NotDecidedError("a place has no differential at the start")

@@ -111,9 +111,8 @@ def among(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
 def compared(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
     """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
     derivatives, compare."""
-    return [
-        each.argument for each in among(value, inputs) if each.kind.is_comparing and each.argument is not None
-    ]
+    comparing = (each.argument for each in among(value, inputs) if each.kind.is_comparing)
+    return [argument for argument in comparing if argument is not None]
 
 
 def is_comparing(op: int) -> bool:

@@ -77,9 +77,8 @@ class TimeFunctions:
     def is_bounded(self) -> bool:
         """True if every wave has a bound at all times: then nothing can rise and fall that is not looked for."""
         ends = np.array([-np.inf]), np.array([np.inf])
-        return all(
-            np.isfinite(a).all() and np.isfinite(b).all() for a, b in self.values(ends, self.oscillations)
-        )
+        found = self.values(ends, self.oscillations)
+        return all(np.isfinite(a).all() and np.isfinite(b).all() for a, b in found)
 
     def values(self, cells: Range, wanted: tuple[int, ...]) -> list[Range]:
         """The ranges of the values at these indices over cells of t (low, high), (C,) each, or (K, C) of a family."""
@@ -102,18 +101,14 @@ def functions(model: nouns.Model) -> TimeFunctions | None:
     for step in model.order:
         if isinstance(step, str):
             leaves.define(step, record if step in names else discarded)
-    for law, variables in laws:
-        _walk(law, _Algebra(record, leaves, variables))
-    for law, variables in on_particles:
-        _walk(law, _Algebra(record, leaves.on_a_particle(), variables))
+    for own, group in ((leaves, laws), (leaves.on_a_particle(), on_particles)):
+        for law, variables in group:
+            algebra = _Algebra(record, own, variables)
+            if isinstance(law, tree.Relation):
+                evaluate.difference(law, algebra)
+            else:
+                evaluate.value(law, algebra)
     return record.functions()
-
-
-def _walk(node: tree.Node, algebra: _Algebra) -> None:
-    if isinstance(node, tree.Relation):
-        evaluate.difference(node, algebra)
-    else:
-        evaluate.value(node, algebra)
 
 
 # An expression with its index variables.
@@ -150,9 +145,8 @@ def _timed(model: nouns.Model) -> tuple[set[str], _Laws, _Laws]:
             # A family acts with each of its members somewhere, or nowhere: then a switch of it does no harm.
             on_particles += [(part.tree, variables) for part in force.force.parts if holds(part)]
         else:
-            others.append(
-                (force.expression if isinstance(force, nouns.Potential) else force.force, variables)
-            )
+            acting = force.expression if isinstance(force, nouns.Potential) else force.force
+            others.append((acting, variables))
     others += [(law.equation, law.members.variables) for law in model.laws]
     others += [(event.when, {}) for event in model.events]
     laws += [(expression.tree, variables) for expression, variables in others if holds(expression)]
@@ -275,11 +269,9 @@ class _Leaves:
         }
         for parameter in model.parameters:
             value = parameter.value
-            self._known[parameter.name] = (
-                _three(_Value(number=intervals.constant(part)) for part in value)
-                if isinstance(value, tuple)
-                else _Value(number=intervals.constant(value))
-            )
+            parts = value if isinstance(value, tuple) else (value,)
+            numbers = [_Value(number=intervals.constant(part)) for part in parts]
+            self._known[parameter.name] = _three(numbers) if isinstance(value, tuple) else numbers[0]
 
     def on_a_particle(self) -> _Leaves:
         """The values in the force of a particle."""
