@@ -127,7 +127,7 @@ class IntegralSearch:
         matrix = [[forms.partial(f, x) for x in pivots] for f in (*self.integrals, phi)]
         if len(matrix) > len(pivots):
             return False
-        sides = forms.kink_sides(matrix, MAX_KINKS)
+        sides = forms.kink_sides(matrix, forms.moduli(matrix)[:MAX_KINKS])
         return all(frames.has_rank(side, len(matrix), self.deadline, self.block.surface) for side in sides)
 
 

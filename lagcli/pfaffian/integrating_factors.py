@@ -146,7 +146,8 @@ def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr 
             minor = zero_test.is_zero(gradient[i] * coefficients[k] - gradient[k] * a, deadline)
             if minor.truth is not zero_test.Truth.YES:
                 return None
-    for ((side,),) in forms.kink_sides([[gradient[k]]], MAX_KINKS):
+    own = [[gradient[k]]]
+    for ((side,),) in forms.kink_sides(own, forms.moduli(own)[:MAX_KINKS]):
         if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
             return None
     choices = [i for i, a in enumerate(coefficients) if a != 0]

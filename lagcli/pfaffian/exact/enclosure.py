@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -89,31 +89,32 @@ def points(symbols: Sequence[sympy.Symbol]) -> Iterator[dict[sympy.Symbol, Fract
 
 def nonzero(expression: sympy.Expr) -> NonZero | None:
     """A proof that `expression` is not identically zero, or None."""
-    tried = 0
-    for point in points(list(expression.free_symbols)):
-        try:
-            interval = Evaluator(point).value(expression)
-        except NoValueError:
-            continue
-        tried += 1
+    # With |u| both sides of the kink should be met. Otherwise three zeros make it a case for the algebra.
+    most = POINTS if expression.has(sympy.Abs) else POINTS // 4
+    there = points(list(expression.free_symbols))
+    for tried, (point, interval) in enumerate(_intervals(expression, there), start=1):
         if not 0 in interval:  # noqa: E713 - mpmath intervals define `in` only
             names = tuple((s.name, v) for s, v in sorted(point.items(), key=lambda item: item[0].name))
             return NonZero(float(interval.mid), float(interval.delta), names)
-        # With |u| both sides of the kink should be met. Otherwise three zeros make it a case for the algebra.
-        if not point or tried >= (POINTS if expression.has(sympy.Abs) else POINTS // 4):
+        if not point or tried >= most:
             return None
     return None
 
 
 def has_value(expression: sympy.Expr) -> bool:
     """True if the expression has a finite real value at one of the test points."""
-    for point in points(list(expression.free_symbols)):
+    there = points(list(expression.free_symbols))
+    return next(_intervals(expression, there), None) is not None
+
+
+def _intervals(expression: sympy.Expr, points: Iterable[Point]) -> Iterator[tuple[Point, ivmpf]]:
+    """The points at which an expression has a finite real value, with the interval of it."""
+    for point in points:
         try:
-            Evaluator(point).value(expression)
+            interval = Evaluator(point).value(expression)
         except NoValueError:
             continue
-        return True
-    return False
+        yield point, interval
 
 
 class Evaluator:
@@ -179,13 +180,8 @@ def values_on(expression: sympy.Expr, surface: Sequence[sympy.Expr]) -> list[flo
 
     Other symbols have random values. Points where the expression has no finite real value are left out.
     """
-    found = []
-    for there in points_on(surface, sorted(expression.free_symbols, key=lambda s: s.name)):
-        try:
-            found.append(float(Evaluator(there).value(expression).mid))
-        except NoValueError:
-            continue
-    return found
+    there = points_on(surface, sorted(expression.free_symbols, key=lambda s: s.name))
+    return [float(interval.mid) for _, interval in _intervals(expression, there)]
 
 
 def points_on(surface: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) -> list[Point]:

@@ -142,10 +142,17 @@ def plain(coefficient: sympy.Expr) -> sympy.Expr:
     return coefficient.replace(is_nested, sympy.sqrtdenest)
 
 
-def kink_sides(rows: Sequence[Sequence[sympy.Expr]], most: int) -> list[list[list[sympy.Expr]]]:
-    """The rows with u and with -u for at most so many |u| in them: y + |y| is constant where y < 0."""
+def moduli(rows: Sequence[Sequence[sympy.Expr]]) -> list[sympy.Abs]:
+    """All |u| in the rows, in an order of their own."""
+    return sorted({m for row in rows for e in row for m in e.atoms(sympy.Abs)}, key=str)
+
+
+def kink_sides(
+    rows: Sequence[Sequence[sympy.Expr]], kinks: Sequence[sympy.Abs]
+) -> list[list[list[sympy.Expr]]]:
+    """The rows with u and with -u for each |u| of some: y + |y| is constant where y < 0."""
     sides = [[list(row) for row in rows]]
-    for modulus in sorted({m for row in rows for e in row for m in e.atoms(sympy.Abs)}, key=str)[:most]:
+    for modulus in kinks:
         signed = [{modulus: sign * modulus.args[0]} for sign in (1, -1)]
         sides = [[[e.xreplace(u) for e in row] for row in side] for side in sides for u in signed]
     return sides
