@@ -64,12 +64,13 @@ class Accuracy:
     def digits(self) -> dict[str, float | None]:
         """log10(scale / error) of each kind, not below 0, and no more than the energy has; None where all values are
         zero, to rounding, or there are none."""
-        triples = zip(KINDS, self.errors, self.scales, strict=True)
-        most = self.energy_error
-        return {
-            k: None if k in self.zero else _digits(max(error, most * scale), scale)
-            for k, error, scale in triples
-        }
+        found: dict[str, float | None] = {}
+        for kind, error, scale in zip(KINDS, self.errors, self.scales, strict=True):
+            error = max(error, self.energy_error * scale)
+            is_known = scale and math.isfinite(error)
+            digits = max(0.0, math.log10(scale / error)) if is_known else 0.0 if scale else None
+            found[kind] = None if kind in self.zero else digits
+        return found
 
     @property
     def sentence(self) -> str:
@@ -80,52 +81,37 @@ class Accuracy:
                 continue
             count = str(math.floor(digits))
             better = f" (to {SURE} up to t = {until:.9g})" if digits < SURE and until < self.t else ""
-            reported.append(f"{name} to {count}{better}" if reported else self._first(name, count, better))
+            verb = "is" if name == "R" else "are"
+            first = f"{name} {verb} right to {count} digits up to t = {self.t:.9g}{better}"
+            reported.append(f"{name} to {count}{better}" if reported else first)
         none = [name for kind, name in zip(KINDS, _NAMES, strict=True) if kind in self.zero]
         if none:
-            is_one = none == ["R"]
-            reported.append(f"{' and '.join(none)} {'is' if is_one else 'are'} zero to rounding")
-        return ", ".join(reported) + self._parting + self._incidents + self._energy
-
-    @property
-    def _energy(self) -> str:
-        if not self.energy_error:
-            return ""
-        return (
-            f"; the energy should stay and is off by {self.energy_error:.1e} of what is exchanged: no more digits are"
-            " claimed than it has, and both runs may have missed the same force"
-        )
-
-    @property
-    def _incidents(self) -> str:
-        sentence = ""
+            reported.append(f"{' and '.join(none)} {'is' if none == ['R'] else 'are'} zero to rounding")
+        sentence = ", ".join(reported)
+        if self.parted is not None:
+            early, late = self.parted
+            sentence += (
+                f"; the two runs go apart between t = {early:.9g} and {late:.9g}: one of them did not see a force"
+                " there, so bound the steps with --max-step"
+            )
         if self.growth is not None:
             sentence += (
                 f"; errors grow about {self.growth:.2g} times at each impact, as they do at convex bodies: no tolerance"
                 " helps for long"
             )
         if self.between is not None:
-            count, first = self.between
-            rows = "1 row stands" if count == 1 else f"{count} rows stand"
+            rows, since = self.between
+            standing = "1 row stands" if rows == 1 else f"{rows} rows stand"
             sentence += (
-                f"; {rows} between the times that an incident has in both runs ({'' if count == 1 else 'the first '}at"
-                f" t = {first:.9g}): velocities there are those before it or behind it, and are not counted"
+                f"; {standing} between the times that an incident has in both runs ({'' if rows == 1 else 'the first '}"
+                f"at t = {since:.9g}): velocities there are those before it or behind it, and are not counted"
+            )
+        if self.energy_error:
+            sentence += (
+                f"; the energy should stay and is off by {self.energy_error:.1e} of what is exchanged: no more digits"
+                " are claimed than it has, and both runs may have missed the same force"
             )
         return sentence
-
-    @property
-    def _parting(self) -> str:
-        if self.parted is None:
-            return ""
-        early, late = self.parted
-        return (
-            f"; the two runs go apart between t = {early:.9g} and {late:.9g}: one of them did not see a force there, so"
-            " bound the steps with --max-step"
-        )
-
-    def _first(self, name: str, count: str, better: str) -> str:
-        verb = "is" if name == "R" else "are"
-        return f"{name} {verb} right to {count} digits up to t = {self.t:.9g}{better}"
 
     def as_json(self) -> dict[str, Any]:
         """The objects of `--stats`: digits, errors, the times up to which there are three digits, and the repeated
@@ -144,12 +130,6 @@ class Accuracy:
                 **({} if self.growth is None else {"growth_at_impacts": self.growth}),
             },
         }
-
-
-def _digits(error: float, scale: float) -> float | None:
-    if not scale:
-        return None
-    return max(0.0, math.log10(scale / error)) if math.isfinite(error) else 0.0
 
 
 Floats = npt.NDArray[np.float64]
@@ -173,11 +153,9 @@ class PartingParameters:
     """To this or more: the factor of any rounding is less.
     `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 1e-8 and 1e-6."""
     part: float = 0.01
-    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows` fails at 0.001 and
-    0.1."""
+    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows` fails at 0.001 and 0.1."""
     tolerances: float = 1e3
-    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 100 and
-    10000."""
+    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 100 and 10000."""
 
 
 PARTING = PartingParameters()
@@ -254,8 +232,7 @@ class RepeatedRunParameters:
     """A run with a tolerance of less than so many times the finest cannot be repeated with less error: it is with more.
     `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and 30."""
     looser: float = 3.0
-    """So many times more. `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and
-    30."""
+    """So many times more. `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and 30."""
     safety: tuple[tuple[float, float], ...] = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
     """The estimate is the distance of the runs times the factor of the first line that the tolerance of a
     step reaches. Two errors may agree by chance: rarely where one is a hundredth of the other, more often
@@ -280,16 +257,15 @@ def repeated(settings: Simulation) -> Simulation:
         settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
     rtol, atol, *_ = step_tolerance.of_steps(settings).tolist()
     if rtol < PARAMETERS.nearly * PARAMETERS.finest:
-        return _tightened(settings, PARAMETERS.looser * rtol, PARAMETERS.looser * atol)
-    finer = max(rtol / PARAMETERS.tighter, PARAMETERS.finest)
-    return _tightened(settings, finer, max(atol * finer / rtol, min(atol, PARAMETERS.finest_absolute)))
-
-
-def _tightened(settings: Simulation, rtol: float, atol: float) -> Simulation:
-    """The settings whose steps have these tolerances: the inverse of `step_tolerance.of_steps`."""
-    wanted = rtol if rtol < step_tolerance.PARAMETERS.finest else rtol * step_tolerance.PARAMETERS.tightening
+        finer, atol = PARAMETERS.looser * rtol, PARAMETERS.looser * atol
+    else:
+        finer = max(rtol / PARAMETERS.tighter, PARAMETERS.finest)
+        atol = max(atol * finer / rtol, min(atol, PARAMETERS.finest_absolute))
+    # The settings whose steps have these tolerances: the inverse of `step_tolerance.of_steps`.
+    limits = step_tolerance.PARAMETERS
+    wanted = finer if finer < limits.finest else finer * limits.tightening
     return dataclasses.replace(
-        settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / rtol
+        settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / finer
     )
 
 
@@ -338,16 +314,25 @@ class Errors:
         for gap in apart[1:]:  # positions go on through an impact
             gap[between] = 0.0
         with np.errstate(invalid="ignore"):
-            gaps = self._running(self._gaps, apart)
-        self._growth.take(t, gaps[:, 0], incidents or ())
+            gaps = _running(self._gaps, apart)
         # Where one of the runs has seen nothing, its values alone give no scale.
         both = [np.maximum(np.abs(rows[:, at]), np.abs(others[:, at])) for at in self._kinds]
-        sizes = self._running(self._sizes, both)
-        self._parting.take(rows[:, 0], gaps, sizes)
+        sizes = _running(self._sizes, both)
+        self._growth.take(t, gaps[:, 0], incidents or ())
+        self._parting.take(t, gaps, sizes)
         errors = np.maximum(self._factor * gaps, PARAMETERS.floor * sizes)
-        if len(rows):
-            self._gaps, self._sizes = gaps[-1], sizes[-1]
-            self._follow(rows[:, 0], errors > 10.0**-SURE * sizes)
+        if not len(rows):
+            return errors
+        self._gaps, self._sizes = gaps[-1], sizes[-1]
+        if math.isnan(self._last):
+            self._until = [float(t[0])] * len(self._kinds)
+        for kind, column in enumerate((errors > 10.0**-SURE * sizes).T):
+            if not self._is_lost[kind]:
+                self._is_lost[kind] = bool(column.any())
+                good = int(np.argmax(column)) if self._is_lost[kind] else len(t)
+                if good:
+                    self._until[kind] = float(t[good - 1])
+        self._last = float(t[-1])
         return errors
 
     def accuracy(self, again: Run, tolerance: float) -> Accuracy | None:
@@ -370,21 +355,8 @@ class Errors:
             growth=self._growth.factor(PARAMETERS.floor * float(self._sizes[0])),
         )
 
-    def _running(self, before: Floats, values: list[Floats]) -> Floats:
-        """The largest of each kind up to each row. What has no value, a multiplier at its pole, does not count."""
-        sizes = [
-            np.abs(np.where(np.isfinite(value), value, 0.0)).max(axis=1, initial=0.0) for value in values
-        ]
-        return np.maximum.accumulate(np.vstack([before, np.array(sizes).T]))[1:]
 
-    def _follow(self, t: Floats, is_bad: npt.NDArray[np.bool_]) -> None:
-        if math.isnan(self._last):
-            self._until = [float(t[0])] * len(self._kinds)
-        for kind, column in enumerate(is_bad.T):
-            if self._is_lost[kind]:
-                continue
-            self._is_lost[kind] = bool(column.any())
-            good = int(np.argmax(column)) if self._is_lost[kind] else len(t)
-            if good:
-                self._until[kind] = float(t[good - 1])
-        self._last = float(t[-1])
+def _running(before: Floats, values: list[Floats]) -> Floats:
+    """The largest of each kind up to each row. What has no value, a multiplier at its pole, does not count."""
+    sizes = [np.abs(np.where(np.isfinite(value), value, 0.0)).max(axis=1, initial=0.0) for value in values]
+    return np.maximum.accumulate(np.vstack([before, np.array(sizes).T]))[1:]

@@ -55,13 +55,15 @@ class IncidentSides:
         late = LATE * (t - start)
         for sides in self._pending.values():
             one, other = (np.searchsorted(side, t, "right") for side in sides)
-            differ = np.flatnonzero(one != other)
-            for k in differ.tolist():
+            for k in np.flatnonzero(one != other).tolist():
                 ahead = sides[0] if one[k] > other[k] else sides[1]
                 found[k] |= t[k] - ahead[min(one[k], other[k])] <= late[k]
-            self._forget(sides, float(t[-1]), float(late[-1]))
-        self._count(t, found)
-        return found
+            # What belongs together is left out, and what has had no other for long.
+            count = min(int(one[-1]), int(other[-1]))
+            for side in sides:
+                del side[:count]
+                del side[: int(np.searchsorted(side, float(t[-1]) - float(late[-1]), "left"))]
+        return self._counted(t, found)
 
     def beside(self, t: Floats) -> Flags:
         """Compare as `between` does, for a table whose own incidents are not known: rows next to one of the repeated
@@ -72,22 +74,13 @@ class IncidentSides:
             for at in times:
                 found |= np.abs(t - at) <= LATE * LATE * (t - (start or 0.0))
             times[:] = [at for at in times if len(t) and at > t[-1]]
-        self._count(t, found)
-        return found
+        return self._counted(t, found)
 
-    def _count(self, t: Floats, found: Flags) -> None:
+    def _counted(self, t: Floats, found: Flags) -> Flags:
         if found.any() and self.first is None:
             self.first = float(t[int(np.argmax(found))])
         self.rows += int(found.sum())
-
-    @staticmethod
-    def _forget(sides: tuple[list[float], list[float]], t: float, late: float) -> None:
-        """Leave out what belongs together, and what has had no other for long."""
-        one, other = sides
-        count = min(int(np.searchsorted(one, t, "right")), int(np.searchsorted(other, t, "right")))
-        del one[:count], other[:count]
-        for side in sides:
-            del side[: int(np.searchsorted(side, t - late, "left"))]
+        return found
 
 
 class ImpactGrowth:
@@ -147,26 +140,24 @@ class IncidentErrors:
         """
         found = []
         for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
-            reported = list(group)
-            others = [self._other(one, LATE * (t - start)) for one in reported]
+            reported, partners, late = list(group), list[Incident](), LATE * (t - start)
+            for one in reported:
+                waiting = self._waiting.get((one.kind, one.name), collections.deque())
+                while waiting and waiting[0].t < t - late:
+                    waiting.popleft()
+                if waiting and waiting[0].t <= t + late:
+                    partners.append(waiting.popleft())
             row = int(np.searchsorted(rows[:, 0], t, "left")) - 1
             least = rows[row, 1:] if row >= 0 else np.zeros(len(self._kinds))
-            partners = sorted((one for one in others if one is not None), key=lambda incident: incident.t)
             before = after = np.full(len(self._kinds), np.nan)
             if len(partners) == len(reported):
+                partners.sort(key=lambda incident: incident.t)
                 before = np.maximum(least, self._errors(reported[0].before, partners[0].before))
                 after = np.maximum(before, self._errors(reported[-1].after, partners[-1].after))
             for one in reported:
                 lines = np.append(one.before, before), np.append(one.after, after)
                 found.append(dataclasses.replace(one, before=lines[0], after=lines[1]))
         return found
-
-    def _other(self, one: Incident, late: float) -> Incident | None:
-        """The incident of the repeated run that belongs to one of the run."""
-        waiting = self._waiting.get((one.kind, one.name))
-        while waiting and waiting[0].t < one.t - late:
-            waiting.popleft()
-        return waiting.popleft() if waiting and waiting[0].t <= one.t + late else None
 
     def _errors(self, line: Floats, other: Floats) -> Floats:
         """The largest distance of two lines for each kind; they have no t, and what has no value does not count."""

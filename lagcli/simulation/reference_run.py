@@ -15,9 +15,9 @@ from lagcli.simulation.error_estimate import Accuracy
 from lagcli.simulation.incident_sides import IncidentErrors
 from lagcli.simulation.loop import Run, RunBlock
 from lagcli.simulation.row_writer import TableRows
-from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.incident import Incident, Tally
+from lagcli.simulation.run_state.run_stop import RunStop, Stop
 from lagcli.simulation.scheme import step_tolerance
 
 Floats = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ class RunWithReference:
         self._again = loop.start(smaller, TableRows(system.columns))
         self._ahead = self._again.blocks()
         self._waiting = np.zeros((0, 1 + len(system.columns)))
-        self._broken: run_stop.Stop | None = None
+        self._broken: Stop | None = None
         window = error_estimate.window(run.grid.count) if begin.enforced.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = error_estimate.Parting(window, relative, settings.atol or 0.0)
@@ -72,7 +72,7 @@ class RunWithReference:
     def of_table(self, rows: Floats) -> Accuracy | None:
         """The estimate for a table (T, columns) in place of the rows of the first run, which is not taken.
 
-        None where the times of its rows are not those of the grid. Raises `run_stop.RunStop` where the repeated run
+        None where the times of its rows are not those of the grid. Raises `RunStop` where the repeated run
         stops before the last of them.
         """
         known = 0
@@ -91,26 +91,46 @@ class RunWithReference:
     def blocks(self) -> Iterator[RunBlock]:
         """Blocks of rows (k, columns + 4), the errors last, and of incidents, their lines with errors too.
 
-        Raises `run_stop.RunStop` after the last good one, also where the repeated run stops and the first does not.
+        Raises `RunStop` after the last good one, also where the repeated run stops and the first does not.
         """
-        for block in self._run.blocks():
-            rows = block.rows
-            others = self._others(len(rows))
+        run = self._run
+        for block in run.blocks():
+            # The next rows of the repeated run; less where it has stopped.
+            rows, parts, have = block.rows, [self._waiting], len(self._waiting)
+            try:
+                while have < len(rows):
+                    again = next(self._ahead)
+                    parts.append(again.rows)
+                    self._errors.sides.add(1, again.incidents)
+                    self._at_incidents.add(again.incidents)
+                    have += len(parts[-1])
+            except RunStop as stopped:
+                stop = stopped.stop
+                why = f"the run repeated at other tolerances {stop.reason}; the errors of rows after it are not known"
+                self._broken = dataclasses.replace(stop, reason=why)
+            others = np.concatenate(parts)
+            self._waiting, others = others[len(rows) :].copy(), others[: len(rows)]
             known = len(others)
             self._errors.sides.add(0, block.incidents)
             errors = self._errors.take(rows[:known], others, block.incidents)
-            incidents = self._with_errors(block.incidents, np.hstack([rows[:known, :1], errors]))
+            # The incidents that come with rows, their lines with errors.
+            lines, incidents = np.hstack([rows[:known, :1], errors]), block.incidents
+            if self._last is not None:
+                lines = np.vstack([self._last, lines])
+            if len(lines):
+                self._last = lines[-1]
+                incidents = self._at_incidents.extended(incidents, run.origin + run.grid.time(0), lines)
             if known < len(rows):
                 if known:
-                    self._cut = self._run.grid.time(self._taken + known - 1)
-                    last = self._run.origin + self._cut
+                    self._cut = run.grid.time(self._taken + known - 1)
+                    last = run.origin + self._cut
                     self._incidents = [incident for incident in incidents if incident.t <= last]
                     yield RunBlock(np.hstack([rows[:known], errors]), self._incidents)
                 assert self._broken is not None, "the rows of both runs stand on one grid"
-                raise run_stop.RunStop(self._broken)
+                raise RunStop(self._broken)
             self._taken += known
             yield RunBlock(np.hstack([rows, errors]), incidents)
-            self._mark = self._run.run_state()
+            self._mark = run.run_state()
 
     def run_state(self) -> RunState:
         """The state to go on from after the rows handed out so far."""
@@ -119,30 +139,3 @@ class RunWithReference:
         run_state = self._mark or self._run.run_state()
         reported = functools.reduce(Tally.plus, self._incidents, run_state.reported)
         return dataclasses.replace(run_state, row=self._cut, reported=reported)
-
-    def _with_errors(self, incidents: list[Incident], rows: Floats) -> list[Incident]:
-        """The incidents that come with rows of t and errors (k, 5), their lines with errors."""
-        if self._last is not None:
-            rows = np.vstack([self._last, rows])
-        if not len(rows):
-            return incidents
-        self._last = rows[-1]
-        return self._at_incidents.extended(incidents, self._run.origin + self._run.grid.time(0), rows)
-
-    def _others(self, count: int) -> Floats:
-        """The next rows of the repeated run; less than `count` where it has stopped."""
-        parts, have = [self._waiting], len(self._waiting)
-        try:
-            while have < count:
-                again = next(self._ahead)
-                parts.append(again.rows)
-                self._errors.sides.add(1, again.incidents)
-                self._at_incidents.add(again.incidents)
-                have += len(parts[-1])
-        except run_stop.RunStop as stopped:
-            stop = stopped.stop
-            why = f"the run repeated at other tolerances {stop.reason}; the errors of rows after it are not known"
-            self._broken = dataclasses.replace(stop, reason=why)
-        rows = np.concatenate(parts)
-        self._waiting = rows[count:].copy()
-        return rows[:count]

@@ -32,8 +32,7 @@ from lagcli.smoothness import time_functions
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    # Most runs go on from no checkpoint.
-    # Loaded where it is used: most runs are not repeated.
+    # Most runs go on from no checkpoint, and are not repeated.
     from lagcli.simulation.error_estimate import Accuracy
     from lagcli.simulation.reference_run import RunWithReference
     from lagcli.simulation.run_state.checkpoint import Checkpoint

@@ -34,8 +34,7 @@ class ContactsUndecided(Exception):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ImpactResult:
-    """An impact: the velocities after it (n,), impulses of the equality rows (C,) and of the contacts
-    (K,).
+    """An impact: the velocities after it (n,), impulses of the equality rows (C,) and of the contacts (K,).
 
     onward: the velocities with which the run goes on, without the rebounds that are left out (n,); impacting: contacts
     that approached, or take an impulse; ended: contacts whose rebounds end here, or that would rise no higher than
@@ -220,8 +219,7 @@ def opening(here: ContactInstant, among: Flags) -> Flags:
 
 
 class GradientParameters:
-    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the
-    motion.
+    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
 
     The tests are of `tests/unit/test_numbers_of_steps.py`.
     """
@@ -235,9 +233,8 @@ class GradientParameters:
     """How far aside is looked. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at
     1e-11 and 1e-9."""
     times: float = 10.0
-    """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as
-    its root is known. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at 1 and
-    100."""
+    """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as its root is
+    known. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at 1 and 100."""
     off: float = 0.5
     """Of a gap whose gradient does not vanish the change there is known to this part.
     `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside` fails at 0.05 and 5."""
@@ -248,8 +245,7 @@ class GradientParameters:
     """They are looked at again this much farther off. `test_a_jump_stays_from_a_hundred_times_farther_off`
     fails at 10 and 1000."""
     pairs: int = 3
-    """Pairs of points on both sides that are compared. `test_three_pairs_of_sides_are_compared` fails at 0
-    and 30."""
+    """Pairs of points on both sides that are compared. `test_three_pairs_of_sides_are_compared` fails at 0 and 30."""
     near: float = 1e-6
     """How far before and behind a state the edge is looked for that it could not pass.
     `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at 1e-7 and 1e-5."""

@@ -40,9 +40,8 @@ class InstantParameters:
     """And where speeds that are this part of those of the motion would make it on its way.
     `test_a_contact_creeps_below_eleven_digits_of_the_speeds` fails at 1e-12 and 1e-10."""
     closely: float = 4.0
-    """Contacts that are so many times farther away than closed ones are told by the numbers before an impact:
-    those after it are not so different. `test_contacts_that_are_nearly_closed_part_clearly` fails at 0.4 and
-    40."""
+    """Contacts that are so many times farther away than closed ones are told by the numbers before an impact: those
+    after it are not so different. `test_contacts_that_are_nearly_closed_part_clearly` fails at 0.4 and 40."""
     clearly: float = 1e3
     """And so are speeds that many times larger than none. `test_contacts_that_are_nearly_closed_part_clearly`
     fails at 100 and 10000."""

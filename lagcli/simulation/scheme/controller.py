@@ -38,8 +38,7 @@ class StepLengthParameters:
     """After so many steps a run is asked how many more it would take like this.
     `test_a_run_that_would_take_days_is_too_slow` fails at 500 and 50000."""
     hopeless: float = 1e10
-    """So many steps would take days: the run stops.
-    At 1e9 `test_a_run_that_would_take_days_is_too_slow` fails."""
+    """So many steps would take days: the run stops. At 1e9 `test_a_run_that_would_take_days_is_too_slow` fails."""
     rowless: float = 1e8
     """Nor is a row waited for that is so many steps away: hours in which nothing is seen of the run.
     `test_a_run_that_would_take_hours_to_its_next_row_is_too_slow` fails at 1e7 and 1e9."""
@@ -62,9 +61,8 @@ class StepLengthParameters:
     """Accelerations that are this part of what the forces alone would make are the rounding of forces that balance.
     At 1e-12 `test_forces_that_balance_to_rounding_give_the_scale_of_time` fails."""
     part: float = 0.01
-    """The error of a step of this part of the shortest time, to the power of its order, is about as large as
-    it may be. `test_the_first_step_has_the_error_of_a_hundredth_of_the_shortest_time` fails at 0.001 and
-    0.1."""
+    """The error of a step of this part of the shortest time, to the power of its order, is about as large as it may be.
+    `test_the_first_step_has_the_error_of_a_hundredth_of_the_shortest_time` fails at 0.001 and 0.1."""
 
 
 PARAMETERS = StepLengthParameters()

@@ -51,13 +51,11 @@ class StepEndParameters:
     """The rounding of such forces, as a part of them.
     `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-15 and 1e-13."""
     resting: float = 1e-12
-    """A speed below this part of the one that the forces would give over the size of q, were they not
-    balanced, is made by their rounding. `test_speeds_that_balanced_forces_make_by_rounding_are_rest` fails at
-    1e-13 and 1e-11."""
+    """A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made
+    by their rounding. `test_speeds_that_balanced_forces_make_by_rounding_are_rest` fails at 1e-13 and 1e-11."""
     close: float = 1e-2
-    """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger
-    than tolerances are. `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 0.001 and
-    0.1."""
+    """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
+    tolerances are. `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 0.001 and 0.1."""
     amplified: float = 1e-16
     """About this part of them, over the cube of the angle.
     `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 1e-17 and 1e-15."""

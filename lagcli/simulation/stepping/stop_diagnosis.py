@@ -156,8 +156,7 @@ def _rounding(numeric: NumericSystem, state: State) -> Floats:
 
 
 def _call(system: System, row: int, states: tuple[State, ...]) -> str:
-    """Name the innermost function of a row whose value or slope jumps, ends or grows between the states, or
-    nothing."""
+    """Name the innermost function of a row whose value or slope jumps, ends or grows between the states, or nothing."""
     from lagcli.equations import operation_rules
     from lagcli.smoothness import switches
 
