@@ -186,8 +186,7 @@ class ImpulseEvent(Event):
         if curve is None and not run.trial.has_dense:
             if not self._curve.is_crossed():
                 return None
-            run.trial.make_stages()
-            run.trial.make_dense()
+            run.trial.make_dense(is_retaken=True)
         way: Way = self._curve if curve is None else SingularStepCurve(self._crossings, run, curve)
         barrier = self._crossings.first(way, PARTS)
         if barrier is None:

@@ -126,8 +126,13 @@ def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, 
     known = min((time for time in times if 0.0 < PARAMETERS.look * time < math.inf), default=0.0)
     step = max(PARAMETERS.rest, PARAMETERS.rest_of_time * abs(t))
     if known:
-        later = _ahead(rhs, k, PARAMETERS.look * known)
-        turned = _ratio(a, size(later[n : 2 * n] - k[n : 2 * n]) / (PARAMETERS.look * known))
+        # After a step of Euler's.
+        t_cell, y_cells, _ = rhs.arguments
+        y, h = y_cells.copy(), PARAMETERS.look * known
+        t_cell[0], y_cells[:] = t + h, y + h * k
+        rhs.trigger()
+        t_cell[0], y_cells[:] = t, y
+        turned = _ratio(a, size(rhs.results[0][n : 2 * n] - k[n : 2 * n]) / h)
         if math.isfinite(turned):
             known = min(known, turned or known)
         step = known * (PARAMETERS.part * rtol) ** (1.0 / order)
@@ -136,13 +141,3 @@ def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, 
 
 def _ratio(size: float, rate: float) -> float:
     return size / rate if rate > 0.0 else math.inf
-
-
-def _ahead(rhs: BoundFunction, k: Floats, h: float) -> Floats:
-    """y' (2n + 1,) after a step of Euler's."""
-    t_cell, y_cells, _ = rhs.arguments
-    t, y = float(t_cell[0]), y_cells.copy()
-    t_cell[0], y_cells[:] = t + h, y + h * k
-    rhs.trigger()
-    t_cell[0], y_cells[:] = t, y
-    return rhs.results[0]

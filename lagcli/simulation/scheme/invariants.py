@@ -23,7 +23,6 @@ from lagcli.equations import level_functions
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
 from lagcli.linear import generic_direction, independent_rows, metric_rows
-from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.memory import Memory
 from lagcli.model.invariant import FirstIntegral
@@ -41,6 +40,7 @@ OFFSET, AROUND, BENT = 1e-6, 1e-9, 0.1
 # holds there too is no accident of the state.
 BESIDE, POINTS = 1e-2, 2
 DEPENDS = "it depends on other constraints"
+NO_FORM = "no form of it without poles or jumps is known"
 
 
 class InvariantValue(NamedTuple):
@@ -153,31 +153,21 @@ class _Forms:
     def __init__(
         self, numeric: NumericSystem, evaluate: Compiled, first: Sequence[int], state: State
     ) -> None:
-        self._numeric, self._evaluate, self._first = numeric, evaluate, first
-        self._state = state
-        self._here = self._read(state.q)
+        self._numeric, self._first, self._state = numeric, first, state
         sizes = OFFSET * np.abs(state.q) + AROUND * (np.abs(state.q).max(initial=0.0) or 1.0)
-        direction = generic_direction.direction(state.q.size, 0)
-        self._beside = self._read(state.q + sizes * direction)
-
-    def _read(self, q: Floats) -> _Read:
-        values, above, below, periods = self._evaluate(self._state.t, q, self._state.p)
-        return np.array(values), above, below, np.array(periods).ravel()
+        beside = state.q + sizes * generic_direction.direction(state.q.size, 0)
+        read = [evaluate(state.t, q, state.p) for q in (state.q, beside)]
+        self._here, self._beside = (
+            (np.array(values), above, below, np.array(periods).ravel())
+            for values, above, below, periods in read
+        )
 
     def level(self, i: int, chart: int) -> InvariantValue:
         """The level of integral i through the state, in one of its charts."""
         k = self._first[i] + chart
         above, below = self._here[0][k].tolist()
-        size = 1.0 if self._here[3][k] else math.hypot(above, below)
-        return (
-            InvariantValue(chart, above / size, below / size)
-            if size
-            else InvariantValue(chart, math.nan, math.nan)
-        )
-
-    def gradient(self, i: int, level: InvariantValue) -> Sparse:
-        """The gradient of g (1, n) of integral i."""
-        return self._gradient(self._here, self._first[i] + level.chart, level)
+        size = 1.0 if self._here[3][k] else math.hypot(above, below) or math.nan
+        return InvariantValue(chart, above / size, below / size)
 
     def _gradient(self, read: _Read, k: int, level: InvariantValue) -> Sparse:
         _, above, below, periods = read
@@ -196,22 +186,16 @@ class _Forms:
         size, change = (float(np.linalg.norm(LocalRows(row).values)) for row in (here, beside - here))
         return "" if change < BENT * size else "its gradient vanishes"
 
-    @cached_property
-    def _holonomic(self) -> Sparse:
-        """The independent holonomic rows."""
-        B = self._numeric.holonomic(self._state.t, self._state.q, self._state.p)[1]
-        retained: Sparse = B[[i for i in self._numeric.selection.independent if i < B.shape[0]], :]
-        return retained
-
-    @cached_property
-    def _metric(self) -> Metric:
-        return initial.metric_at(self._numeric, self._state)
-
     def dependent(self, taken: Iterable[tuple[int, InvariantValue]]) -> list[int]:
-        """The integrals with a gradient that depends on the holonomic rows and on those before it."""
-        numbers, gradients = zip(*((i, self.gradient(i, level)) for i, level in taken), strict=True)
-        s = self._holonomic.shape[0]
-        rows = MetricRows(metric_rows.stacked(self._holonomic, *gradients), self._metric)
+        """The integrals with a gradient that depends on the independent holonomic rows and on those before it."""
+        state, numeric, numbers, gradients = self._state, self._numeric, [], []
+        for i, level in taken:
+            numbers.append(i)
+            gradients.append(self._gradient(self._here, self._first[i] + level.chart, level))
+        B = numeric.holonomic(state.t, state.q, state.p)[1]
+        holonomic: Sparse = B[[i for i in numeric.selection.independent if i < B.shape[0]], :]
+        s = holonomic.shape[0]
+        rows = MetricRows(metric_rows.stacked(holonomic, *gradients), initial.metric_at(numeric, state))
         if rows.are_independent:
             return []
         if not rows.is_large:
@@ -285,13 +269,13 @@ def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str
     """The integrals that can be enforced from a start, each in the best chart that serves there; notes on the
     others."""
     number = len(found.found)
-    chosen = _Choice(found, [state], (None,) * number, range(number))
+    values, reasons = _chosen(found, [state], (None,) * number, range(number))
     notes = tuple(
-        f"the integral {integral.text} is not enforced: {why}; {_velocity_note(integral)}"
-        for integral, why in zip(found.found, chosen.reasons, strict=True)
+        f"the integral {integral.text} is not enforced: {why}; {_left_to_rows(integral)}"
+        for integral, why in zip(found.found, reasons, strict=True)
         if why
     )
-    return EnforcedInvariants(found, chosen.invariant_values, state.p), notes
+    return EnforcedInvariants(found, values, state.p), notes
 
 
 def let_go(
@@ -302,116 +286,91 @@ def let_go(
     `ahead` is where the system without integrals would go, in a step in which the levels enforced failed. `tried`:
     charts that failed in this step before, given back with those that do now.
     """
-    forms = enforced.integrals.at(ahead)
-    guilty = {i for i, level in _taken(enforced.invariant_values) if forms.fault(i, level)}
+    forms, taken = enforced.integrals.at(ahead), list(_taken(enforced.invariant_values))
+    guilty = {i for i, level in taken if forms.fault(i, level)}
     if not guilty:
         # All are regular there: it is their dependence, or a level that ends.
-        guilty = set(forms.dependent(_taken(enforced.invariant_values)))
-    guilty = guilty or {i for i, _ in _taken(enforced.invariant_values)}
+        guilty = set(forms.dependent(taken)) or {i for i, _ in taken}
     retained = tuple(None if i in guilty else level for i, level in enumerate(enforced.invariant_values))
-    tried |= {(i, level.chart) for i, level in _taken(enforced.invariant_values) if i in guilty}
-    chosen = _Choice(enforced.integrals, [state, ahead], retained, sorted(guilty), tried)
+    tried |= {(i, level.chart) for i, level in taken if i in guilty}
+    values, _ = _chosen(enforced.integrals, [state, ahead], retained, sorted(guilty), tried)
     notes = []
     for i in sorted(guilty):
         integral = enforced.integrals.found[i]
-        what = (
-            f"is enforced no longer; {_velocity_note(integral)}"
-            if chosen.invariant_values[i] is None
-            else "is enforced in another form"
-        )
+        left = f"is enforced no longer; {_left_to_rows(integral)}"
+        what = left if values[i] is None else "is enforced in another form"
         notes.append(f"from t = {state.t:.9g} the integral {integral.text} {what}")
-    return dataclasses.replace(enforced, invariant_values=chosen.invariant_values), tuple(notes), tried
+    return dataclasses.replace(enforced, invariant_values=values), tuple(notes), tried
 
 
-def _velocity_note(integral: FirstIntegral) -> str:
-    """The end of the note on an integral that is not enforced."""
+def _left_to_rows(integral: FirstIntegral) -> str:
     names = ", ".join(f"`{row}`" for row in integral.rows)
     rows = f"the velocity row {names} keeps" if len(integral.rows) == 1 else f"the velocity rows {names} keep"
     return f"{rows} it to the tolerance"
 
 
-def _taken(invariant_values: InvariantValues) -> Iterator[tuple[int, InvariantValue]]:
+def _taken(invariant_values: Iterable[InvariantValue | None]) -> Iterator[tuple[int, InvariantValue]]:
     return ((i, level) for i, level in enumerate(invariant_values) if level is not None)
 
 
-class _Choice:
-    """The levels of all integrals through a state, those that are `retained` as they are.
+def _chosen(
+    found: Integrals,
+    states: Sequence[State],
+    retained: InvariantValues,
+    wanted: Sequence[int],
+    tried: Tried = frozenset(),
+) -> tuple[InvariantValues, list[str]]:
+    """The levels of all integrals through a state, those that are `retained` as they are; and why one is not enforced,
+    empty where it is, or follows from what is enforced.
 
     A level goes through the first of `states`, and its chart serves at all of them. wanted: the integrals to be
-    enforced; tried: charts that are passed over; reasons: why an integral is not enforced, empty where it is, or
-    follows from what is enforced.
+    enforced; tried: charts that are passed over.
     """
-
-    def __init__(
-        self,
-        found: Integrals,
-        states: Sequence[State],
-        retained: InvariantValues,
-        wanted: Sequence[int],
-        tried: Tried = frozenset(),
-    ) -> None:
-        self._found, self._state = found, states[0]
-        self._charts = [
-            [c for c in range(len(f.charts)) if (i, c) not in tried] for i, f in enumerate(found.found)
-        ]
-        self.invariant_values = retained
-        self.reasons = [
-            "" if level else "no form of it without poles or jumps is known" for level in retained
-        ]
-        wanted = [i for i in wanted if self._charts[i]]
-        if not wanted:
-            return
-        self._forms = [found.at(state) for state in states]
-        if not self._all(wanted):
-            for i in wanted:
-                self._choose(i)
-            for i, why in enumerate(self.reasons):
-                if why.startswith(DEPENDS) and self._follows(i):
-                    self.reasons[i] = ""
-
-    def _all(self, wanted: Sequence[int]) -> bool:
-        """Take the best chart of all, where that will do: it nearly always does."""
-        best = [(i, self._forms[0].level(i, self._charts[i][0])) for i in wanted]
-        if any(forms.fault(i, level) for forms in self._forms for i, level in best):
-            return False
-        if any(forms.dependent([*_taken(self.invariant_values), *best]) for forms in self._forms):
-            return False
+    charts = [[c for c in range(len(f.charts)) if (i, c) not in tried] for i, f in enumerate(found.found)]
+    levels, reasons = list(retained), ["" if level else NO_FORM for level in retained]
+    wanted = [i for i in wanted if charts[i]]
+    if not wanted:
+        return retained, reasons
+    forms = [found.at(state) for state in states]
+    # The best chart of all, where that will do: it nearly always does.
+    best = [(i, forms[0].level(i, charts[i][0])) for i in wanted]
+    if not any(each.fault(i, level) for each in forms for i, level in best) and not any(
+        each.dependent([*_taken(levels), *best]) for each in forms
+    ):
         for i, level in best:
-            self._take(i, level)
-        return True
-
-    def _choose(self, i: int) -> None:
-        """Take the first chart of integral i that serves."""
-        for chart in self._charts[i]:
-            level = self._forms[0].level(i, chart)
-            why = next(filter(None, (forms.fault(i, level) for forms in self._forms)), "")
+            levels[i], reasons[i] = level, ""
+        return tuple(levels), reasons
+    for i in wanted:
+        # The first chart that serves.
+        for chart in charts[i]:
+            level = forms[0].level(i, chart)
+            why = next(filter(None, (each.fault(i, level) for each in forms)), "")
             if not why:
-                taken = [*_taken(self.invariant_values), (i, level)]
-                if not any(i in forms.dependent(taken) for forms in self._forms):
-                    self._take(i, level)
-                    return
+                if not any(i in each.dependent([*_taken(levels), (i, level)]) for each in forms):
+                    levels[i], reasons[i] = level, ""
+                    break
                 why = DEPENDS
-            self.reasons[i] = f"{why} at the start"
+            reasons[i] = f"{why} at the start"
+    for i, why in enumerate(reasons):
+        if why.startswith(DEPENDS):
+            own = [*((j, level.chart) for j, level in _taken(levels)), (i, charts[i][0])]
+            if _follows(found, states[0], i, own):
+                reasons[i] = ""
+    return tuple(levels), reasons
 
-    def _take(self, i: int, level: InvariantValue) -> None:
-        self.invariant_values = (*self.invariant_values[:i], level, *self.invariant_values[i + 1 :])
-        self.reasons[i] = ""
 
-    def _follows(self, i: int) -> bool:
-        """True if integral i depends on those that are enforced beside the state too, so that they hold it."""
-        numeric, state = self._found.functions(()).numeric, self._state
-        surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
-        size = float(np.abs(state.q).max(initial=0.0)) or 1.0
-        random = np.random.default_rng(0)
-        for _ in range(POINTS):
-            q = surface.nearby(state.q + BESIDE * size * random.standard_normal(state.q.size))
-            if q is None:
-                return False
-            forms = self._found.at(dataclasses.replace(state, q=q))
-            charts = [
-                *((j, level.chart) for j, level in _taken(self.invariant_values)),
-                (i, self._charts[i][0]),
-            ]
-            if i not in forms.dependent((j, forms.level(j, chart)) for j, chart in charts):
-                return False
-        return True
+def _follows(found: Integrals, state: State, i: int, charts: list[tuple[int, int]]) -> bool:
+    """True if integral i depends on those that are enforced, all in these charts, beside the state too, so that they
+    hold it."""
+    numeric = found.functions(()).numeric
+    surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
+    size = float(np.abs(state.q).max(initial=0.0)) or 1.0
+    random = np.random.default_rng(0)
+    for _ in range(POINTS):
+        q = surface.nearby(state.q + BESIDE * size * random.standard_normal(state.q.size))
+        if q is None:
+            return False
+        forms = found.at(dataclasses.replace(state, q=q))
+        if i not in forms.dependent((j, forms.level(j, chart)) for j, chart in charts):
+            return False
+    return True

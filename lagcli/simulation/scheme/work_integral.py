@@ -76,21 +76,19 @@ class _Panel(NamedTuple):
 
 
 class Work:
-    """W within a step as panels one after the other, each a polynomial."""
+    """W within a step as panels one after the other, each a polynomial; end: W at the end of the step."""
 
-    def __init__(self, panels: list[Step]) -> None:
-        self._panels = panels
-        self._begins = [panel.t for panel in panels]
+    def __init__(self, panels: list[Step], start: float) -> None:
+        """panels: each with W = 0 at its begin; start: W at the begin of the step."""
+        self._panels, self._begins, self.end = [], [panel.t for panel in panels], start
+        for panel in panels:
+            self._panels.append(Step(panel.t, panel.h, np.array([self.end]), panel.slopes))
+            self.end = float(self._panels[-1].state(1.0)[0])
 
     def at(self, t: float) -> float:
         """W at a time within the step."""
         panel = self._panels[max(0, bisect.bisect_right(self._begins, t) - 1)]
         return float(panel.state((t - panel.t) / panel.h)[0])
-
-    @property
-    def end(self) -> float:
-        """W at the end of the step."""
-        return float(self._panels[-1].state(1.0)[0])
 
 
 def within(
@@ -163,13 +161,12 @@ class WorkIntegral:
         known = max(PARAMETERS.doubt, PARAMETERS.doubted * self._rtol) * self._energy + self._rounding * h
         if sum(panel.error for panel in panels) > known:
             return None
-        return _joined([panel.work for panel in panels], start)
+        return Work([panel.work for panel in panels], start)
 
     def _halved(self, panel: _Panel) -> list[tuple[_Panel, bool]] | None:
         """Both halves of a panel, and whether an error is down to rounding."""
         whole, h = panel.work, panel.work.h / 2
-        halves = self._panel(whole.t, h), self._panel(whole.t + h, h)
-        first, second = halves
+        first, second = self._panel(whole.t, h), self._panel(whole.t + h, h)
         if first is None or second is None:
             return None
         at_middle, at_end = (float(whole.state(x)[0]) for x in (0.5, 1.0))
@@ -193,11 +190,3 @@ class WorkIntegral:
         powers, energy = found
         self._energy = max(self._energy, energy)
         return Step(t, h, np.zeros(1), powers[:, None])
-
-
-def _joined(panels: list[Step], start: float) -> Work:
-    joined, work = [], start
-    for panel in panels:
-        joined.append(Step(panel.t, panel.h, np.array([work]), panel.slopes))
-        work = float(joined[-1].state(1.0)[0])
-    return Work(joined)

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     # Most models have no narrow functions.
     from lagcli.simulation.stepping.narrow_places import NarrowPlaces
 
+Floats = npt.NDArray[np.float64]
+# Parts of a step (k,) -> its states (2n + 1, k).
+Dense = Callable[[Floats | float], Floats]
+
 
 class ComparedTimes:
     """Those of a run with the functions that it has now; times are counted from its `origin`; is_any: it has witnesses,
@@ -30,33 +34,28 @@ class ComparedTimes:
     def __init__(self, bound: BoundStep, grid: Grid, origin: float, witnesses: Witnesses) -> None:
         self._grid, self.origin, self._witnesses = grid, origin, witnesses
         self.is_any = witnesses.is_any
-        self._places = _narrow_places(bound)
+        self._places: NarrowPlaces | None = None
+        arguments = bound.enforced.plain.functions.numeric.narrow_arguments
+        if arguments is not None:
+            from lagcli.simulation.stepping.narrow_places import NarrowPlaces
+
+            self._places = NarrowPlaces(arguments, bound)
 
     def within(
-        self, t: float, reached: float, dense: Callable[[], Callable[[float], Floats]], is_growing: bool
+        self, t: float, reached: float, dense: Callable[[], Dense], is_growing: bool
     ) -> Iterator[float]:
-        """The times within a step between two times; dense() gives its states (2n + 1,) at parts of it; is_growing: as
-        `Witnesses.inside` takes it."""
+        """The times within a step between two times; dense() gives its states (2n + 1, k) at parts (k,) of it;
+        is_growing: as `Witnesses.inside` takes it."""
         yield from self._witnesses.inside(t, reached, is_growing)
         if self._places is None or not self._places.are_passed(self.origin + t):
             return
         taken = reached - t
-        for x in self._places.within(dense(), min(1.0, (self._grid.end - t) / taken)):
+        states = dense()
+        for x in self._places.within(lambda x: states(x).ravel(), min(1.0, (self._grid.end - t) / taken)):
             at = t + x * taken
             if t + OFFSET * math.ulp(t) < at < reached:
                 yield at
 
-
-def _narrow_places(bound: BoundStep) -> NarrowPlaces | None:
-    arguments = bound.enforced.plain.functions.numeric.narrow_arguments
-    if arguments is None:
-        return None
-    from lagcli.simulation.stepping.narrow_places import NarrowPlaces
-
-    return NarrowPlaces(arguments, bound)
-
-
-Floats = npt.NDArray[np.float64]
 
 # A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 MOST_RESIDUAL = 1e-9
@@ -127,7 +126,7 @@ class StepTrial:
         """The first time within a step at which the forces are not those it was made of; infinite where they are."""
         t, rows, defect = self._bound.t[0], self.rows, self.rows.defect
         assert defect is not None, "a run with witnesses compares"
-        for at in self._compared.within(t, reached, self._dense, is_growing):
+        for at in self._compared.within(t, reached, self.dense, is_growing):
             self.make_dense()
             rows.at[0], rows.x[0] = self._compared.origin + at, (at - t) / taken
             defect.trigger()
@@ -136,29 +135,29 @@ class StepTrial:
                 return at
         return math.inf
 
-    def _dense(self) -> Callable[[float], Floats]:
-        """The states (2n + 1,) at parts of the step."""
+    def make_dense(self, is_retaken: bool = False) -> None:
+        """Make the dense output of the step, once; is_retaken: of one that was tried without keeping its stages."""
+        if self.has_dense:
+            return
+        if is_retaken:
+            self._bound.staged.trigger()
+            self._statistics.evaluations += self._method.evaluations
+        self.rows.dense.trigger()
+        self._statistics.evaluations += self._method.dense_evaluations
+        self.has_dense = True
+
+    def dense(self) -> Dense:
+        """The states (2n + 1, k) at parts (k,) of the step."""
         self.make_dense()
         begin, coefficients = self._bound.y[:, None], self.rows.dense.results[0][:, :, None]
-        return lambda x: np.asarray(self._method.interpolated(begin, coefficients, np.array([x]))).ravel()
-
-    def make_dense(self) -> None:
-        """Make the dense output of the step, once."""
-        if not self.has_dense:
-            self.rows.dense.trigger()
-            self._statistics.evaluations += self._method.dense_evaluations
-            self.has_dense = True
-
-    def make_stages(self) -> None:
-        """Take the step that was tried once more, with its stages."""
-        self._bound.staged.trigger()
-        self._statistics.evaluations += self._method.evaluations
+        return lambda x: np.asarray(self._method.interpolated(begin, coefficients, np.atleast_1d(x)))
 
     def again(self, step: FoundStep, reached: float) -> FoundStep:
         """A step taken again, up to a time within it: nothing jumps in that before its end."""
         taken = reached - self._bound.t[0]
         self._bound.h[0], self.has_dense = taken, False
-        self.make_stages()
+        self._bound.staged.trigger()
+        self._statistics.evaluations += self._method.evaluations
         return step._replace(reached=reached, taken=taken, work=None, is_balanced=True, barrier=None)
 
     def plain_end(self) -> Floats | None:
@@ -195,10 +194,8 @@ class StepTrial:
         bound.staged.trigger()
         self.make_dense()
         span = bound.t[0], step.taken, bound.step.arguments[4][0]
-        begin, coefficients = bound.y[:, None], self.rows.dense.results[0][:, :, None]
-        work = work_integral.within(
-            bound.scratch, span, bound.y, lambda x: self._method.interpolated(begin, coefficients, x).T
-        )
+        dense = self.dense()
+        work = work_integral.within(bound.scratch, span, bound.y, lambda x: dense(x).T)
         self.count_scratch()
         if work is not None:
             bound.new[-1] = work.end

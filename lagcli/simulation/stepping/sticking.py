@@ -3,8 +3,6 @@ Differential equations with discontinuous righthand sides, section 4)."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
@@ -24,49 +22,45 @@ Floats = npt.NDArray[np.float64]
 OFFSETS = np.array([-1.0, -0.25, 0.25, 1.0])
 
 
-class Approach(NamedTuple):
-    """A state on its way to a switch: t, y and y' (2n + 1,) each."""
-
-    t: float
-    y: Floats
-    k: Floats
-
-    def at(self, way: float) -> tuple[float, Floats]:
-        """The time and the state farther on the straight way."""
-        return self.t + way, self.y + way * self.k
-
-
-class _Sides(NamedTuple):
-    """At the `OFFSETS` from a switch: the states, and d|u|/dt (4,), behind it with the other sign: of a smooth u these
-    are the same."""
-
-    states: list[tuple[float, Floats]]
-    slopes: Floats
-
-    @property
-    def are_drawn(self) -> bool:
-        """True if the motion is led to the switch on both of its sides, by a jump of its rate."""
-        _, before, after, _ = self.slopes
-        return bool(before < 0.0 < after and Sides(tuple(self.slopes[:, None])).jumps()[0])
-
-
 def require_step(bound: BoundStep, switches: ForceSwitches, t: float) -> None:
     """Raise `StepFailure` where the motion sticks at a switch that it comes to within a step from a time."""
-    h = float(bound.h[0])
-    begin = Approach(t, bound.y, bound.k)
-    u, slope = _rates(bound, switches, *begin)
+    h, (y, k), n = float(bound.h[0]), (bound.y, bound.k), bound.numeric.n
+    u, slope = _rates(bound, switches, t, y, k)
     for switch in np.flatnonzero((u * slope <= 0.0) & (np.abs(u) <= h * np.abs(slope))).tolist():
-        # Of a motion that begins on a switch the sides are looked at from beside it.
-        sides = _sides(bound, switches, begin if u[switch] else _turned(bound, begin, h), switch)
-        forces = _jumping(bound, switches, sides) if sides is not None and sides.are_drawn else []
-        if sides is not None and forces:
-            raise StepFailure(_sentence(bound.enforced.system, switches, switch, forces, sides), STICKS)
-
-
-def _turned(bound: BoundStep, begin: Approach, h: float) -> Approach:
-    """The state that an approach leads to, with the rate that it has there."""
-    t, y = begin.at(h)
-    return Approach(t, y, np.array(bound.numeric.rhs(t, y, bound.p)).ravel())
+        begin = t, y, k
+        if not u[switch]:
+            # Of a motion that begins on a switch the sides are looked at from beside it.
+            at, beside = t + h, y + h * k
+            begin = at, beside, np.array(bound.numeric.rhs(at, beside, bound.p)).ravel()
+        found = _sides(bound, switches, begin, switch)
+        if found is None:
+            continue
+        states, slopes = found
+        # The motion is led to the switch on both of its sides, by a jump of its rate.
+        if not (slopes[1] < 0.0 < slopes[2] and Sides(tuple(slopes[:, None])).jumps()[0]):
+            continue
+        # The forces that jump between the sides.
+        p = bound.p[: switches.forces.size1_in(3)]
+        at_sides = [switches.forces(at, state[:n], state[n : 2 * n], p) for at, state in states]
+        rounding = UNIT * np.max([np.array(units).ravel() for _, units in at_sides], axis=0)
+        values = tuple(np.array(Q).ravel() for Q, _ in at_sides)
+        jumps = Sides(values, 2 * rounding).jumps().reshape(len(switches.names), n).any(axis=1)
+        forces = list(dict.fromkeys(switches.names[i] for i in np.flatnonzero(jumps)))
+        if not forces:
+            continue
+        (_, before), (_, after) = states[1:3]
+        middle, change = (before + after) / 2, np.abs(after - before)
+        middle = np.where(np.abs(middle) <= change.max(), 0.0, middle)
+        # The names of the entries of v.
+        model = bound.enforced.system.model
+        names, generalized = model.coordinate_names, model.generalized_names
+        cartesian = [name.rpartition(".") for name in names[: len(names) - len(generalized)]]
+        rates = [f"{owner}.v{axis}" for owner, _, axis in cartesian] + [
+            f"rate({name})" for name in generalized
+        ]
+        listed = switches.coordinates[switch][: initial.PARAMETERS.most_listed]
+        where = ", ".join(f"{names[i]} = {middle[i]:.6g}, {rates[i]} = {middle[n + i]:.6g}" for i in listed)
+        raise StepFailure(_stuck(forces, where, "v"), STICKS)
 
 
 def _rates(
@@ -76,44 +70,27 @@ def _rates(
     return np.array(u).ravel(), np.array(slope).ravel()
 
 
-def _sides(bound: BoundStep, switches: ForceSwitches, begin: Approach, switch: int) -> _Sides | None:
-    """The sides of a switch; None where they cannot be told from each other."""
-    u, slope = (float(x[switch]) for x in _rates(bound, switches, *begin))
+def _sides(
+    bound: BoundStep, switches: ForceSwitches, begin: tuple[float, Floats, Floats], switch: int
+) -> tuple[list[tuple[float, Floats]], Floats] | None:
+    """The states at the `OFFSETS` from a switch on the straight way from t, y, y', and d|u|/dt (4,) there, behind it
+    with the other sign: of a smooth u these are the same. None where the sides cannot be told from each other."""
+    t, y, k = begin
+    u, slope = (float(x[switch]) for x in _rates(bound, switches, t, y, k))
     if not u * slope < 0.0:
         return None
     way = -u / slope
     for reach in (1.0, *stop_diagnosis.PARAMETERS.reaches[1:]):
-        states = [begin.at(way + reach * way * offset) for offset in OFFSETS]
+        ways = [way + reach * way * offset for offset in OFFSETS]
+        states = [(t + each, y + each * k) for each in ways]
         rates = [np.array(bound.numeric.rhs(*state, bound.p)).ravel() for state in states]
-        found = [_rates(bound, switches, *state, k) for state, k in zip(states, rates, strict=True)]
+        found = [_rates(bound, switches, *state, rate) for state, rate in zip(states, rates, strict=True)]
         values = np.array([(u[switch], slope[switch]) for u, slope in found])
         sizes = np.abs(values[:, 0])
         expected = reach * abs(u) * np.abs(OFFSETS)
         if (np.abs(sizes - expected) <= SIDE_LIMITS.stays * expected).all():
-            return _Sides(states, np.sign(values[:, 0]) * values[:, 1] * np.sign(-OFFSETS))
+            return states, np.sign(values[:, 0]) * values[:, 1] * np.sign(-OFFSETS)
     return None
-
-
-def _jumping(bound: BoundStep, switches: ForceSwitches, sides: _Sides) -> list[str]:
-    """The names of the forces that jump between the sides."""
-    n, count = bound.numeric.n, len(switches.names)
-    p = bound.p[: switches.forces.size1_in(3)]
-    found = [switches.forces(t, y[:n], y[n : 2 * n], p) for t, y in sides.states]
-    values = tuple(np.array(Q).ravel() for Q, _ in found)
-    rounding = UNIT * np.max([np.array(units).ravel() for _, units in found], axis=0)
-    jumps = Sides(values, 2 * rounding).jumps().reshape(count, n).any(axis=1)
-    return list(dict.fromkeys(switches.names[i] for i in np.flatnonzero(jumps)))
-
-
-def _sentence(system: System, switches: ForceSwitches, switch: int, forces: list[str], sides: _Sides) -> str:
-    names, n = system.model.coordinate_names, system.symbols.q.numel()
-    (_, before), (_, after) = sides.states[1:3]
-    middle, change = (before + after) / 2, np.abs(after - before)
-    middle = np.where(np.abs(middle) <= change.max(), 0.0, middle)
-    listed = switches.coordinates[switch][: initial.PARAMETERS.most_listed]
-    rates = _rate_names(system)
-    where = ", ".join(f"{names[i]} = {middle[i]:.6g}, {rates[i]} = {middle[n + i]:.6g}" for i in listed)
-    return _stuck(forces, where, "v")
 
 
 def at_rest(system: System, y: Floats) -> str:
@@ -132,10 +109,3 @@ def _stuck(forces: list[str], where: str, variable: str) -> str:
         " onto the switch: it sticks there, as with dry friction, which a run does not follow (write a smooth law, as"
         f" `tanh({variable}/1e-3)` in place of `sign({variable})`)"
     )
-
-
-def _rate_names(system: System) -> list[str]:
-    """The names of the entries of v."""
-    names, generalized = system.model.coordinate_names, system.model.generalized_names
-    cartesian = [name.rpartition(".") for name in names[: len(names) - len(generalized)]]
-    return [f"{owner}.v{axis}" for owner, _, axis in cartesian] + [f"rate({name})" for name in generalized]
