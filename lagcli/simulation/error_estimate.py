@@ -225,14 +225,9 @@ class RepeatedRunParameters:
     finest: float = 3e-15
     """The relative tolerance below which the error estimate of a step is nothing but rounding, and steps only
     get shorter. `test_steps_of_the_repeated_run_have_a_smaller_tolerance` fails at 3e-16 and 3e-14."""
-    finest_absolute: float = 1e-16
-    """The same of the absolute tolerance. `test_the_absolute_tolerance_of_the_repeated_run_is_above_rounding`
-    fails at 1e-17 and 1e-15."""
     nearly: float = 3.0
     """A run with a tolerance of less than so many times the finest cannot be repeated with less error: it is with more.
     `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and 30."""
-    looser: float = 3.0
-    """So many times more. `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and 30."""
     safety: tuple[tuple[float, float], ...] = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
     """The estimate is the distance of the runs times the factor of the first line that the tolerance of a
     step reaches. Two errors may agree by chance: rarely where one is a hundredth of the other, more often
@@ -257,10 +252,10 @@ def repeated(settings: Simulation) -> Simulation:
         settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
     rtol, atol, *_ = step_tolerance.of_steps(settings).tolist()
     if rtol < PARAMETERS.nearly * PARAMETERS.finest:
-        finer, atol = PARAMETERS.looser * rtol, PARAMETERS.looser * atol
+        finer, atol = PARAMETERS.nearly * rtol, PARAMETERS.nearly * atol
     else:
         finer = max(rtol / PARAMETERS.tighter, PARAMETERS.finest)
-        atol = max(atol * finer / rtol, min(atol, PARAMETERS.finest_absolute))
+        atol = max(atol * finer / rtol, min(atol, step_tolerance.PARAMETERS.least))
     # The settings whose steps have these tolerances: the inverse of `step_tolerance.of_steps`.
     limits = step_tolerance.PARAMETERS
     wanted = finer if finer < limits.finest else finer * limits.tightening

@@ -281,7 +281,7 @@ def _begin(run: Stepper, start: RunStart) -> bool:
     control.step = start.part * controller.first_step(
         bound.rhs, bound.k, sizes, run.tolerance, run.method.order
     )
-    if smallest_angle < MONITOR.close_start**2:
+    if smallest_angle < MONITOR.certain**2:
         # No step is wasted towards a singular configuration so near: each amplifies rounding more. It is seen from the
         # start on by a look back, where Euler's step leads.
         tau = MONITOR.back * control.step

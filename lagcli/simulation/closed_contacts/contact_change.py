@@ -246,12 +246,9 @@ class GradientParameters:
     fails at 10 and 1000."""
     pairs: int = 3
     """Pairs of points on both sides that are compared. `test_three_pairs_of_sides_are_compared` fails at 0 and 30."""
-    near: float = 1e-6
-    """How far before and behind a state the edge is looked for that it could not pass.
-    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at 1e-7 and 1e-5."""
     far: float = 1e-4
-    """The same, from farther off. `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at
-    1e-5 and 0.001."""
+    """An edge is looked for that a motion could not pass, so far before and behind a state, and nearer by.
+    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state` fails at 1e-5 and 0.001."""
 
 
 PARAMETERS = GradientParameters()
@@ -294,7 +291,7 @@ def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> t
         one, other = (G[[i - first for i in closed]] for G in both)
         return np.asarray(np.abs(other - one).max(axis=1) / (1e-300 + np.abs(one).max(axis=1)))
 
-    jumps = sides.differ(change(PARAMETERS.near), change(PARAMETERS.far), np.array(doubles.ROOT))
+    jumps = sides.differ(change(doubles.ROOT), change(PARAMETERS.far), np.array(doubles.ROOT))
     return tuple(i for i, is_edge in zip(closed, jumps, strict=True) if is_edge)
 
 

@@ -34,7 +34,8 @@ class InstantParameters:
     __slots__ = ()
 
     weightless: float = 1e-10
-    """A force is none where it is this part of what would press the contact, or hold it back.
+    """A force is none where it is this part of what would press the contact, or hold it back; so are accelerations, and
+    speeds, that are this part of what the forces make.
     `test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none` fails at 1e-11 and 1e-9."""
     creeping: float = 1e-11
     """And where speeds that are this part of those of the motion would make it on its way.
@@ -45,9 +46,6 @@ class InstantParameters:
     clearly: float = 1e3
     """And so are speeds that many times larger than none. `test_contacts_that_are_nearly_closed_part_clearly`
     fails at 100 and 10000."""
-    still: float = 1e-10
-    """Accelerations, and speeds, that are this part of what the forces make are none.
-    `test_accelerations_and_speeds_of_ten_digits_less_than_the_forces_are_none` fails at 1e-11 and 1e-9."""
 
 
 PARAMETERS = InstantParameters()
@@ -188,8 +186,8 @@ class ContactInstant:
         speed = float(np.abs(self.state.v / units).max(initial=0.0))
         rate = float(np.abs(x / units).max(initial=0.0))
         # Below this the rounding of forces that balance moves it.
-        rate = rate if rate > PARAMETERS.still * acceleration else 0.0
-        speed = speed if speed > PARAMETERS.still * math.sqrt(acceleration * self.size) else 0.0
+        rate = rate if rate > PARAMETERS.weightless * acceleration else 0.0
+        speed = speed if speed > PARAMETERS.weightless * math.sqrt(acceleration * self.size) else 0.0
         way = part * (self.size or 1.0)
         if not (speed or rate):
             return 0.0, 0.0

@@ -19,6 +19,7 @@ from lagcli.simulation.closed_contacts.contact_instant import (
 from lagcli.simulation.closed_contacts.contact_series import MotionSeries
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.scheme import step_end
 from lagcli.simulation.singularity import singular_point
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
 from lagcli.simulation.singularity.singularity_monitor import SingularityMonitor
@@ -91,8 +92,6 @@ class RunContacts:
             raise StepFailure(f"{error}: {names}", run_stop.CONTACT) from None
 
 
-# Rows that are closer to dependent ones than this amplify rounding.
-NEAR = 1e-2
 # So close the law of impact may take them for dependent, and they then change the velocities that it gives by more
 # than this part.
 DEPENDENT, SATISFIED = 10 * rank.PARAMETERS.large, 1e-5
@@ -102,7 +101,7 @@ BESIDE = 1e-4
 
 def is_near(run: Stepper) -> bool:
     """True where rows are close to dependent ones."""
-    return run.rank_margin[0] < NEAR
+    return run.rank_margin[0] < step_end.PARAMETERS.close
 
 
 def predict(run: Stepper) -> None:

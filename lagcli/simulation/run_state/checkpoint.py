@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
 
 from lagcli import __version__
 from lagcli.equations import system
@@ -92,34 +91,35 @@ def identity(model: Model) -> Identity:
 
 def require_same(found: Identity, model: Model) -> None:
     """Raise `CheckpointError` with what differs between a checkpoint and the model it shall go on with."""
-    for sentence in _differences(found, identity(model), model):
-        raise CheckpointError(f"it belongs to a different run: {sentence}")
-
-
-def _differences(there: Identity, here: Identity, model: Model) -> Iterator[str]:
+    there, here, names = found, identity(model), model.coordinate_names
+    sentence = ""
     if there.fingerprint != here.fingerprint:
-        yield "the text of the model, or of the position of a dependent particle, is different"
-    if there.parameters.keys() != here.parameters.keys():
-        yield "its parameters are others"
-    if len(there.q) != len(here.q) or len(there.v) != len(here.v):
-        yield f"it has {len(there.q)} coordinates, the model {len(here.q)}"
-    pairs: list[tuple[str, object, object]] = [
-        (f"the parameter `{name}`", there.parameters[name], here.parameters[name]) for name in here.parameters
-    ]
-    names = model.coordinate_names
-    pairs += [(f"the start of `{n}`", a, b) for n, a, b in zip(names, there.q, here.q, strict=True)]
-    pairs += [(f"the initial rate of `{n}`", a, b) for n, a, b in zip(names, there.v, here.v, strict=True)]
-    for name in ("start", "rtol", "atol", "method", "max_step"):
-        pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
-    for what, a, b in pairs:
-        if a != b:
-            yield f"{what} is {_shown(a)} in it and {_shown(b)} here"
-
-
-def _shown(value: object) -> str:
-    if value is None:
-        return "not given"
-    return str(list(value)) if isinstance(value, tuple) else str(value)
+        sentence = "the text of the model, or of the position of a dependent particle, is different"
+    elif there.parameters.keys() != here.parameters.keys():
+        sentence = "its parameters are others"
+    elif len(there.q) != len(here.q) or len(there.v) != len(here.v):
+        sentence = f"it has {len(there.q)} coordinates, the model {len(here.q)}"
+    else:
+        pairs: list[tuple[str, object, object]] = [
+            (f"the parameter `{name}`", there.parameters[name], here.parameters[name])
+            for name in here.parameters
+        ]
+        pairs += [(f"the start of `{n}`", a, b) for n, a, b in zip(names, there.q, here.q, strict=True)]
+        pairs += [
+            (f"the initial rate of `{n}`", a, b) for n, a, b in zip(names, there.v, here.v, strict=True)
+        ]
+        for name in ("start", "rtol", "atol", "method", "max_step"):
+            pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
+        for what, *values in pairs:
+            if values[0] != values[1]:
+                a, b = (
+                    "not given" if each is None else str(list(each) if isinstance(each, tuple) else each)
+                    for each in values
+                )
+                sentence = f"{what} is {a} in it and {b} here"
+                break
+    if sentence:
+        raise CheckpointError(f"it belongs to a different run: {sentence}")
 
 
 def encoded(point: Checkpoint) -> bytes:
@@ -156,7 +156,19 @@ def decoded(data: bytes) -> Checkpoint:
         raise CheckpointError("it is no checkpoint, or torn") from None
     if not isinstance(whole, dict) or "lagcli-checkpoint" not in whole:
         raise CheckpointError("it is no checkpoint")
-    _require_version(whole["lagcli-checkpoint"], whole.get("version"))
+    # Another version may compute other last digits, so that the rows would not be those of one run.
+    form, version, ours = whole["lagcli-checkpoint"], whole.get("version"), f"this is lagcli {__version__}"
+    if version is not None and version != __version__:
+        theirs = printable(str(version))[:MOST_VERSION]
+        raise CheckpointError(
+            f"it was written by lagcli {theirs}, and {ours}, a different version, whose last digits may differ: go on"
+            f' with `pip install "lagcli=={theirs}"`, or begin the run again'
+        )
+    if form != FORMAT:
+        raise CheckpointError(
+            f"it is a checkpoint of a different version, of format {printable(str(form))[:MOST_VERSION]}, and {ours},"
+            f" which reads format {FORMAT}: go on with the version that wrote it, or begin the run again"
+        )
     try:
         point = saved_form.read(Checkpoint, {key: part for key, part in whole.items() if key not in AROUND})
         _require_valid(point)
@@ -176,22 +188,6 @@ def decoded(data: bytes) -> Checkpoint:
     if control_sum(saved_form.saved(point)) != whole.get("sum"):
         raise CheckpointError("it is a damaged checkpoint: its numbers are not those that were written")
     return point
-
-
-def _require_version(form: object, version: object) -> None:
-    """Another version may compute other last digits, so that the rows would not be those of one run."""
-    ours = f"this is lagcli {__version__}"
-    if version is not None and version != __version__:
-        theirs = printable(str(version))[:MOST_VERSION]
-        raise CheckpointError(
-            f"it was written by lagcli {theirs}, and {ours}, a different version, whose last digits may differ: go on"
-            f' with `pip install "lagcli=={theirs}"`, or begin the run again'
-        )
-    if form != FORMAT:
-        raise CheckpointError(
-            f"it is a checkpoint of a different version, of format {printable(str(form))[:MOST_VERSION]}, and {ours},"
-            f" which reads format {FORMAT}: go on with the version that wrote it, or begin the run again"
-        )
 
 
 def _require_valid(point: Checkpoint) -> None:

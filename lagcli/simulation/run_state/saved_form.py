@@ -15,10 +15,7 @@ from typing import TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from lagcli import memory
-
-# Whole numbers above this are none as doubles.
-MOST_COUNT = 2**53
+from lagcli import doubles, memory
 
 T = TypeVar("T")
 
@@ -48,7 +45,14 @@ def read(kind: type[T], tree: object) -> T:
 def _read(kind: object, tree: object, path: str) -> object:
     origin, parts = get_origin(kind), get_args(kind)
     if isinstance(kind, types.UnionType):
-        return _of_one(parts, tree, path)
+        # None, or a value of the first of some types that it has.
+        if tree is None and type(None) in parts:
+            return None
+        *others, last = (part for part in parts if part is not type(None))
+        for other in others:
+            with contextlib.suppress(FormError):
+                return _read(other, tree, path)
+        return _read(last, tree, path)
     if origin is tuple:
         return _of_parts(parts, tree, path)
     if origin is dict:
@@ -56,16 +60,20 @@ def _read(kind: object, tree: object, path: str) -> object:
         return {name: _read(parts[1], part, f"{path}.{name}") for name, part in named}
     if origin is np.ndarray:
         return np.array(_of_parts((float, ...), tree, path), dtype=float)
-    if kind is float or kind is int:
-        return _number(tree, path) if kind is float else _count(tree, path)
+    # A bool is an int to Python, and a text may read as a number.
+    if kind is float:
+        with contextlib.suppress(OverflowError):  # an integer beyond all doubles
+            if (type(tree) is float or type(tree) is int) and math.isfinite(tree):
+                return float(tree)
+        raise FormError(f"{path}: no finite number")
+    if kind is int:
+        if type(tree) is not int or not 0 <= tree <= doubles.WHOLE:
+            raise FormError(f"{path}: no count")
+        return tree
     if kind is str or kind is bool:
         return _typed(kind, tree, path)
+    # A dataclass from an object with all of its fields, or a named tuple from a list.
     assert isinstance(kind, type), kind
-    return _of_fields(kind, tree, path)
-
-
-def _of_fields(kind: type, tree: object, path: str) -> object:
-    """A dataclass from an object with all of its fields, or a named tuple from a list."""
     make: Callable[..., object] = kind
     fields = _fields(kind)
     if issubclass(kind, tuple):
@@ -79,17 +87,6 @@ def _of_fields(kind: type, tree: object, path: str) -> object:
 @memory.remembered()
 def _fields(kind: type) -> dict[str, object]:
     return get_type_hints(kind)
-
-
-def _of_one(kinds: tuple[object, ...], tree: object, path: str) -> object:
-    """None, or a value of the first of some types that it has."""
-    if tree is None and type(None) in kinds:
-        return None
-    *others, last = (kind for kind in kinds if kind is not type(None))
-    for kind in others:
-        with contextlib.suppress(FormError):
-            return _read(kind, tree, path)
-    return _read(last, tree, path)
 
 
 def _of_parts(kinds: tuple[object, ...], tree: object, path: str) -> tuple[object, ...]:
@@ -106,20 +103,4 @@ def _of_parts(kinds: tuple[object, ...], tree: object, path: str) -> tuple[objec
 def _typed(kind: type[T], tree: object, path: str) -> T:
     if not isinstance(tree, kind):
         raise FormError(f"{path}: no {kind.__name__}")
-    return tree
-
-
-def _number(tree: object, path: str) -> float:
-    # A bool is an int to Python, and a text may read as a number.
-    try:
-        if (type(tree) is float or type(tree) is int) and math.isfinite(tree):
-            return float(tree)
-    except OverflowError:  # an integer beyond all doubles
-        pass
-    raise FormError(f"{path}: no finite number")
-
-
-def _count(tree: object, path: str) -> int:
-    if type(tree) is not int or not 0 <= tree <= MOST_COUNT:
-        raise FormError(f"{path}: no count")
     return tree

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.frozen import frozen_value
 from lagcli.simulation.run_state.incident import NONE, Incident, RankDrop, Tally
 
@@ -17,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 # Below this part of the energies themselves nothing is exchanged but rounding.
 ENERGY_ROUNDOFF = 1e-10
 # Where nothing is, a deviation below this part of the energies is the rounding of their last digits.
-LAST_DIGITS = 16 * 2.0**-52
+LAST_DIGITS = 16 * doubles.EPS
 
 
 @frozen_value

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import legendre
 
-from lagcli import memory
+from lagcli import doubles, memory
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.linear import decompositions
 
@@ -32,11 +32,8 @@ class CollocationParameters:
     most_iterations: int = 80
     """One that contracts by a half reaches rounding in 50.
     `test_an_iteration_is_given_up_after_eighty` fails at 8 and 800."""
-    roundoff: float = 2e-16
-    """It has converged where states change by this part of their sizes.
-    `test_an_iteration_ends_at_rounding` fails at 2e-17 and 2e-15."""
     part: float = 1e-3
-    """Or by this part of the tolerance of a step.
+    """It has converged where states change by this part of the tolerance of a step, or by their rounding.
     `test_an_iteration_ends_at_a_thousandth_of_the_tolerance` fails at 1e-4 and 1e-2."""
     stalled: float = 1e-11
     """Where it contracts no more, states may change by this part.
@@ -44,9 +41,6 @@ class CollocationParameters:
     depth: int = 10
     """Differences of iterates that are mixed; each costs a row of a small least squares problem.
     `test_ten_differences_of_iterates_are_mixed` fails at 1 and 100."""
-    most_residual: float = 1e-9
-    """A state that is off the constraints by more than this part of its size after the projection is on none.
-    `test_a_state_that_is_off_by_nine_digits_is_not_projected` fails at 1e-10 and 1e-8."""
 
 
 PARAMETERS = CollocationParameters()
@@ -85,7 +79,7 @@ def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: fl
     t, y = guess.t, guess.y
     nodes, A = _gauss(count)
     slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
-    converged = max(PARAMETERS.roundoff, PARAMETERS.part * rtol)
+    converged = max(doubles.EPS, PARAMETERS.part * rtol)
     sizes = _sizes(project, t, y)
     before = np.inf
     states = y + h * (A @ slopes)
@@ -164,7 +158,7 @@ def projected(project: BoundFunction, t: float, y: Floats) -> Floats | None:
     project.trigger()
     project.used += 1
     status = project.results[2]
-    if not np.isfinite(status[-1]) or not status[0] <= PARAMETERS.most_residual:
+    if not np.isfinite(status[-1]) or not status[0] <= doubles.ZERO:
         return None
     return project.results[1]
 

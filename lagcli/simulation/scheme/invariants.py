@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
@@ -33,9 +34,9 @@ from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-# The gradient of a level is taken as vanishing where it changes by BENT of itself within ASIDE of each coordinate and
-# AROUND of the largest: Newton's steps from nearby would not reach the level.
-OFFSET, AROUND, BENT = 1e-6, 1e-9, 0.1
+# The gradient of a level is taken as vanishing where it changes by BENT of itself within `doubles.ROOT` of each
+# coordinate and `doubles.ZERO` of the largest: Newton's steps from nearby would not reach the level.
+BENT = 0.1
 # Points beside a state, at this part of its size, on which a dependence of gradients is looked for again: one that
 # holds there too is no accident of the state.
 BESIDE, POINTS = 1e-2, 2
@@ -154,7 +155,7 @@ class _Forms:
         self, numeric: NumericSystem, evaluate: Compiled, first: Sequence[int], state: State
     ) -> None:
         self._numeric, self._first, self._state = numeric, first, state
-        sizes = OFFSET * np.abs(state.q) + AROUND * (np.abs(state.q).max(initial=0.0) or 1.0)
+        sizes = doubles.ROOT * np.abs(state.q) + doubles.ZERO * (np.abs(state.q).max(initial=0.0) or 1.0)
         beside = state.q + sizes * generic_direction.direction(state.q.size, 0)
         read = [evaluate(state.t, q, state.p) for q in (state.q, beside)]
         self._here, self._beside = (

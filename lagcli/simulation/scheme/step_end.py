@@ -41,21 +41,16 @@ class StepEndParameters:
     jump: int = 1024
     """A step of so many roundings of the time may hold a jump.
     `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump` fails at 102 and 10240."""
-    negligible: float = 1e-9
-    """The part of a speed that is nothing there. `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump`
-    fails at 1e-10 and 1e-8."""
-    enforced: float = 1e-6
-    """Positions that are this part of what the forces would make of them in a step are none.
-    `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-7 and 1e-5."""
     balanced: float = 1e-14
-    """The rounding of such forces, as a part of them.
+    """The rounding of forces that hold all at the origin, as a part of them.
     `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-15 and 1e-13."""
     resting: float = 1e-12
     """A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made
     by their rounding. `test_speeds_that_balanced_forces_make_by_rounding_are_rest` fails at 1e-13 and 1e-11."""
     close: float = 1e-2
     """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
-    tolerances are. `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 0.001 and 0.1."""
+    tolerances are, and may be why a run stops.
+    `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 0.001 and 0.1."""
     amplified: float = 1e-16
     """About this part of them, over the cube of the angle.
     `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 1e-17 and 1e-15."""
@@ -124,7 +119,7 @@ def ended(
     # no more than that.
     q, v, a = (sizes[numeric.n + i] for i in range(3))
     tiny = doubles.TINY
-    part = ca.if_else(q < PARAMETERS.enforced * h * h * a, v / (v + PARAMETERS.enforced * h * a + tiny), 1)
+    part = ca.if_else(q < doubles.ROOT * h * h * a, v / (v + doubles.ROOT * h * a + tiny), 1)
     status = ca.vertcat(part * status[0], status[1:])
     # The doubles around t may be so far apart that the state is not known better.
     near_t = PARAMETERS.time_rounding * ca.fabs(t + h) if numeric.has_time else 0.0
@@ -157,7 +152,7 @@ def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX])
     y, k, k_new = states
     n = y.numel() // 2
     gained, speed = h * ca.mmax(ca.fabs(k_new - k)[n : 2 * n]), ca.mmax(ca.fabs(y[n : 2 * n]))
-    is_jump = ca.logic_or(gained <= PARAMETERS.negligible * speed, speed <= PARAMETERS.negligible * gained)
+    is_jump = ca.logic_or(gained <= doubles.ZERO * speed, speed <= doubles.ZERO * gained)
     return 1 + is_jump * near_t * PARAMETERS.jump**2 / h
 
 
@@ -204,7 +199,7 @@ def scales(
     # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
     # no size of q covers it, or at rest elsewhere, where no speed does.
     forced = ca.fmax(a, resting)
-    is_small, is_resting = q < PARAMETERS.enforced * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
+    is_small, is_resting = q < doubles.ROOT * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
         is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + doubles.TINY))), 0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
@@ -22,8 +23,8 @@ from lagcli.start import initial
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
-# Positions are moved by this part of their size, and h is balanced where it is this part of what it is beside.
-BESIDE, BALANCED = 1e-3, 1e-9
+# Positions are moved by this part of their size.
+BESIDE = 1e-3
 # Forces that are less than this part of the terms that they are the sum of are stairs of rounding.
 STAIRS = 1e-2
 
@@ -58,9 +59,6 @@ class ToleranceParameters:
     stages: float = 16.0
     """An estimate of the error of a step adds up the roundings of so many stages, about.
     `test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages` fails at 1.6 and 160."""
-    soon: float = 1e-6
-    """So soon, as a part of the time between rows, terms that begin at zero are told from it.
-    `test_terms_that_begin_at_zero_are_seen_a_millionth_of_a_row_later` fails at 1e-7 and 1e-5."""
 
 
 PARAMETERS = ToleranceParameters()
@@ -123,7 +121,7 @@ def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
     moved[:] = elsewhere
     sizes.trigger()
     beside = float(sizes.results[0][-1])
-    if not here <= BALANCED * beside:
+    if not here <= doubles.ZERO * beside:
         return RestingForces(0.0, here * length if np.isfinite(here) else 0.0)
     found = float(numeric.term_sizes(t, q, v, p)[-1])
     found = found if np.isfinite(found) else 0.0
@@ -135,7 +133,7 @@ def is_blurred(numeric: NumericSystem, state: State, row_step: float) -> bool:
     make them, at a state or soon after it: their rounding is what they are known to."""
     if not (numeric.has_time and state.q.size):
         return False
-    for t in (state.t, state.t + PARAMETERS.soon * row_step):
+    for t in (state.t, state.t + doubles.ROOT * row_step):
         given = t, state.q, state.v, state.p
         sizes, terms = np.array(numeric.state_roundings(*given))
         if ((sizes <= STAIRS * terms) & (terms > 0.0) & np.isfinite(terms)).any():

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.scheme.collocation import Step
@@ -40,23 +41,14 @@ class WorkParameters:
     gain: float = 4.0
     """Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by this though it is
     small, it is rounding. `test_an_error_that_stays_and_is_small_is_rounding` fails at 0.4 and 40."""
-    small: float = 1e-6
-    """That is small: this part of the panel's own work.
-    `test_an_error_that_stays_and_is_small_is_rounding` fails at 1e-7 and 1e-5."""
     time_roundoff: float = 2**-50
     """Times are rounded to this part, and what the power does in a panel is seen at times that far off.
     `test_the_rounding_of_the_time_is_seen_in_a_power_that_rises` fails at 2^-53 and 2^-47."""
-    power_roundoff: float = 1e-15
-    """A power is rounded to this part of the largest.
-    `test_an_error_of_a_few_roundings_of_the_power_is_none` fails at 1e-16 and 1e-14."""
     perturbed: float = 2**-51
     """The part by which states and times are moved to see the rounding of a power whose terms cancel.
     `test_states_are_moved_by_two_roundings` fails at 2^-54 and 2^-48."""
-    doubt: float = 1e-6
-    """The work is not known where it is off by more than this part of the energy.
-    `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances` fails at 1e-7 and 1e-5."""
     doubted: float = 100.0
-    """Or by so many tolerances of a step, if that is more.
+    """The work is not known where it is off by more than so many tolerances of a step, and a millionth of the energy.
     `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances` fails at 10 and 1000."""
 
 
@@ -158,7 +150,7 @@ class WorkIntegral:
                 else:
                     heapq.heappush(waiting, half)
         panels = sorted((*waiting, *done), key=lambda panel: panel.begin)
-        known = max(PARAMETERS.doubt, PARAMETERS.doubted * self._rtol) * self._energy + self._rounding * h
+        known = max(doubles.ROOT, PARAMETERS.doubted * self._rtol) * self._energy + self._rounding * h
         if sum(panel.error for panel in panels) > known:
             return None
         return Work([panel.work for panel in panels], start)
@@ -176,10 +168,10 @@ class WorkIntegral:
         largest = float(np.abs(powers).max())
         seen = (
             PARAMETERS.time_roundoff * (abs(whole.t) + whole.h) * float(np.ptp(powers))
-            + PARAMETERS.power_roundoff * whole.h * largest
+            + 4 * doubles.EPS * whole.h * largest
         )
         seen += self._rounding * whole.h
-        is_stalled = error > panel.error / PARAMETERS.gain and error < PARAMETERS.small * whole.h * largest
+        is_stalled = error > panel.error / PARAMETERS.gain and error < doubles.ROOT * whole.h * largest
         is_done = error <= seen or is_stalled
         return [(_Panel(-error / 2, half.t, half), is_done) for half in (first, second)]
 

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
@@ -59,7 +58,7 @@ def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> Ra
     if gap > size * max(GAP_ROUNDOFF, (ERRORS * rtol) ** 2):
         return None
     weights = np.abs(lost).max(axis=1)
-    taking_part = np.flatnonzero(weights > max(doubles.ROOT, LOST) * weights.max())
+    taking_part = np.flatnonzero(weights > LOST * weights.max())
     return RankDrop(there.t, int(lost.shape[1]), tuple(independent[i] for i in taking_part))
 
 

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.simulation.scheme import step_end
+
 
 class MonitorParameters:
     """Thresholds at which a singular configuration is predicted.
@@ -27,12 +29,9 @@ class MonitorParameters:
     ahead: float = 0.85
     """A step across may begin this part of its own reach before the instant.
     `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.085 and 8.5."""
-    amplified: float = 1e-16
-    """Rounding of positions is amplified by about this over the cube of the angle.
-    `test_a_step_across_begins_some_steps_before_the_instant` fails at 1e-17 and 1e-15."""
     earlier: float = 6.0
-    """Where it counts, a step across begins so many times farther off. Soon after the start of a run, where
-    steps are short for no reason of the motion, it is the square of that.
+    """Where amplified rounding counts, a step across begins so many times farther off. Soon after the start of a run,
+    where steps are short for no reason of the motion, it is the square of that.
     `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.6 and 60."""
     growing: float = 4.0
     """A step that is this many times as long as the last one: steps grow.
@@ -40,11 +39,8 @@ class MonitorParameters:
     shorter: float = 0.6
     """An ordinary step goes this part of the way to the instant.
     `test_an_ordinary_step_goes_part_of_the_way_to_the_instant` fails at 0.06 and 6."""
-    close_start: float = 0.1
-    """Rows at a start at a smaller angle (rad) than this are looked at before the start, too.
-    `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it` fails at 0.01 and 1."""
     back: float = 0.1
-    """And that is this part of the first step earlier.
+    """Rows at a start as close as that are looked at before it too, by this part of the first step.
     `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it` fails at 0.01 and 1."""
     looks: int = 4
     """Points at which a minimum of the angle is looked for after the first three.
@@ -56,8 +52,8 @@ class MonitorParameters:
     """A minimum of less than this part of the square as it is may be zero: a step so long is not exact.
     `test_a_minimum_of_a_hundredth_of_the_square_is_no_zero` fails at 0.001 and 0.1."""
     certain: float = 0.1
-    """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are
-    not exact. `test_rows_that_are_close_to_dependent_are_searched_at_once` fails at 0.01 and 1."""
+    """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are not exact.
+    `test_rows_that_are_close_to_dependent_are_searched_at_once` fails at 0.01 and 1."""
     apart: float = 0.02
     """Looks that are closer than this part of the time to the instant say nothing new.
     `test_looks_that_are_close_together_say_nothing_new` fails at 0.002 and 0.2."""
@@ -106,7 +102,7 @@ class Prediction(NamedTuple):
         short for no reason of the motion, and grow.
         """
         reach = PARAMETERS.ahead * h * rtol ** (1 / (2 * FEWER_NODES) - 1 / order)
-        if self.angle < (PARAMETERS.amplified / rtol) ** (1 / 3):
+        if self.angle < (step_end.PARAMETERS.amplified / rtol) ** (1 / 3):
             reach *= PARAMETERS.earlier
         if h > PARAMETERS.growing * self.step:
             reach *= PARAMETERS.earlier**2

@@ -16,6 +16,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
@@ -51,10 +52,6 @@ class SingularStepParameters:
     amplified_roundoff: float = 2e-17
     """Over delta**3 the rounding of forces close to dependent rows: a step is as right as can be where it is
     this exact. `test_steps_agree_to_rounding_which_dependent_rows_amplify` fails at 2e-18 and 2e-16."""
-    worst: float = 1e-9
-    """However close the rows are to dependent ones, a step must be right to this part of the sizes.
-    `test_steps_agree_to_rounding_which_dependent_rows_amplify` fails at 1e-10 and 1e-8, and at 1e-13
-    `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance`."""
     centered: float = 0.04
     """The instant is found again until it is off by this part of the time up to it.
     `test_an_instant_is_found_again_until_it_is_centered` fails at 0.004 and 0.4."""
@@ -259,7 +256,7 @@ def _agree(
     sizes = collocation.sizes_of(project.results[3])[:-1]
     # Rounding of positions shows in velocities, the more the shorter the step.
     sizes[n:] = np.maximum(sizes[n:], sizes[:n] / step.h)
-    rounding = min(PARAMETERS.worst, max(PARAMETERS.roundoff, PARAMETERS.amplified_roundoff / delta**3))
+    rounding = min(doubles.ZERO, max(PARAMETERS.roundoff, PARAMETERS.amplified_roundoff / delta**3))
     allowed = np.maximum(atol + rtol * own, rounding * sizes)
     return bool((np.abs(new - other) <= allowed).all())
 

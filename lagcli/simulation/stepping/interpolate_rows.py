@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -42,12 +43,6 @@ class InterpolationParameters:
     after: tuple[float, float, int] = 0.02, 0.7, 12
     """Where a run begins at the instant: the window, the distance of the farthest line, and the number of
     lines. `test_a_line_at_the_instant_is_known_to_eleven_digits` fails at a tenth and at ten times of it."""
-    residue: float = 1e-6
-    """A column has a pole where tau times it does not vanish, but for this part.
-    `test_a_column_has_a_pole_where_its_moment_does_not_vanish` fails at 1e-7 and 1e-5."""
-    pole: float = 1e-6
-    """It has no value this close to the pole itself. `test_a_column_has_no_value_on_its_pole` fails at 1e-7
-    and 1e-5."""
     broken: float = 1e-3
     """At a kink or a jump two interpolations differ by this part of the range of a column.
     `test_a_column_that_is_not_smooth_has_no_value_at_the_instant` fails at 0.0001 and 0.01."""
@@ -60,9 +55,6 @@ class InterpolationParameters:
     shrinks: float = 0.75
     """Of four lines at equal distances the differences shrink by half of their distance: to less than this
     part. `test_a_limit_is_where_differences_shrink_or_are_rounding` fails at 0.075 and 7.5."""
-    rounding: float = 1e-6
-    """Or they are rounding: this part of the column.
-    `test_a_limit_is_where_differences_shrink_or_are_rounding` fails at 1e-7 and 1e-5."""
 
 
 PARAMETERS = InterpolationParameters()
@@ -89,7 +81,7 @@ def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
     near = np.abs(taus) < np.abs(taus).max()
     moment = np.abs(carried).max(axis=0)
     has_pole = np.abs(_lagrange(taus, carried, 0.0)) > np.maximum(
-        PARAMETERS.residue * moment, PARAMETERS.noise * moment.max()
+        doubles.ROOT * moment, PARAMETERS.noise * moment.max()
     )
     plain = _lagrange(taus, lines, tau)
     largest = np.abs(lines).max(axis=0)
@@ -98,7 +90,7 @@ def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
         PARAMETERS.rough * largest + PARAMETERS.noise * largest.max(),
     )
     is_smooth = np.abs(plain - _lagrange(taus[near], lines[near], tau)) <= allowed
-    on_pole = abs(tau) <= PARAMETERS.pole * float(np.abs(taus).max())
+    on_pole = abs(tau) <= doubles.ROOT * float(np.abs(taus).max())
     beside = np.full(plain.shape, np.nan) if on_pole else _lagrange(taus, carried, tau) / tau
     return np.where(has_pole, beside, np.where(is_smooth, plain, np.nan))
 
@@ -117,7 +109,7 @@ def between(lines: Floats) -> Floats:
     none: the differences of its values then do not shrink with the distance, as at a jump or a pole."""
     outer, inner, inner_after, outer_after = lines
     with np.errstate(invalid="ignore"):  # what is not finite is reported by name when it is put
-        rounding = PARAMETERS.rounding * (np.abs(inner) + np.abs(inner_after))
+        rounding = doubles.ROOT * (np.abs(inner) + np.abs(inner_after))
         has_limit = np.abs(inner_after - inner) <= PARAMETERS.shrinks * np.abs(outer_after - outer) + rounding
         limit = (4 * (inner + inner_after) - (outer + outer_after)) / 6
     return np.asarray(np.where(has_limit, limit, np.nan))

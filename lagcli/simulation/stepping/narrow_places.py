@@ -78,7 +78,13 @@ class NarrowPlaces:
 
         A dense output one of whose own stages has met a force leads elsewhere: then those on the cubic of the ends.
         """
-        for curve in (dense, self._cubic):
+
+        def cubic(x: float) -> Floats:
+            _, h, y, k, new, k_new, _ = self._passes.arguments
+            bend = (1 - x) * k - x * k_new
+            return np.asarray(y + x * x * (3 - 2 * x) * (new - y) + h * x * (1 - x) * bend)
+
+        for curve in (dense, cubic):
             found = False
             for x in self._features(curve, end):
                 if 0.0 < x < end:
@@ -86,11 +92,6 @@ class NarrowPlaces:
                     yield x
             if found:
                 return
-
-    def _cubic(self, x: float) -> Floats:
-        _, h, y, k, new, k_new, _ = self._passes.arguments
-        bend = (1 - x) * k - x * k_new
-        return np.asarray(y + x * x * (3 - 2 * x) * (new - y) + h * x * (1 - x) * bend)
 
     def _features(self, curve: Curve, end: float) -> Iterator[float]:
         known, used = self._arguments, self._values.used

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.simulation.run_state.statistics import RunStatistics
 from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
@@ -58,7 +59,7 @@ class ComparedTimes:
 
 
 # A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
-MOST_RESIDUAL = 1e-9
+MOST_RESIDUAL = doubles.ZERO
 # A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
 # the step proposed, for rounding may look the same.
 HIDDEN, HIDING = 100.0, 1e-3

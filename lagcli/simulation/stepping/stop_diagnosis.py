@@ -25,6 +25,7 @@ from lagcli.simulation.run_state.run_stop import (
     Reason,
     StepFailure,
 )
+from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity import singular_point
 from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
@@ -44,9 +45,6 @@ class StopParameters:
 
     __slots__ = ()
 
-    dependent: float = 1e-2
-    """Rows that are this close to dependent ones where a run stops are the reason.
-    `test_rows_that_are_dependent_to_a_hundredth_are_the_reason_of_a_stop` fails at 1e-3 and 0.1."""
     behind: float = 1e-2
     """An incident within this part of the run before is reported: a step across must begin some way off.
     `test_an_incident_within_a_hundredth_of_the_run_before_is_reported` fails at 1e-3 and 0.1."""
@@ -217,7 +215,7 @@ class Rejection:
     @property
     def are_dependent(self) -> bool:
         """True if rows are close to dependent ones."""
-        return self.rank_margin < PARAMETERS.dependent
+        return self.rank_margin < step_end.PARAMETERS.close
 
     @cached_property
     def apart(self) -> float | None:
@@ -257,35 +255,28 @@ def hopeless(
 
 def impact(enforced: EnforcedInvariants, here: State, beyond: State) -> StepFailure:
     """The failure where the motion does not go on beyond a switch, where velocities would have to jump."""
-    why = jump(enforced, here)
-    if not why:
-        if wall := _wall(enforced, here, beyond):
-            return StepFailure(f"the wall of the closed contact `{wall}` jumps there", CONTACT)
-        rows = _violated(enforced.functions.numeric, beyond)
-        listed = named(enforced.system, rows)
-        why = f"the rows {listed} make velocities jump there: an impact, which the equations of motion do not describe"
-    return StepFailure(why, NO_SOLUTION)
-
-
-def _violated(numeric: NumericSystem, state: State) -> tuple[int, ...]:
-    """The rows that a state violates most: B v + b = 0, as a part of the largest there."""
-    B, b = numeric.rows(state.t, state.q, state.v, state.p)
-    rows = LocalRows(B)
-    off = np.abs(rows.times(state.v) + np.array(b).ravel()) / rows.divisors
-    return tuple(np.flatnonzero(off > 0.5 * off.max(initial=0.0)).tolist())
-
-
-def _wall(enforced: EnforcedInvariants, here: State, beyond: State) -> str:
-    """The closed contact whose gap changes most between two times at one configuration; none where nothing changes."""
+    if why := jump(enforced, here):
+        return StepFailure(why, NO_SOLUTION)
     numeric, system = enforced.functions.numeric, enforced.system
     closed = [i - len(system.rows.rows) for i in numeric.closed_rows]
-    if not closed:
-        return ""
-    y, p = np.concatenate([here.q, here.v, [0.0]]), enforced.parameters[: numeric.gaps.size1_in(2)]
-    sides = [np.array(numeric.gaps(t, y, p)).ravel()[closed] for t in (here.t, beyond.t)]
-    change = np.abs(sides[1] - sides[0])
-    worst = int(np.argmax(change))
-    return system.contacts.rows[closed[worst]].name if change[worst] > 0 else ""
+    if closed:
+        # The closed contact whose gap changes most between two times at one configuration.
+        y, p = np.concatenate([here.q, here.v, [0.0]]), enforced.parameters[: numeric.gaps.size1_in(2)]
+        sides = [np.array(numeric.gaps(t, y, p)).ravel()[closed] for t in (here.t, beyond.t)]
+        change = np.abs(sides[1] - sides[0])
+        worst = int(np.argmax(change))
+        if change[worst] > 0:
+            name = system.contacts.rows[closed[worst]].name
+            return StepFailure(f"the wall of the closed contact `{name}` jumps there", CONTACT)
+    # The rows that the state beyond violates most: B v + b = 0, as a part of the largest there.
+    B, b = numeric.rows(beyond.t, beyond.q, beyond.v, beyond.p)
+    rows = LocalRows(B)
+    off = np.abs(rows.times(beyond.v) + np.array(b).ravel()) / rows.divisors
+    listed = named(system, tuple(np.flatnonzero(off > 0.5 * off.max(initial=0.0)).tolist()))
+    return StepFailure(
+        f"the rows {listed} make velocities jump there: an impact, which the equations of motion do not describe",
+        NO_SOLUTION,
+    )
 
 
 def is_pole(rates: Sequence[Floats], acceleration: float) -> bool:
