@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     # Most models have no differential rows, and load nothing that judges them.
     from lagcli.analysis.classification.verdict import Condition
     from lagcli.simulation.run_entry import RunReport
-    from lagcli.simulation.run_state.incident import RankDrop
     from lagcli.simulation.run_state.run_stop import Stop
+    from lagcli.simulation.run_state.statistics import RankDrop
 
 Floats = npt.NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from lagcli.running.run_request import RunRequest
 from lagcli.running.safe_table import RowsBefore, SafeTable, TablePlan
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import checkpoint
-from lagcli.simulation.run_state.incident import KINDS, Incident
+from lagcli.simulation.run_state.statistics import KINDS, Incident
 
 if TYPE_CHECKING:
     # Most runs keep no checkpoints and are not drawn.

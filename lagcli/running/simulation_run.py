@@ -22,7 +22,7 @@ from lagcli.running.table_columns import GeneralizedForces
 from lagcli.simulation.run_entry import RunInBlocks, RunReport
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.statistics import Incident
 from lagcli.start import lipschitz
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.model.settings import Simulation
 from lagcli.simulation.incident_sides import ImpactGrowth, IncidentSides
-from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.statistics import Incident
 from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.statistics import Incident
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

@@ -19,8 +19,8 @@ from lagcli.model.settings import Simulation
 from lagcli.simulation.events import events_of_run
 from lagcli.simulation.row_writer import RowWriter, TableRows
 from lagcli.simulation.run_state.between_steps import RunState, Turns
-from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import RunStop, StepFailure, Stop
+from lagcli.simulation.run_state.statistics import Incident
 from lagcli.simulation.scheme import controller, method
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
@@ -114,8 +114,7 @@ class Run:
                 stop = Stop(t, f"{where}: {failure.reason}", failure.code)
             block = writer.close()
             if len(block):
-                statistics.take_figures(block[:, -method.BEYOND : -1])
-                statistics.take_depth(writer.deepest(block))
+                statistics.take_rows(block[:, -method.BEYOND : -1], writer.deepest(block))
                 self._row = writer.last
             rows = block[:, : -method.BEYOND]
             rows += 0.0  # no table shows -0.0

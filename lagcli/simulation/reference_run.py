@@ -16,8 +16,8 @@ from lagcli.simulation.incident_sides import IncidentErrors
 from lagcli.simulation.loop import Run, RunBlock
 from lagcli.simulation.row_writer import TableRows
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.incident import Incident, Tally
 from lagcli.simulation.run_state.run_stop import RunStop, Stop
+from lagcli.simulation.run_state.statistics import Incident, Tally
 from lagcli.simulation.scheme import step_tolerance
 
 Floats = npt.NDArray[np.float64]

@@ -24,8 +24,7 @@ from lagcli.simulation import loop
 from lagcli.simulation.loop import Run, RunBlock, RunStart
 from lagcli.simulation.row_writer import TableRows
 from lagcli.simulation.run_state.between_steps import RunState
-from lagcli.simulation.run_state.incident import RankDrop
-from lagcli.simulation.run_state.statistics import NO_ROWS, Extremes, RunStatistics
+from lagcli.simulation.run_state.statistics import NO_ROWS, Extremes, RankDrop, RunStatistics
 from lagcli.simulation.scheme import invariants
 from lagcli.simulation.stepping import grid
 from lagcli.smoothness import time_functions

@@ -12,7 +12,7 @@ from lagcli.output.files import atomic_file
 from lagcli.output.tables import incident_table, sinks, table_format
 from lagcli.running import checkpoint_file, run_tables
 from lagcli.simulation import loop
-from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.statistics import Incident
 from lagcli.simulation.stepping import stepper
 from tests.helpers import pendulum
 from tests.helpers.in_process import command

@@ -5,7 +5,7 @@ import numpy as np
 from lagcli.model.model import Model
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
-from lagcli.simulation.run_state.incident import Incident, Kind
+from lagcli.simulation.run_state.statistics import Incident, Kind
 
 BALL = """
 lagcli: 1

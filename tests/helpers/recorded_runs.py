@@ -9,7 +9,7 @@ import numpy as np
 import lagcli
 from lagcli.api.runs import prepare_run, run_settings
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.statistics import Incident
 from tests.helpers.motion_legs import Instant, Recorded
 from tests.helpers.one_sided_models import Floats, Scene
 

@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.simulation.run_state.incident import Incident
+from lagcli.simulation.run_state.statistics import Incident
 from tests.helpers import exact_motion
 from tests.helpers.exact_motion import Law, Motion, System
 from tests.helpers.switched_scenes import SwitchedScene

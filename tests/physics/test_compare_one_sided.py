@@ -11,7 +11,7 @@ from lagcli.formulations.comparison import RunEvent
 from lagcli.simulation import error_estimate
 from lagcli.simulation.error_estimate import Accuracy
 from lagcli.simulation.incident_sides import ImpactGrowth, IncidentSides
-from lagcli.simulation.run_state.incident import Incident, Kind
+from lagcli.simulation.run_state.statistics import Incident, Kind
 
 BOX = """\
 lagcli: 1

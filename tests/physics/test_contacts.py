@@ -1,5 +1,7 @@
 """Runs with contacts beside what else a run may have: checkpoints, redundant rows, gradients without a value."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -72,11 +74,16 @@ def test_penetration_is_looked_for_in_all_rows():
     model = lagcli.loads(BALL)
     found = lagcli.simulate(model, duration=1, samples=11)
     built = system.build(model)
-    gaps = row_writer.RowGaps(built, numeric.NumericSystem(built), system.values(built))
-    assert gaps.deepest(found.rows) <= 1e-15
+    plain = SimpleNamespace(
+        functions=SimpleNamespace(numeric=numeric.NumericSystem(built)), p=system.values(built)
+    )
+    bound = SimpleNamespace(enforced=SimpleNamespace(plain=plain, system=built))
+    stepper = SimpleNamespace(grid=SimpleNamespace(time=lambda row: 0.0), bound=bound)
+    writer = row_writer.RowWriter(stepper, row_writer.TableRows(built.columns), 0)
+    assert writer.deepest(found.rows) <= 1e-15
     rows = found.rows.copy()
     rows[3, found.columns.index("a.z")] = -0.25
-    assert gaps.deepest(rows) == 0.25
+    assert writer.deepest(rows) == 0.25
 
 
 @pytest.mark.parametrize("table", ["a.z >= 0", "a.z >= t", "a.z >= sin(3*t)/4"])

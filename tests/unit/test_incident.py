@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lagcli.simulation.run_state import saved_form
-from lagcli.simulation.run_state.incident import NONE, Incident, Kind, Tally
-from lagcli.simulation.run_state.statistics import RunStatistics
+from lagcli.simulation.run_state.statistics import NONE, Incident, Kind, RunStatistics, Tally
 
 
 def incident(t: float, kind: Kind, name: str = "floor") -> Incident:

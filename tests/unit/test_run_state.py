@@ -8,8 +8,7 @@ import pytest
 import lagcli
 from lagcli.api.runs import prepare_run
 from lagcli.simulation.run_state import checkpoint
-from lagcli.simulation.run_state.incident import RankDrop, Tally
-from lagcli.simulation.run_state.statistics import Counts, RunStatistics
+from lagcli.simulation.run_state.statistics import Counts, RankDrop, RunStatistics, Tally
 
 MODEL = Path(__file__).parents[2] / "models" / "zeno-ball.yaml"
 # Another value of a count, by the type that its declaration tells.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli import doubles
-from lagcli.simulation.run_state.incident import KINDS
+from lagcli.simulation.run_state.statistics import KINDS
 
 Floats = NDArray[np.float64]
 

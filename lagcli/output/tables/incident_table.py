@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model.model import Model
-from lagcli.simulation.run_state.incident import KINDS, Incident
+from lagcli.simulation.run_state.statistics import KINDS, Incident
 
 Floats = npt.NDArray[np.float64]
 Words = npt.NDArray[np.str_]

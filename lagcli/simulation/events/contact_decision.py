@@ -20,7 +20,7 @@ from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.event import IncidentLog, InstantLines
 from lagcli.simulation.events.run_contacts import RunContacts
 from lagcli.simulation.events.step_watch import StateAhead
-from lagcli.simulation.run_state.incident import Kind
+from lagcli.simulation.run_state.statistics import Kind
 from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.stepper import Stepper
 

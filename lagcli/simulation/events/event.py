@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.frozen import frozen
-from lagcli.simulation.run_state.incident import Incident, Kind
+from lagcli.simulation.run_state.statistics import Incident, Kind
 from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper

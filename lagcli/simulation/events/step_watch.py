@@ -15,8 +15,8 @@ from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.events.event import IncidentLog, InstantLines
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
-from lagcli.simulation.run_state.incident import Incident
 from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.run_state.statistics import Incident
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping import interpolate_rows

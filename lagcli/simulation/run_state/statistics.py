@@ -1,17 +1,79 @@
-"""The figures a run reports about itself, filled while it goes on."""
+"""What a run tells of itself while it goes on: incidents, which are impacts, contacts, releases, declared events and
+crossings of singular configurations; counts, and the extremes of its rows."""
 
 from __future__ import annotations
 
 import dataclasses
 import operator
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.frozen import frozen_value
-from lagcli.simulation.run_state.incident import NONE, Incident, RankDrop, Tally
+from lagcli.frozen import frozen, frozen_value
+
+# In the order in which those of one instant are reported: what came before it, what it was, what holds after it.
+Kind = Literal["impact", "accumulation", "contact", "release", "event", "crossing"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@frozen
+class Incident:
+    """An impact, contact, release or event of one name at an instant t, not counted from the origin of the run.
+
+    impulses: of all constraints at that instant, in the order of the columns `lambda.NAME` (C + K,), in units of
+    lambda times time; before, after: lines of the table without t (columns of `System.columns`,), then errors where the
+    table has them, the same for all incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of
+    impacts).
+    """
+
+    t: float
+    kind: Kind
+    name: str
+    impulses: Floats
+    before: Floats
+    after: Floats
+
+
+@frozen_value
+class RankDrop:
+    """At a time t the rank of the rows drops by `number`; participants: the rows that become dependent."""
+
+    t: float
+    number: int
+    participants: tuple[int, ...]
+
+
+@frozen_value
+class Tally:
+    """Numbers of incidents up to some state.
+
+    incidents: all of them; instants: different times; impacts, releases, accumulations: of single contacts, several of
+    which may share an instant; last: time of the last one, None before.
+    """
+
+    incidents: int = 0
+    instants: int = 0
+    impacts: int = 0
+    releases: int = 0
+    accumulations: int = 0
+    last: float | None = None
+
+    def plus(self, incident: Incident) -> Tally:
+        """The numbers behind one more."""
+        return Tally(
+            self.incidents + 1,
+            self.instants + (incident.t != self.last),
+            self.impacts + (incident.kind == "impact"),
+            self.releases + (incident.kind == "release"),
+            self.accumulations + (incident.kind == "accumulation"),
+            incident.t,
+        )
+
+
+NONE = Tally()
+
 
 Floats = npt.NDArray[np.float64]
 
@@ -43,30 +105,8 @@ class Extremes:
     unbalanced: float = 0.0
     penetration: float = 0.0
 
-    def with_rows(self, rows: Floats) -> Extremes:
-        """The extremes with more rows, (k, 5): position drift, velocity drift, H, its part without velocities, W."""
-        if not len(rows):
-            return self
-        position, velocity, jacobi, rest, work = rows.T
-        return Extremes(
-            self.start,
-            self.rest,
-            max(self.position_drift, float(position.max())),
-            max(self.velocity_drift, float(velocity.max())),
-            max(self.imbalance, _size(jacobi - self.start - work)),
-            max(self.moving, _size(jacobi - rest)),
-            max(self.resting, _size(rest - self.rest)),
-            max(self.largest, _size(jacobi), _size(rest)),
-            self.unbalanced,
-            self.penetration,
-        )
-
 
 NO_ROWS = Extremes(0.0, 0.0)
-
-
-def _size(values: Floats) -> float:
-    return float(np.abs(values).max())
 
 
 @dataclasses.dataclass(slots=True, kw_only=True)
@@ -130,6 +170,31 @@ class RunStatistics(Counts):
         if self.extremes is not None:
             self.extremes = dataclasses.replace(self.extremes, unbalanced=1.0)
 
+    def take_rows(self, rows: Floats, depth: float) -> None:
+        """Take the figures of rows that were written, (k, 5): position drift, velocity drift, H, its part without
+        velocities, W; and the largest -g_j of them."""
+        if not len(rows):
+            return
+        position, velocity, jacobi, rest, work = rows.T
+        found = self.extremes
+        if found is None:
+            unbalanced = float(not self.is_balanced)
+            found = Extremes(float(jacobi[0]) - float(work[0]), float(rest[0]), unbalanced=unbalanced)
+
+        def size(values: Floats) -> float:
+            return float(np.abs(values).max())
+
+        self.extremes = dataclasses.replace(
+            found,
+            position_drift=max(found.position_drift, float(position.max())),
+            velocity_drift=max(found.velocity_drift, float(velocity.max())),
+            imbalance=max(found.imbalance, size(jacobi - found.start - work)),
+            moving=max(found.moving, size(jacobi - rest)),
+            resting=max(found.resting, size(rest - found.rest)),
+            largest=max(found.largest, size(jacobi), size(rest)),
+            penetration=max(found.penetration, depth),
+        )
+
     @property
     def energy_imbalance(self) -> float | None:
         """Largest deviation from the energy balance, as a part of what was exchanged; None where it is not known.
@@ -147,17 +212,3 @@ class RunStatistics(Counts):
         if moved <= ENERGY_ROUNDOFF * sizes and found.imbalance <= LAST_DIGITS * sizes:
             return 0.0
         return found.imbalance / exchanged if exchanged else found.imbalance
-
-    def take_depth(self, depth: float) -> None:
-        """Take the largest -g_j of rows that were written."""
-        if self.extremes is not None and depth > self.extremes.penetration:
-            self.extremes = dataclasses.replace(self.extremes, penetration=depth)
-
-    def take_figures(self, rows: Floats) -> None:
-        """Take the figures of rows, (k, 5), in their order."""
-        if self.extremes is None and len(rows):
-            unbalanced = float(not self.is_balanced)
-            _, _, jacobi, rest, work = rows[0].tolist()
-            self.extremes = Extremes(jacobi - work, rest, unbalanced=unbalanced)
-        if self.extremes is not None:
-            self.extremes = self.extremes.with_rows(rows)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.linear import rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
-from lagcli.simulation.run_state.incident import RankDrop
+from lagcli.simulation.run_state.statistics import RankDrop
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]

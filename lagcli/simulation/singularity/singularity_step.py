@@ -22,7 +22,7 @@ from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows
 from lagcli.linear.metric_rows import MetricRows
-from lagcli.simulation.run_state.incident import RankDrop
+from lagcli.simulation.run_state.statistics import RankDrop
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.singularity import singular_point
 from lagcli.simulation.singularity.singularity_monitor import FEWER_NODES, SMALLEST_ANGLE, Prediction
