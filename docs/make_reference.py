@@ -14,7 +14,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
 
-from lagcli.errors import catalogue, equation_list
+from lagcli.errors import catalogue
 from lagcli.expression import evaluate, functions
 from lagcli.input import format_schema, keys, namespace
 
@@ -80,8 +80,8 @@ def _error_page(code: str) -> str:
 
 def equation_table() -> str:
     """The equations that pages and outputs refer to."""
-    rows = [f"| (D.{n}) | {line} |" for n, line in sorted(equation_list.LINES.items())]
-    return "\n".join([equation_list.TEXT, "", "| number | says |", "| --- | --- |", *rows])
+    rows = [f"| (D.{n}) | {line} |" for n, line in sorted(catalogue.LINES.items())]
+    return "\n".join([catalogue.TEXT, "", "| number | says |", "| --- | --- |", *rows])
 
 
 def published_table() -> str:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagcli.api.find_displacements import displacements
     from lagcli.api.find_modes import modes
     from lagcli.api.limit import limit
-    from lagcli.api.models.load import load, loads
+    from lagcli.api.load import load, loads
     from lagcli.api.plot import plot
     from lagcli.api.report import report
     from lagcli.api.simulate import simulate
@@ -109,8 +109,8 @@ _FUNCTIONS = {
     "dof": "count_dof",
     "equilibrium": "static_points",
     "limit": "limit",
-    "load": "models.load",
-    "loads": "models.load",
+    "load": "load",
+    "loads": "load",
     "modes": "find_modes",
     "plot": "plot",
     "report": "report",

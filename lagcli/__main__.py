@@ -42,10 +42,10 @@ def _run() -> int:
         diagnostics.leave_arithmetic_unsaid()
         interrupts.install()
         # Loaded under the signal handlers: an interrupt at start-up is an interrupt and no traceback.
-        from lagcli.cli import entry
+        from lagcli.cli import app
 
         interrupts.end_promptly()
-        code = entry.run()
+        code = app.run()
         # The interpreter takes a while to end; an interrupt from now on ends it like any other program.
         interrupts.release()
     except interrupts.Interrupted as interrupt:

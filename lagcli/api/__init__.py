@@ -3,10 +3,7 @@
 In: `model.Model` or a path, options
 Out: the result of a command
 
-No physics and no printing here. What several commands need stands in rooms, each of which imports only from those
-before it:
-
-- `models`: reads and compiles; compiled systems stay for another run, which changes no answer
-- `runs`: starts and resumes runs, each a `SimulationRun` of `running`
-- `sweeps`: many runs
+No physics and no printing here. `load` reads models, `cache` compiles them and keeps compiled systems for another run,
+`run_settings` has the settings of runs, `prepare_run` begins one; `sweep` and what has its name, `point_task` and
+`reductions` are many runs.
 """

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.api import simulate
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import run_settings, simulate
+from lagcli.api.load import Path, as_model
+from lagcli.auditing.evidence.laws import ModelLaws
+from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
+from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, links, page
-from lagcli.output.animation.builder import Motion, PointTracks
-from lagcli.output.animation.scene import Scene, TimeCurve
+from lagcli.output.animation import builder, links, page, scene
+from lagcli.output.animation.builder import Motion, NothingToShow, PointTracks
+from lagcli.output.animation.scene import Mode, Scene, TimeCurve
 from lagcli.output.figures import labels
+from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped
 
 Floats = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 Table = Mapping[str, Floats]
 
 MOST_FRAMES = 1201  # ten seconds of 120 a second
@@ -28,6 +32,13 @@ LEAST_FRAMES = 12  # of a page that is too large otherwise: fewer show no motion
 MOST_CURVES = 24  # of multipliers: more cannot be told apart
 MOST_PARTICLES = 5000  # each is drawn in every frame
 ROUND_TRIPS = 6  # until a scene is small enough
+
+# Of modes
+FRAMES = 49  # of one period, both ends counted
+SWING = 0.12  # of the size of the system: the largest way that a particle goes
+LARGEST = 0.6  # of an angle, and of a coordinate that moves nothing
+TRIED = 1e-6  # of a coordinate: the step in which the way of the particles is measured
+MOST_MODES = 60  # as many as `modes` prints
 
 
 def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
@@ -58,9 +69,7 @@ def require_few(model: Model) -> None:
     """Raise `builder.NothingToShow` for more particles than a page shows."""
     count = len(model.particle_names)
     if count > MOST_PARTICLES:
-        raise builder.NothingToShow(
-            f"the model has {count} particles; an animation shows up to {MOST_PARTICLES}"
-        )
+        raise NothingToShow(f"the model has {count} particles; an animation shows up to {MOST_PARTICLES}")
 
 
 def of_run(model: Model, table: Table) -> Scene:
@@ -80,12 +89,12 @@ def of_file(path: Path, model: Model | None) -> Scene:
 
     opened = table_format.opened(path)
     if "t" not in opened.columns:
-        raise builder.NothingToShow(f"{path} has no column `t`")
+        raise NothingToShow(f"{path} has no column `t`")
     names = model.particle_names if model is not None else builder.particles_in(opened.columns)
     if model is not None and (lacking := builder.missing(names, opened.columns)):
-        raise builder.NothingToShow(f"{path}: {lacking}")
+        raise NothingToShow(f"{path}: {lacking}")
     if model is None and not names:
-        raise builder.NothingToShow(
+        raise NothingToShow(
             f"{path} has no columns NAME.x, NAME.y, NAME.z, NAME.vx of particles; give its model with --model"
         )
     # The columns of a table that are shown: a table may have others of any number
@@ -94,45 +103,25 @@ def of_file(path: Path, model: Model | None) -> Scene:
     if model is not None:
         own |= {part.format(name) for name in model.generalized_names for part in ("{}", "rate({})", "R.{}")}
     wanted = [name for name in opened.columns if name in own or name.startswith("lambda.")]
-    rows = opened.take(wanted)
-    table = dict(zip(wanted, rows.T, strict=True))
-    _require_rows(str(path), table)
-    if model is not None:
-        require_few(model)
-        _require_own(str(path), model, table)
-        return of_run(model, table)
-    return _fitting(table, None, pathlib.Path(path).stem, ("", ""))
-
-
-def _require_own(path: str, model: Model, table: Table) -> None:
-    """Refuse a table with multipliers of rows that the model does not have: it is of another model."""
-    from lagcli.auditing.evidence.laws import ModelLaws
-
+    table = dict(zip(wanted, opened.take(wanted).T, strict=True))
+    if not len(table["t"]):
+        raise NothingToShow(f"{path} has no rows")
+    for name, values in table.items():
+        if not name.startswith(("lambda.", "R.")) and not np.isfinite(values).all():
+            raise NothingToShow(f"{path}: the column `{name}` holds what is no finite number")
+    if np.any(np.diff(table["t"]) < 0):
+        raise NothingToShow(f"{path}: its times do not increase")
+    if model is None:
+        return _fitting(table, None, pathlib.Path(path).stem, ("", ""))
+    require_few(model)
     laws = ModelLaws(model)
     known = {f"lambda.{row}" for row in (*laws.rows, *laws.contacts)}
-    other = next((name for name in table if name.startswith("lambda.") and name not in known), None)
-    if other is not None:
-        raise builder.NothingToShow(
-            f"{path} has the column `{other}`, and {model.path} no such row: it is of another model"
-        )
-
-
-def _require_rows(path: str, table: Table) -> None:
-    t = table["t"]
-    if not len(t):
-        raise builder.NothingToShow(f"{path} has no rows")
-    bad = next(
-        (
-            name
-            for name, values in table.items()
-            if not name.startswith(("lambda.", "R.")) and not np.isfinite(values).all()
-        ),
-        None,
-    )
-    if bad is not None:
-        raise builder.NothingToShow(f"{path}: the column `{bad}` holds what is no finite number")
-    if np.any(np.diff(t) < 0):
-        raise builder.NothingToShow(f"{path}: its times do not increase")
+    for name in table:
+        if name.startswith("lambda.") and name not in known:
+            raise NothingToShow(
+                f"{path} has the column `{name}`, and {model.path} no such row: it is of another model"
+            )
+    return of_run(model, table)
 
 
 def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, str]) -> Scene:
@@ -142,41 +131,46 @@ def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, st
     room = (page.MOST_BYTES - page.fixed_bytes()) * 0.97
     for _ in range(ROUND_TRIPS):
         picked = np.unique(np.linspace(0, plenty - 1, frames).round().astype(np.int64))
-        scene = _scene({name: values[picked] for name, values in table.items()}, model, title, units, parts)
-        spent = sum(map(len, page.packed(scene)))
+        made = _scene({name: values[picked] for name, values in table.items()}, model, title, units, parts)
+        spent = sum(map(len, page.packed(made)))
         if spent <= room:
-            return _with_notes(scene, plenty, parts)
+            notes = [*made.notes]
+            if len(made.t) < plenty:
+                notes.append(
+                    f"{len(made.t)} of {plenty} rows are shown, evenly thinned; between them positions are"
+                    " interpolated"
+                )
+            notes += [
+                f"{kind} is left out: there is no room for it in a page" for kind in "FR" if not parts[kind]
+            ]
+            return dataclasses.replace(made, notes=tuple(notes))
         frames = max(LEAST_FRAMES, int(len(picked) * room / spent * 0.98))
         if frames < FEWEST_FRAMES and (parts["F"] or parts["R"]):
             parts["F" if parts["F"] else "R"] = False
             frames = min(plenty, MOST_FRAMES)
-    raise builder.NothingToShow(
-        f"{scene.count} particles need more than the {page.MOST_BYTES} bytes that a page has: show a part of them"
+    raise NothingToShow(
+        f"{made.count} particles need more than the {page.MOST_BYTES} bytes that a page has: show a part of them"
     )
-
-
-def _with_notes(scene: Scene, rows: int, parts: Mapping[str, bool]) -> Scene:
-    notes = [*scene.notes]
-    if len(scene.t) < rows:
-        notes.append(
-            f"{len(scene.t)} of {rows} rows are shown, evenly thinned; between them positions are interpolated"
-        )
-    notes += [f"{kind} is left out: there is no room for it in a page" for kind in "FR" if not parts[kind]]
-    return dataclasses.replace(scene, notes=tuple(notes))
 
 
 def _scene(
     table: Table, model: Model | None, title: str, units: tuple[str, str], parts: Mapping[str, bool]
 ) -> Scene:
-    found = _tracks(table, model)
+    names = model.particle_names if model is not None else builder.particles_in(tuple(table))
+    if model is None or names:
+        found = builder.of_particles(names, table)
+    else:
+        found = builder.of_coordinates(model.generalized_names, table)
     notes = [found.note] if found.note else []
     multipliers = [
-        (name.removeprefix("lambda."), values) for name, values in table.items() if name.startswith("lambda.")
+        TimeCurve(name.removeprefix("lambda."), values)
+        for name, values in table.items()
+        if name.startswith("lambda.")
     ]
-    largest = sorted(multipliers, key=lambda pair: -float(np.nan_to_num(np.abs(pair[1])).max(initial=0.0)))[
-        :MOST_CURVES
-    ]
-    shown = {name for name, _ in largest}
+    largest = sorted(
+        multipliers, key=lambda curve: -float(np.nan_to_num(np.abs(curve.values)).max(initial=0.0))
+    )
+    shown = {curve.name for curve in largest[:MOST_CURVES]}
     if len(multipliers) > MOST_CURVES:
         notes.append(f"the {MOST_CURVES} largest of {len(multipliers)} multipliers are shown")
     R = found.reactions(table) if parts["R"] else None
@@ -189,7 +183,7 @@ def _scene(
         particles=found.track,
         R=None if R is None else np.nan_to_num(R),
         F=forces(drawn, table) if drawn is not None and parts["F"] else None,
-        curves=tuple(TimeCurve(name, values) for name, values in multipliers if name in shown),
+        curves=tuple(curve for curve in multipliers if curve.name in shown),
         notes=tuple(notes),
         guide_lines=found.guide_lines,
         ties=tuple(ties(drawn)) if drawn is not None else (),
@@ -197,18 +191,9 @@ def _scene(
     return builder.scene_of(motion, drawn, title, units)
 
 
-def _tracks(table: Table, model: Model | None) -> PointTracks:
-    names = model.particle_names if model is not None else builder.particles_in(tuple(table))
-    if model is None or names:
-        return builder.of_particles(names, table)
-    return builder.of_coordinates(model.generalized_names, table)
-
-
-def _state(model: Model, table: Table) -> tuple[Floats, Floats, Floats] | None:
-    """t (T,), q and v (T, n), or None where the table lacks a column."""
-    generalized = set(model.generalized_names)
-    names = model.coordinate_names
-    rates = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
+def forces(model: Model, table: Table) -> Floats | None:
+    """F_k on all particles (T, N, 3), of forces and potentials; None where the table lacks a state."""
+    names, rates = model.coordinate_names, table_columns.rate_names(model)
     if not all(name in table for name in (*names, *rates)):
         return None
     t = table["t"]
@@ -216,20 +201,10 @@ def _state(model: Model, table: Table) -> tuple[Floats, Floats, Floats] | None:
         np.stack([table[name] for name in some], axis=1) if some else np.zeros((len(t), 0))
         for some in (names, rates)
     )
-    return t, q, v
-
-
-def forces(model: Model, table: Table) -> Floats | None:
-    """F_k on all particles (T, N, 3), of forces and potentials; None where the table lacks a state."""
-    from lagcli.auditing.evidence.laws import ModelLaws
-
-    state = _state(model, table)
-    if state is None:
-        return None
     laws = ModelLaws(model)
     index, own = laws.index, laws.index.first_generalized
     with np.errstate(all="ignore"):
-        values = laws.values(*state, np.zeros((len(state[0]), laws.C)))
+        values = laws.values(t, q, v, np.zeros((len(t), laws.C)))
     found = values.F.copy()
     found[:, index.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
     found[:, index.dependent] -= values.V_x.reshape(len(found), -1, 3)
@@ -238,24 +213,19 @@ def forces(model: Model, table: Table) -> Floats | None:
 
 def positions(model: Model, t: Floats, q: Floats) -> Floats:
     """The positions of all particles (T, N, 3) at t (T,) and q (T, n)."""
-    from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
-
     index = ModelIndex(model)
     found = np.zeros((len(t), len(index.particles), 3))
     found[:, index.cartesian] = q[:, : index.first_generalized].reshape(len(t), -1, 3)
     if index.dependent.size:
-        scene = ModelOnTable(index, t[:, None], q, np.zeros_like(q))
+        values = ModelOnTable(index, t[:, None], q, np.zeros_like(q))
         with np.errstate(all="ignore"):
-            parts = scene.position(index.dependent)
-            for axis, part in enumerate(parts):
-                found[:, index.dependent, axis] = scene.wide(part, index.dependent.size)
+            for axis, part in enumerate(values.position(index.dependent)):
+                found[:, index.dependent, axis] = values.wide(part, index.dependent.size)
     return found
 
 
 def ties(model: Model) -> list[links.Tie]:
     """Distances that are constant whatever the coordinates are, of particles whose positions are functions of them."""
-    from lagcli.auditing.evidence.model_values import ModelIndex
-
     index = ModelIndex(model)
     if not 0 < index.dependent.size <= links.MOST_TIED:
         return []
@@ -267,3 +237,81 @@ def ties(model: Model) -> list[links.Tie]:
     t = chosen.start + (chosen.duration or 1.0) * random.random(links.SAMPLES)
     samples = positions(model, t, q)[:, index.dependent]
     return links.ties(samples, index.dependent) if np.isfinite(samples).all() else []
+
+
+def of_modes(model: Model, found: Modes) -> Scene:
+    """The scene of small oscillations, each mode as a way to swing. Raises `builder.NothingToShow` where there are
+    no shapes."""
+    require_few(model)
+    if not len(found.shapes):
+        raise NothingToShow(
+            "the motion comes back to itself, and its multipliers have no shapes to show"
+            if found.multipliers is not None
+            else "nothing can swing: the rows leave the model no freedom to move"
+        )
+    turns = np.exp(2j * np.pi * np.linspace(0.0, 1.0, FRAMES))[:, None]
+    q = np.array([found.at[name] for name in found.coordinates])
+    rest = _swinging(model, np.tile(q, (FRAMES, 1)), found.notes)
+    size = scene.size(rest.points)
+    modes = []
+    for name, note, swings, shape in _described(found):
+        moved = _swinging(model, q + _amplitude(model, q, shape, size) * np.imag(turns * shape), rest.notes)
+        wide = [np.broadcast_to(track, (FRAMES, 3)) for track in moved.points]
+        modes.append(Mode(name, note, swings, np.stack(wide, axis=1)))
+    seen = scene.view([mode.points.reshape(-1, 3) for mode in modes], -rest.view.up)
+    return dataclasses.replace(rest, view=seen, modes=tuple(modes))
+
+
+def _swinging(model: Model, q: Floats, notes: tuple[str, ...]) -> Scene:
+    """The scene of one period with the coordinates q (FRAMES, n)."""
+    names, drawn = model.particle_names, model if model.particle_names else None
+    if drawn is not None:
+        track = positions(model, np.full(FRAMES, model.simulation.start), q)
+        found = PointTracks(names, track, (("", "", ""),) * len(names))
+    else:
+        table = dict(zip(model.coordinate_names, q.T, strict=True))
+        limits = {name: (values[0] - LARGEST, values[0] + LARGEST) for name, values in table.items()}
+        found = builder.of_coordinates(model.generalized_names, table, limits)
+    motion = Motion(
+        np.linspace(0.0, 1.0, FRAMES),
+        found.names,
+        found.track,
+        guide_lines=found.guide_lines,
+        notes=(*notes, found.note) if found.note and found.note not in notes else notes,
+        ties=tuple(ties(drawn)) if drawn is not None else (),
+        is_run=False,
+    )
+    return builder.scene_of(motion, drawn, model.title or pathlib.Path(model.path).stem, ("", ""))
+
+
+def _amplitude(model: Model, q: Floats, shape: Complex, size: float) -> float:
+    """The factor of a shape with which the particles go as far as is good to look at."""
+    largest = float(np.abs(shape).max(initial=0.0)) or 1.0
+    if not model.particle_names:
+        return LARGEST / largest
+    parts = np.stack([shape.real, shape.imag]) * (
+        TRIED * max(1.0, float(np.abs(q).max(initial=0.0))) / largest
+    )
+    step = float(np.abs(parts).max()) / largest
+    t = np.full(3, model.simulation.start)
+    track = positions(model, t, np.concatenate([q[None], q + parts]))
+    way = float(np.linalg.norm(track[1:] - track[0], axis=-1).max(initial=0.0)) / step
+    generalized = np.abs(shape[len(q) - len(model.generalized_names) :]).max(initial=0.0)
+    limit = LARGEST / float(generalized) if generalized else np.inf
+    wanted = SWING * size / way if way > 0 else LARGEST / largest
+    return float(min(wanted, limit))
+
+
+def _described(found: Modes) -> Iterator[tuple[str, str, bool, Complex]]:
+    """The name of each mode, what is known of it, if it swings, and its shape; of two that are conjugate one."""
+    unit = found.units.time if found.units else "s"
+    if found.frequencies is not None:
+        for k, (w, shape) in enumerate(zip(found.frequencies[:MOST_MODES], found.shapes, strict=False)):
+            period = f"period {2 * np.pi / w:.6g} {unit}" if w else "it drifts and does not come back"
+            yield f"{k + 1}: ω = {w:.6g}/{unit}", f"{period}; the swing is enlarged", bool(w > 0), shape
+        return
+    for k, (z, shape) in enumerate(zip(found.eigenvalues[:MOST_MODES], found.shapes, strict=False)):
+        if z.imag < 0:
+            continue
+        sign = f" ± {z.imag:.5g}i" if z.imag else ""
+        yield f"{k + 1}: s = {z.real:.5g}{sign}", "as exp(s t); its growth is not shown", bool(z.imag), shape

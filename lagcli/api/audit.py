@@ -10,19 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import progress
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
+from lagcli.api.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.auditing import all_checks, rest_audit
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.auditing.evidence import table_input, tolerances
-from lagcli.auditing.evidence.table_input import EventTable
 from lagcli.equations import system
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings, Simulation
 from lagcli.output.tables import incident_table, table_format
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.output.tables.table_format import ReadTable
 from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation import error_estimate
@@ -63,12 +61,18 @@ def audit(
         columns, rows = run.columns, run.rows
     elif run is not None:
         table_file = table_format.opened(run)
-        if rest_audit.is_table(table_file.columns):
-            picked = _picked(table_file, rest_audit.wanted(model, table_file.columns))
-            return rest_audit.audit(model, *picked)
-        columns, rows, unread = _picked(table_file, all_checks.wanted(model, table_file.columns))
+        is_rest = rest_audit.is_table(table_file.columns)
+        columns = (rest_audit if is_rest else all_checks).wanted(model, table_file.columns)
+        rows, known = table_file.take(columns), set(columns)
+        unread = tuple(name for name in table_file.columns if name not in known)
+        if is_rest:
+            return rest_audit.audit(model, columns, rows, unread)
     else:
-        table, notes = _dense(model)
+        table, notes = _as_far(model, chosen)
+        # Rows that stand as close as every second step
+        wanted = min(table.stats.steps // 2 + 1, MOST_AUDITED)
+        if len(table.rows) < wanted and not notes:
+            table, notes = _as_far(model, dataclasses.replace(chosen, samples=wanted, output_step=None))
         columns, rows = table.columns, table.rows
         events = table.events if events is None and model.inequality else events
     if events is not None and not isinstance(events, IncidentTable):
@@ -78,40 +82,14 @@ def audit(
         step_tolerance.absolute(chosen, table_columns.size(model, columns, rows)),
         system.row_jumps(model),
     )
-    given = table_input.AuditedTable(columns, rows, unread, _event_table(events))
+    incidents = None
+    if events is not None:  # as an audit takes them: it knows nothing of their tables
+        numbers = tuple(name for name in events.columns if name not in incident_table.TEXTS)
+        incidents = table_input.EventTable(events.kinds, events.names, numbers, events.numbers)
+    given = table_input.AuditedTable(columns, rows, unread, incidents)
     found = all_checks.audit(model, given, tolerance, notes)
     found = dataclasses.replace(found, complete=not notes)
     return _with_digits(found, model, columns, rows) if digits else found
-
-
-def _picked(
-    table_file: ReadTable, columns: tuple[str, ...]
-) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
-    """The columns of a file that are audited, their rows, and the columns that are not read.
-
-    Raises `OSError`, `table_format.UnreadableTable`.
-    """
-    known = set(columns)
-    unread = tuple(name for name in table_file.columns if name not in known)
-    return columns, table_file.take(columns), unread
-
-
-def _event_table(events: IncidentTable | None) -> EventTable | None:
-    """The incidents as an audit takes them: it knows nothing of their tables."""
-
-    if events is None:
-        return None
-    columns = tuple(name for name in events.columns if name not in incident_table.TEXTS)
-    return EventTable(events.kinds, events.names, columns, events.numbers)
-
-
-def _dense(model: Model) -> tuple[Trajectory, tuple[str, ...]]:
-    """A run whose rows stand as close as every second step, and why it stopped where it did."""
-    table, notes = _as_far(model, model.simulation)
-    wanted = min(table.stats.steps // 2 + 1, MOST_AUDITED)
-    if len(table.rows) >= wanted or notes:
-        return table, notes
-    return _as_far(model, dataclasses.replace(model.simulation, samples=wanted, output_step=None))
 
 
 def _as_far(model: Model, chosen: Simulation) -> tuple[Trajectory, tuple[str, ...]]:

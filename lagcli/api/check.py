@@ -9,11 +9,8 @@ from lagcli import progress
 from lagcli.analysis import check_report, codimension, dof, uniqueness
 from lagcli.analysis.check_report import Report
 from lagcli.analysis.classification import verdict
-from lagcli.api import assemble_start, count_dof
-from lagcli.api.models import cache
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import cache, count_dof, run_settings
+from lagcli.api.load import Path, as_model
 from lagcli.equations import jump_warnings
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
@@ -38,7 +35,7 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     moved = None
     apart = gaps.at_state(ready.system, ready.numeric, initial.declared(ready.system))
     if (assemble or model.simulation.assemble) and (apart.violated or not residuals.consistent):
-        model, done = assemble_start.assembled(model)
+        model, done = cache.assembled(model)
         moved, ready = consistent_start.moves(model, done), cache.compiled(model)
     sides = gaps.at_state(ready.system, ready.numeric, initial.declared(ready.system)).sides
     whole, examined = count_dof.examined(ready, seconds)
@@ -50,11 +47,13 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     verdicts = (*verdict.of_holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
     if whole.conditions and moved is None:
         residuals = initial.residuals(case.system, case.numeric, initial.declared(case.system))
-    faults = [
-        *_inertia(ready),
-        *(initial.inconsistencies(case.system, residuals) if moved is None else ()),
-        *(gaps.penetrations(built, apart) if moved is None else ()),
-    ]
+    faults: list[diagnostics.Diagnostic] = []
+    try:
+        initial.inertia(built, numeric, initial.declared(built))
+    except diagnostics.ModelError as error:  # such a model can be classified and counted all the same
+        faults += error.diagnostics
+    if moved is None:
+        faults += [*initial.inconsistencies(case.system, residuals), *gaps.penetrations(built, apart)]
     return Report(
         title=model.title,
         path=model.path,
@@ -93,15 +92,6 @@ def witness(model: Model, row: str, *, assemble: bool, limit: float) -> Witness 
     from lagcli.analysis.holonomy import witness_search
 
     if assemble or model.simulation.assemble:
-        model, _ = assemble_start.assembled(model)
+        model, _ = cache.assembled(model)
     ready = cache.compiled(model)
     return witness_search.find(ready.system, ready.numeric, row, progress.after(limit))
-
-
-def _inertia(ready: CompiledModel) -> tuple[diagnostics.Diagnostic, ...]:
-    """The refusals of `simulate` about the inertia of a model that can be classified and counted all the same."""
-    try:
-        initial.inertia(ready.system, ready.numeric, initial.declared(ready.system))
-    except diagnostics.ModelError as error:
-        return error.diagnostics
-    return ()

@@ -11,19 +11,22 @@ import numpy as np
 
 from lagcli import progress
 from lagcli.analysis.classification.verdict import KnownIntegrals
-from lagcli.api import assemble_start
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
+from lagcli.api.cache import CompiledModel
+from lagcli.api.load import Path, as_model
 from lagcli.equations import particle_form, size_limits
+from lagcli.errors import diagnostics
 from lagcli.formulations import comparison, formulation_plan, reduced_run
-from lagcli.formulations.comparison import Comparison, Formulation, RunEvent
+from lagcli.formulations.comparison import Comparison, Formulation, Principles, RunEvent
+from lagcli.input import given_expression
+from lagcli.input.overrides import OverrideError
+from lagcli.model import settings as model_settings
 from lagcli.model.model import Model
-from lagcli.model.settings import RunSettings, Simulation
+from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
 from lagcli.output.tables import provenance, table_format
-from lagcli.running import safe_table, table_columns
-from lagcli.running.safe_table import TablePlan
+from lagcli.running import run_tables, table_columns
+from lagcli.running.run_tables import TablePlan
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
 
@@ -31,7 +34,6 @@ from lagcli.simulation.run_state import run_stop
 # of up to so many coordinates.
 MOST_REDUCED = 24
 COMPARED_ROWS = 101  # of tables that are compared, where no number of samples is given
-TOO_LARGE = f"the reduction by the null space is left out beside the vakonomic motion above {MOST_REDUCED} coordinates"
 
 
 @progress.phase("comparing")
@@ -55,7 +57,6 @@ def compare(
     how it compares. Raises `ModelError`, `ValueError` for bad options and models that share no column, `OverrideError`
     for `mu` of a row there is not.
     """
-
     model = as_model(model)
     if tolerance is None:
         tolerance = comparison.TOLERANCE
@@ -66,24 +67,43 @@ def compare(
     if vakonomic and other is not None:
         raise ValueError("vakonomic: the two principles are compared for one model")
     second = None if other is None else as_model(other)
-    run = prepare_run.start(model, _settings(model, second, settings))
+    # The settings of all runs are the first model's, as long as both last.
+    given = {key: value for key, value in settings.items() if value is not None}
+    if not given.keys() & {"samples", "output_step"}:
+        given["samples"] = COMPARED_ROWS
+    chosen = run_settings.chosen(model, given)
+    if second is not None:
+        if second.simulation.start != model.simulation.start:
+            raise ValueError(f"{model.path} and {second.path} start at different times; give one start")
+        if "duration" not in given:
+            chosen = dataclasses.replace(chosen, duration=min(chosen.duration, second.simulation.duration))
+    run = prepare_run.start(model, chosen)
     first = _table(formulation_plan.declared(model, len(run.built.rows.rows)), run)
     kinds = comparison.kinds(model, [first.columns[i] for i in table_format.select(first.columns, columns)])
+    notes = [f"{model.path}, {line}" for line in prepare_run.moves_of(run)]
     left_out: list[str] = []
-    moved = [f"{model.path}, {line}" for line in assemble_start.of_run(run)]
     if second is None:
         formulations = _reformulated(run, first, vakonomic)
         others = [(one, formulation_plan.comparable(model, one, kinds)) for one in formulations]
     else:
-        beside, shared, left_out, moved_too = _beside(run, second, kinds)
-        moved += moved_too
-        others = [(beside, shared)]
+        # The other model as it stands, and the columns that both have and that are unique in both.
+        beside = prepare_run.start(
+            second, dataclasses.replace(run.model.simulation, assemble=second.simulation.assemble, keep=())
+        )
+        found_beside = _table(formulation_plan.declared(second, len(beside.built.rows.rows)), beside)
+        shared = {name: kind for name, kind in kinds.items() if name in found_beside.columns}
+        if not shared:
+            raise ValueError(f"{model.path} and {second.path} share none of these columns")
+        loose = {f"lambda.{name}" for one in (run, beside) for name in one.stats.indeterminate}
+        left_out = [name for name in shared if name in loose]
+        notes += [f"{second.path}, {line}" for line in prepare_run.moves_of(beside)]
+        others = [(found_beside, {name: kind for name, kind in shared.items() if name not in loose})]
     near = np.zeros(len(first.table), dtype=bool)
     if run.stats.singular_times:
         states = table_columns.States(model, run.columns)(first.table)
         near = formulation_plan.singular(run.numeric, states, run.parameters, run.report.rank)
     found = formulation_plan.compared(model, first, others, tolerance, near)
-    found = dataclasses.replace(found, notes=(*moved, *found.notes))
+    found = dataclasses.replace(found, notes=(*notes, *found.notes))
     if vakonomic and len(first.table):
         found = _with_principles(found, run, kinds, mu or {})
     if not left_out:
@@ -92,81 +112,9 @@ def compare(
     return dataclasses.replace(found, notes=(*found.notes, note))
 
 
-def _with_principles(
-    found: Comparison, run: SimulationRun, kinds: Mapping[str, str], mu: Mapping[str, float | str]
-) -> Comparison:
-    """The comparison with the vakonomic motion after the others."""
-    # Most comparisons are of one principle.
-    from lagcli.api import compare_principles
-
-    first = found.formulations[0]
-    other = compare_principles.beside(run, first, mu, _table)
-    near = np.zeros(len(first.table), dtype=bool)
-    shared = {
-        name: kind
-        for name, kind in kinds.items()
-        if kind in comparison.COMPARED and name in other.run.columns
-    }
-    agreement = comparison.compare(shared, first, other.run, near)
-    principles = dataclasses.replace(
-        other.principles,
-        tolerance=found.tolerance,
-        digits=comparison.digits_of_motion(agreement),
-        until=min(first.reached, other.run.reached) if first.stopped or other.run.stopped else None,
-        parting=comparison.parting(shared, first, other.run, found.tolerance),
-    )
-    stops = [f"the vakonomic motion {other.run.stopped}"] if other.run.stopped else []
-    reducible = formulation_plan.is_reducible(run.model, first.rows, first.coordinates)
-    too_large = [TOO_LARGE] if reducible and first.coordinates > MOST_REDUCED else []
-    return dataclasses.replace(
-        found,
-        formulations=(*found.formulations, other.run),
-        agreements=(*found.agreements, agreement),
-        notes=(*found.notes, *other.notes, *stops, *too_large),
-        principles=principles,
-    )
-
-
-def _settings(model: Model, other: Model | None, changes: Mapping[str, object]) -> Simulation:
-    """The settings of all runs: the first model's, as long as both last."""
-    given = {key: value for key, value in changes.items() if value is not None}
-    if not given.keys() & {"samples", "output_step"}:
-        given["samples"] = COMPARED_ROWS
-    chosen = run_settings.chosen(model, given)
-    if other is None:
-        return chosen
-    if other.simulation.start != model.simulation.start:
-        raise ValueError(f"{model.path} and {other.path} start at different times; give one start")
-    if "duration" not in given:
-        chosen = dataclasses.replace(chosen, duration=min(chosen.duration, other.simulation.duration))
-    return chosen
-
-
-def _beside(
-    run: SimulationRun, other: Model, kinds: Mapping[str, str]
-) -> tuple[Formulation, dict[str, str], list[str], list[str]]:
-    """Another model as it stands, the columns that it shares with a run, those that are not unique in one of them, and
-    how far its start was moved.
-
-    Raises `ValueError` where they share none.
-    """
-
-    chosen = dataclasses.replace(run.model.simulation, assemble=other.simulation.assemble, keep=())
-    beside = prepare_run.start(other, chosen)
-    second = _table(formulation_plan.declared(other, len(beside.built.rows.rows)), beside)
-    shared = {name: kind for name, kind in kinds.items() if name in second.columns}
-    if not shared:
-        raise ValueError(f"{run.model.path} and {other.path} share none of these columns")
-    loose = {f"lambda.{name}" for one in (run, beside) for name in one.stats.indeterminate}
-    unique = {name: kind for name, kind in shared.items() if name not in loose}
-    moved = [f"{other.path}, {line}" for line in assemble_start.of_run(beside)]
-    return second, unique, [name for name in shared if name in loose], moved
-
-
 def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> Iterator[Formulation]:
     """The model of a run in the other formulations that fit it, from the same start; vakonomic: without the
     reduction of many coordinates."""
-
     if not len(first.table):
         return
     (t,), (q,), (v,) = table_columns.States(run.model, run.columns)(first.table[:1])
@@ -192,7 +140,6 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
 
 def _table(name: str, run: SimulationRun) -> Formulation:
     """A run to its end, or as far as it goes."""
-
     blocks, stopped = [np.zeros((0, len(run.columns)))], ""
     events: list[RunEvent] = []
     try:
@@ -218,6 +165,140 @@ def _table(name: str, run: SimulationRun) -> Formulation:
     )
 
 
+def _with_principles(
+    found: Comparison, run: SimulationRun, kinds: Mapping[str, str], mu: Mapping[str, float | str]
+) -> Comparison:
+    """The comparison with the vakonomic motion after the others."""
+    first = found.formulations[0]
+    vakonomic, principles, notes = _vakonomic(run, first, mu)
+    near = np.zeros(len(first.table), dtype=bool)
+    shared = {
+        name: kind
+        for name, kind in kinds.items()
+        if kind in comparison.COMPARED and name in vakonomic.columns
+    }
+    agreement = comparison.compare(shared, first, vakonomic, near)
+    principles = dataclasses.replace(
+        principles,
+        tolerance=found.tolerance,
+        digits=comparison.digits_of_motion(agreement),
+        until=min(first.reached, vakonomic.reached) if first.stopped or vakonomic.stopped else None,
+        parting=comparison.parting(shared, first, vakonomic, found.tolerance),
+    )
+    if vakonomic.stopped:
+        notes.append(f"the vakonomic motion {vakonomic.stopped}")
+    reducible = formulation_plan.is_reducible(run.model, first.rows, first.coordinates)
+    if reducible and first.coordinates > MOST_REDUCED:
+        notes.append(
+            "the reduction by the null space is left out beside the vakonomic motion above"
+            f" {MOST_REDUCED} coordinates"
+        )
+    return dataclasses.replace(
+        found,
+        formulations=(*found.formulations, vakonomic),
+        agreements=(*found.agreements, agreement),
+        notes=(*found.notes, *notes),
+        principles=principles,
+    )
+
+
+@progress.phase("following the other principle")
+def _vakonomic(
+    run: SimulationRun, first: Formulation, given: Mapping[str, float | str]
+) -> tuple[Formulation, Principles, list[str]]:
+    """The vakonomic motion from the start of a run whose table is `first`, what is known of the two, and notes.
+
+    given: mu at the start of differential rows, zero for the others. Raises `ModelError` for forces without a
+    potential, one-sided rows, rows that are too many, and `OverrideError` for mu of a row there is not.
+    """
+    # Most comparisons are of one principle.
+    from lagcli.analysis.classification import classify
+    from lagcli.formulations import vakonomic_system
+
+    built, model = run.built, run.model
+    differential = built.rows.rows[built.holonomic_count :]
+    names = [row.name for row in differential]
+    mu = dict.fromkeys(names, 0.0)
+    for name, value in given.items():
+        if name not in mu:
+            raise OverrideError(f"--mu {name}: {_no_differential_row(model, name, names)}")
+        mu[name] = given_expression.number(model, f"--mu {name}", value)
+    t, q, v = (part[0] for part in table_columns.States(model, run.columns)(first.table[:1]))
+    vakonomic_system.require_action(built, float(t), q, run.parameters)
+    for condition in run.conditions:
+        where = next(row.location for row in built.rows.rows if row.name in condition.rows)
+        message = (
+            f"the row demands the hidden condition `{condition.text} = 0`, which no multiplier holds: its vakonomic"
+            " equations are not written"
+        )
+        hint = "write the condition under `holonomic` in its place"
+        raise diagnostics.ModelError([diagnostics.Diagnostic("not-of-an-action", message, where, hint)])
+    if not names:
+        return dataclasses.replace(first, name="vakonomic"), Principles({}, (), (), (), 0.0), []
+    values = np.array([mu[name] for name in names])
+    independent = tuple(i for i in run.report.selection.independent if i < len(built.rows.rows))
+    start = vakonomic_system.VakonomicStart(float(t), q, v, values, independent)
+    start = dataclasses.replace(start, mu=vakonomic_system.effective(built, start))
+    extended, left_out = vakonomic_system.model(built, start)
+    size_limits.require_built(extended)
+    try:
+        ready = CompiledModel(vakonomic_system.build(built, extended, start))
+    except vakonomic_system.TooLargeError:
+        where = differential[0].location
+        message = "the vakonomic equations are too large: the rows are too many to be solved for mu'"
+        message += " in written-out form"
+        refusal = diagnostics.Diagnostic("too-large-to-build", message, where, "model fewer members")
+        raise diagnostics.ModelError([refusal]) from None
+    vakonomic = _table("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
+    columns, indices = vakonomic_system.table(vakonomic.columns, model, differential)
+    vakonomic = dataclasses.replace(
+        vakonomic,
+        path=first.path,
+        coordinates=first.coordinates,
+        freedoms=first.freedoms,
+        columns=tuple(columns),
+        table=vakonomic.table[:, indices],
+    )
+    verdicts = classify.classified(built, run.numeric, model_settings.LIMIT).found.verdicts
+    kinds = {verdict.row: verdict.kind for verdict in verdicts}
+    principles = Principles(
+        mu=mu,
+        integrable=tuple(n for n in names if kinds.get(n) in ("exact", "integrable", "jointly-integrable")),
+        nonholonomic=tuple(n for n in names if kinds.get(n) == "nonholonomic"),
+        undecided=tuple(n for n in names if kinds.get(n, "undecided") == "undecided"),
+        tolerance=0.0,
+        left_out=left_out,
+    )
+    notes = []
+    moved = [
+        f"{name} {new:.6g}" for name, new, old in zip(names, start.mu, values, strict=True) if new != old
+    ]
+    if moved:
+        notes.append(
+            "differential rows follow from others, and their initial mu is carried by those: mu begins as "
+            + ", ".join(moved)
+        )
+    if left_out:
+        notes.append(
+            "without a value in vakonomic motion, for they read multipliers of differential rows or whole reactions:"
+            f" {', '.join(left_out)}"
+        )
+    return vakonomic, principles, notes
+
+
+def _no_differential_row(model: Model, name: str, rows: Sequence[str]) -> str:
+    """Why a name is none of the differential `rows`."""
+    constrained = [row for law in model.holonomic for row in law.rows]
+    constrained += [base for law in model.holonomic for base in law.members.names]
+    constrained += [body.name for body in model.rigid]
+    if name in constrained or name.rpartition(".")[0] in constrained:
+        return f"`{name}` is holonomic: its multiplier follows from the motion and has no initial value"
+    parts = [row for row in rows if row.startswith((f"{name}.", f"{name}["))]
+    hint = f"its rows are `{parts[0]}` to `{parts[-1]}`" if parts else diagnostics.nearest(name, rows)
+    hint = hint or (f"they are {', '.join(rows[:6])}" if rows else "the model has none")
+    return f"there is no differential row `{name}`; {hint}"
+
+
 def compare_to_files(
     models: Sequence[Model], asked: Mapping[str, object], output: str | None, plot: str | None
 ) -> tuple[Comparison, list[str]]:
@@ -227,45 +308,36 @@ def compare_to_files(
     `BadRequest`.
     """
     found = compare(*models, **asked)  # type: ignore[arg-type]
-    lines = []
-    if found.principles is not None and output is not None:
-        vakonomic = found.formulations[-1]
-        whence = provenance.of(models[0]).as_json() | {"vakonomic": {"mu": dict(found.principles.mu)}}
+    model, lines = models[0], []
+    if found.principles is None:
+        return found, []
+    first, vakonomic = found.formulations[0], found.formulations[-1]
+    if output is not None:
+        whence = provenance.of(model).as_json() | {"vakonomic": {"mu": dict(found.principles.mu)}}
         plan, is_partial = TablePlan.of_option(output, vakonomic.columns), bool(vakonomic.stopped)
-        saved = safe_table.write(plan, whence, vakonomic.table, is_partial)
+        saved = run_tables.write(plan, whence, vakonomic.table, is_partial)
         if is_partial:
             lines.append(f"lagcli: the vakonomic motion stopped; {saved}" if saved else "")
-    if found.principles is not None and plot is not None:
-        _draw(models[0], found, plot)
+    if plot is not None:
+        with write_guard.drawing(plot):
+            # matplotlib takes a third of a second to load: only where a figure is asked for.
+            from lagcli.output.figures import figure_page, principles_figure
+
+            tables = (
+                principles_figure.MotionTable("d'Alembert", first.columns, first.table),
+                principles_figure.MotionTable("vakonomic", vakonomic.columns, vakonomic.table),
+            )
+            # Positions in the order of the table, those that differ most of all where they are many.
+            kinds = comparison.kinds(model, first.columns)
+            shown = [name for name, kind in kinds.items() if kind == "r" and name in vakonomic.columns]
+            count = min(len(first.table), len(vakonomic.table))
+
+            def gap(name: str) -> float:
+                one, two = (run.table[:count, run.columns.index(name)] for run in (first, vakonomic))
+                return float(np.abs(one - two).max(initial=0.0))
+
+            most = set(sorted(shown, key=gap, reverse=True)[: principles_figure.MOST])
+            shown = [name for name in shown if name in most]
+            title = f"{model.title or pathlib.Path(model.path).stem}: two principles"
+            figure_page.write(plot, principles_figure.compose(tables, shown, title, model.units.time))
     return found, lines
-
-
-def _draw(model: Model, found: Comparison, path: str) -> None:
-    first, other = found.formulations[0], found.formulations[-1]
-    with write_guard.drawing(path):
-        # matplotlib takes a third of a second to load: only where a figure is asked for.
-        from lagcli.output.figures import figure_page, principles_figure
-
-        tables = (
-            principles_figure.MotionTable("d'Alembert", first.columns, first.table),
-            principles_figure.MotionTable("vakonomic", other.columns, other.table),
-        )
-        title = f"{model.title or pathlib.Path(model.path).stem}: two principles"
-        shown = _apart(model, first, other)
-        figure_page.write(path, principles_figure.compose(tables, shown, title, model.units.time))
-
-
-def _apart(model: Model, first: Formulation, other: Formulation) -> list[str]:
-    """Positions in the order of the table, those that differ most of all where they are many."""
-    from lagcli.output.figures.principles_figure import MOST
-
-    of = comparison.kinds(model, first.columns)
-    shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
-    count = min(len(first.table), len(other.table))
-
-    def gap(name: str) -> float:
-        one, two = (run.table[:count, run.columns.index(name)] for run in (first, other))
-        return float(np.abs(one - two).max(initial=0.0))
-
-    chosen = set(sorted(shared, key=gap, reverse=True)[:MOST])
-    return [name for name in shared if name in chosen]

@@ -7,11 +7,9 @@ import dataclasses
 from lagcli.analysis import dof as counting
 from lagcli.analysis.classification import classify
 from lagcli.analysis.dof import DofCount
-from lagcli.api import assemble_start
-from lagcli.api.models import cache
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import cache, run_settings
+from lagcli.api.cache import CompiledModel
+from lagcli.api.load import Path, as_model
 from lagcli.model.model import Model
 
 
@@ -35,7 +33,7 @@ def examined(ready: CompiledModel, limit: float) -> tuple[classify.Classified, c
     own = {classify.equation(one) for one in whole.conditions}
     counted = dataclasses.replace(
         found.count,
-        notes=(*assemble_start.notes(ready, "the count is that at"), *whole.notes, *found.count.notes),
+        notes=(*cache.violation_notes(ready, "the count is that at"), *whole.notes, *found.count.notes),
         redundant_rows=tuple(name for name in found.count.redundant_rows if name not in own),
     )
     return dataclasses.replace(whole, found=found.found), dataclasses.replace(found, count=counted)

@@ -6,10 +6,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.api import linear_point
-from lagcli.api.models import cache
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import cache, find_modes, run_settings
+from lagcli.api.load import Path, as_model
 from lagcli.errors import diagnostics
 from lagcli.model.model import Model
 
@@ -46,5 +44,5 @@ def derive(
         hint = diagnostics.nearest(unknown[0], names)
         raise ValueError(f"there is no parameter `{unknown[0]}`{'; ' + hint if hint else ''}")
     system = cache.compiled(model).system
-    about = linear_point.of_start(model)
+    about = find_modes.of_start(model)
     return derivation.derive(system, derivation.Options(solve, everything, wanted, seconds, about))

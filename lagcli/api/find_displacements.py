@@ -8,10 +8,8 @@ from typing import Unpack
 from lagcli import progress
 from lagcli.analysis import displacement_set
 from lagcli.analysis.displacement_set import Displacements
-from lagcli.api import assemble_start
-from lagcli.api.models import cache
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import cache, run_settings
+from lagcli.api.load import Path, as_model
 from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
@@ -31,7 +29,6 @@ def displacements(
     Also the dependent and independent components (D.16), and whether forces between particles are central. Options
     as of `simulate`. Raises `ModelError`, `ValueError` for a time before the start, `SimulationStopped`.
     """
-
     model = as_model(model)
     chosen = run_settings.chosen(model, settings)
     model = dataclasses.replace(model, simulation=chosen)
@@ -39,34 +36,27 @@ def displacements(
     most = displacement_set.MOST_COORDINATES
     if n > most:
         raise ValueError(f"the model has {n} coordinates, and bases are dense: up to {most} are looked at")
-    if at is None:
-        return _at_start(model)
-    if not 0 <= at - chosen.start < float("inf"):
-        raise ValueError(f"at: a time from the start on, t = {chosen.start:g}, is needed")
-    run = simulate(model, duration=at - chosen.start, samples=2)
-    ready = cache.compiled(model)
-    (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[-1:])
-    state = initial.State(float(t), q, v, initial.declared(ready.system).p)
-    return displacement_set.displacements(ready.system, ready.numeric, state)
-
-
-def _at_start(model: Model) -> Displacements:
-    """The displacements at the start, whose velocities need not satisfy the rows: no row depends on them."""
-
+    if at is not None:
+        if not 0 <= at - chosen.start < float("inf"):
+            raise ValueError(f"at: a time from the start on, t = {chosen.start:g}, is needed")
+        run = simulate(model, duration=at - chosen.start, samples=2)
+        ready = cache.compiled(model)
+        (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[-1:])
+        state = initial.State(float(t), q, v, initial.declared(ready.system).p)
+        return displacement_set.displacements(ready.system, ready.numeric, state)
+    # The velocities at the start need not satisfy the rows: no row depends on them.
     moved = None
-    if model.simulation.assemble:
-        model, done = assemble_start.assembled(model)
+    if chosen.assemble:
+        model, done = cache.assembled(model)
         moved = consistent_start.moves(model, done)
     ready = cache.compiled(model)
     start = initial.declared(ready.system)
     residuals = initial.residuals(ready.system, ready.numeric, start)
     if any(residuals.in_position(i) for i in residuals.violated):
         assembly.require_consistent(ready.system, ready.numeric, start, residuals)
-    notes = (
-        ()
-        if residuals.consistent
-        else tuple(d.message for d in initial.inconsistencies(ready.system, residuals))
-    )
+    notes: tuple[str, ...] = ()
+    if not residuals.consistent:
+        notes = tuple(d.message for d in initial.inconsistencies(ready.system, residuals))
     if not sample_points.is_finite(ready.numeric, start):
         initial.inertia(ready.system, ready.numeric, start)  # says of which coordinate
     found = displacement_set.displacements(ready.system, ready.numeric, start)

@@ -7,25 +7,29 @@ import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from lagcli import progress
+from lagcli import doubles, progress
 from lagcli.analysis import redundancy
-from lagcli.api import linear_point
-from lagcli.api.models import cache
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import cache, prepare_run, run_settings
+from lagcli.api.cache import CompiledModel
+from lagcli.api.load import Path, as_model
 from lagcli.compiled import NumericSystem
 from lagcli.equations import jump_warnings
+from lagcli.errors import diagnostics
 from lagcli.linearization import assembled_modes, floquet, reference
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
+from lagcli.model import settings
 from lagcli.model.model import Model
+from lagcli.running import table_columns, trajectory
+from lagcli.running.trajectory import SimulationStopped
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.api.rest_point import RestPoints
+    from lagcli.api.static_points import RestPoints
+    from lagcli.derivation.sections.linear_section import LinearPoint
 
 
 ABOUT = ("auto", "start", "equilibrium")
@@ -40,6 +44,62 @@ LONGEST, MOST_FOLLOWED, FIRST = 2.2, 60, 0.02
 
 class NoEquilibriumError(Exception):
     """The motion that is asked for has no modes, or no equilibrium is found; the message says which."""
+
+
+def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...], tuple[str, ...]]:
+    """The state at the start with its multipliers, the contacts that press there, and how far it was moved.
+
+    limit: seconds for the first integrals of differential rows, for which whoever asks `ready` again asks no second
+    time. Raises `ModelError`, `SimulationStopped`.
+    """
+    built = ready.system
+    model, known = built.model, ready.examined_start(limit=limit).known
+    chosen = run_settings.chosen(model, {"duration": 0.0, "samples": 2})
+    prepared = prepare_run.start(model, chosen, known)
+    run = trajectory.in_memory(prepared, "*", None, 0.0)
+    (t,), (q,), (v,) = table_columns.States(model, run.columns)(run.rows[:1])
+    lam = np.array([run[f"lambda.{row.name}"][0] for row in built.multiplier_rows])
+    p = initial.declared(built).p
+    rows = len(built.rows.rows)
+    closed = tuple(j for j in range(built.contacts.count) if lam[rows + j] > 0)
+    return Reference(float(t), q, v, np.zeros_like(q), lam, p), closed, prepare_run.moves_of(prepared)
+
+
+def of_start(model: Model) -> LinearPoint:
+    """The declared start as a point of linear equations, or why there are none about it."""
+    # SymPy is not loaded by `modes`, which begins at the same point.
+    from lagcli.derivation.sections.linear_section import MOST, LinearPoint
+
+    ready = cache.compiled(model)
+    count = len(model.coordinate_names)
+    if count > MOST:
+        return LinearPoint(reason=f"there are {count} coordinates, and they are written out for up to {MOST}")
+    try:
+        here, closed, _ = start(ready, settings.LIMIT)
+    except (diagnostics.ModelError, SimulationStopped):
+        return LinearPoint(reason="the declared start is not one that `simulate` begins at")
+    functions = LinearizedFunctions(ready.system, closed)
+    found = reference.classified(functions, ready.numeric, here, model.simulation.duration or 1.0)
+    if found is None:
+        return LinearPoint()
+    if found.kind == "varying":
+        return LinearPoint(reason="the linear equations about the declared start depend on t")
+    there = found.here
+    rows = len(ready.system.rows.rows)
+    taken = [*range(rows), *(rows + j for j in closed)]
+    # lambda is 0 where its force is rounding beside the largest force.
+    lam, s = there.lam[taken], ready.system.holonomic_count
+    B, A = (np.array(part) for part in (found.linear.matrices.B, found.linear.matrices.A))
+    forces = np.abs(np.vstack([B[:s], A, B[s:]]) * lam[:, None]).max(axis=1, initial=0.0)
+    least = doubles.ZERO * float(found.linear.load.max(initial=0.0))
+    multipliers = tuple(float(x) if force > least else 0.0 for x, force in zip(lam, forces, strict=True))
+    numbers = (*map(_without_rounding, (there.q, there.v, there.a)), multipliers)
+    return LinearPoint(found.kind, there.t, numbers, closed)
+
+
+def _without_rounding(values: npt.NDArray[np.float64]) -> tuple[float, ...]:
+    size = float(np.abs(values).max(initial=0.0))
+    return tuple(float(x) if abs(x) > doubles.SUM * size else 0.0 for x in values)
 
 
 @progress.phase("linearizing")
@@ -69,58 +129,39 @@ def modes(
         raise ValueError("lowest: a number of modes is needed, 1 or more")
     if about not in ABOUT:
         raise ValueError(f"about: {', '.join(ABOUT[:-1])} or {ABOUT[-1]}")
+    from lagcli.api.static_points import RestPoints
+
     model = as_model(model)
     seconds = run_settings.seconds(limit)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
     ready = cache.compiled(model)
-    here, closed, moved = linear_point.start(ready, seconds)
-    found = _about(ready, here, closed, about, wanted, seconds)
+    here, closed, moved = start(ready, seconds)
+    functions, rest = _functions(ready, closed, seconds), RestPoints(ready, seconds)
+    found = _of_start(ready, functions, here, about, wanted, rest)
+    if found is None:
+        is_followed = here.q.size <= MOST_FOLLOWED and not closed
+        if about == "start":
+            if here.q.size > MOST_FOLLOWED:
+                raise NoEquilibriumError(
+                    f"{NO_MOTION}, and whether it comes back is followed in models of up to {MOST_FOLLOWED}"
+                    f" coordinates: this one has {here.q.size}"
+                )
+            raise NoEquilibriumError(f"{NO_MOTION}, and does not come back")
+        if about == "auto" and not reference.is_at_rest(here.q, here.v, _duration(ready)):
+            line = f"lagcli modes {'MODEL' if model.path.startswith('<') else model.path} --about"
+            follow = f"; to see if its motion comes back: `{line} start`" if is_followed else ""
+            raise NoEquilibriumError(
+                "the start moves, and it is no steady motion whose linear equations have constant coefficients. For the"
+                f" modes about the nearest equilibrium: `{line} equilibrium`{follow}"
+            )
+        note = AS_ASKED if about == "equilibrium" else NEAREST + (FOLLOW if is_followed else "")
+        found = _of_nearest(ready, seconds, note, wanted, rest)
     return dataclasses.replace(found, notes=(*moved, *found.notes))
 
 
-def _about(
-    ready: CompiledModel, here: Reference, closed: tuple[int, ...], about: str, wanted: int, seconds: float
-) -> Modes:
-    """The modes about a start or the nearest equilibrium. Raises `NoEquilibriumError`."""
-    from lagcli.api.rest_point import RestPoints
-
-    functions, rest = _functions(ready, closed, seconds), RestPoints(ready, seconds)
-    found = _of_start(ready, functions, here, about, wanted, rest)
-    if found is not None:
-        return found
-    if about == "start":
-        if here.q.size > MOST_FOLLOWED:
-            raise NoEquilibriumError(
-                f"{NO_MOTION}, and whether it comes back is followed in models of up to {MOST_FOLLOWED} coordinates:"
-                f" this one has {here.q.size}"
-            )
-        raise NoEquilibriumError(f"{NO_MOTION}, and does not come back")
-    is_followed = here.q.size <= MOST_FOLLOWED and not closed
-    if about == "auto" and not reference.is_at_rest(here.q, here.v, _duration(ready)):
-        raise NoEquilibriumError(_of_moving(ready.system.model, is_followed))
-    note = AS_ASKED if about == "equilibrium" else NEAREST + (FOLLOW if is_followed else "")
-    here, closed = _nearest(ready, rest)
-    functions = _functions(ready, closed, seconds)
-    there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
-    notes = (note, *_contacts(ready, closed))
-    if there.kind != "varying":
-        return _steady(functions, there, notes, wanted, rest)
-    again = _varying(ready, functions, there, notes)
-    if again is None:
-        raise NoEquilibriumError(
-            "the linear equations about the nearest equilibrium depend on t without a period"
-        )
-    return again
-
-
-def _of_moving(model: Model, is_followed: bool) -> str:
-    """The reason to give no modes of a start that moves, and the lines that ask for others."""
-    line = f"lagcli modes {'MODEL' if model.path.startswith('<') else model.path} --about"
-    follow = f"; to see if its motion comes back: `{line} start`" if is_followed else ""
-    return (
-        "the start moves, and it is no steady motion whose linear equations have constant coefficients. For the modes"
-        f" about the nearest equilibrium: `{line} equilibrium`{follow}"
-    )
+def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> LinearizedFunctions:
+    """The linear equations, with the leaves of integrable differential rows as holonomic rows."""
+    return LinearizedFunctions(ready.system, closed, ready.first_integrals(limit).integrals)
 
 
 def _duration(ready: CompiledModel) -> float:
@@ -136,14 +177,21 @@ def _of_start(
     rest: RestPoints,
 ) -> Modes | None:
     """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
-
     closed = functions.closed
     found = reference.classified(functions, ready.numeric, here, _duration(ready))
     if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
-        if found.kind != "varying":
-            return _steady(functions, found, _notes(ready, found, closed), wanted, rest)
-        notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
-        return _varying(ready, functions, found, notes)
+        if found.kind == "varying":
+            notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
+            return _varying(ready, functions, found, notes)
+        where = "about the declared start, an instant of a steady motion"
+        if found.kind == "equilibrium":
+            where = "about the declared start, an equilibrium"
+        elif np.any(found.here.a):
+            where = (
+                "about the motion from the declared start, which is uniformly accelerated: no steady motion, but its"
+                " linear equations have constant coefficients"
+            )
+        return _steady(functions, found, (where, *_contacts(ready, closed)), wanted, rest)
     if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
         return None
     if here.q.size > MOST_FOLLOWED:
@@ -153,12 +201,38 @@ def _of_start(
     if about != "start" and not orbit.is_steady(FIRST * length):
         return None
     path = orbit.path(length)
-    if path is None:
-        return None
-    T = floquet.period(functools.partial(orbit.signature, path), length)
+    T = None if path is None else floquet.period(functools.partial(orbit.signature, path), length)
     if T is None:
         return None
     return assembled_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
+
+
+def _of_nearest(ready: CompiledModel, seconds: float, note: str, wanted: int, rest: RestPoints) -> Modes:
+    """The modes about the point of rest that the start leads to. Raises `NoEquilibriumError`."""
+    from lagcli.statics.refine import NoEquilibrium
+
+    point = rest.nearest()
+    if isinstance(point, NoEquilibrium):
+        raise NoEquilibriumError(
+            "the start is no equilibrium, and none is found from it: the forces that"
+            f" are left are {point.residual:.3g} of their size at best"
+            + "".join(f"; {sentence}" for sentence in jump_warnings.out_of_sight(ready.system))
+        )
+    begun, rows = initial.declared(ready.system), len(ready.system.rows.rows)
+    nothing = np.zeros_like(point.q)
+    here = Reference(begun.t, point.q, nothing, nothing, point.lam, begun.p)
+    closed = tuple(j for j in point.closed if point.lam[rows + j] > 0)
+    functions = _functions(ready, closed, seconds)
+    there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
+    notes = (note, *_contacts(ready, closed))
+    if there.kind != "varying":
+        return _steady(functions, there, notes, wanted, rest)
+    found = _varying(ready, functions, there, notes)
+    if found is None:
+        raise NoEquilibriumError(
+            "the linear equations about the nearest equilibrium depend on t without a period"
+        )
+    return found
 
 
 def _steady(
@@ -166,7 +240,6 @@ def _steady(
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
     looked at where the linear equations do not decide."""
-
     if found.kind != "equilibrium" or found.here.q.size > assembled_modes.DENSE:
         return assembled_modes.modes(functions, found, notes, wanted)
     point = rest.typed(found.here.q, functions.closed)
@@ -183,7 +256,6 @@ def _varying(
     ready: CompiledModel, functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...]
 ) -> Modes | None:
     """The multipliers where the linear equations have a period in t, or None."""
-
     size = float(np.abs(found.linear.values).max(initial=0.0)) or 1.0
     if functions.closed or found.here.q.size > MOST_FOLLOWED:
         return None
@@ -201,44 +273,6 @@ def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
     state = initial.State(here.t, here.q, here.v, here.p)
     chosen = redundancy.begin(ready.system, ready.numeric, state).selection
     return ready.numeric.keeping(dataclasses.replace(chosen, inactive=ready.numeric.selection.inactive))
-
-
-def _nearest(ready: CompiledModel, rest: RestPoints) -> tuple[Reference, tuple[int, ...]]:
-    """The point of rest that the start leads to, and the contacts that press there. Raises `NoEquilibriumError`."""
-    from lagcli.statics.refine import NoEquilibrium
-
-    point = rest.nearest()
-    if isinstance(point, NoEquilibrium):
-        raise NoEquilibriumError(
-            "the start is no equilibrium, and none is found from it: the forces that"
-            f" are left are {point.residual:.3g} of their size at best"
-            + "".join(f"; {sentence}" for sentence in jump_warnings.out_of_sight(ready.system))
-        )
-    start, rows = initial.declared(ready.system), len(ready.system.rows.rows)
-    nothing = np.zeros_like(point.q)
-    here = Reference(start.t, point.q, nothing, nothing, point.lam, start.p)
-    return here, tuple(j for j in point.closed if point.lam[rows + j] > 0)
-
-
-def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> LinearizedFunctions:
-    """The linear equations, with the leaves of integrable differential rows as holonomic rows."""
-
-    known = ready.first_integrals(limit)
-    return LinearizedFunctions(ready.system, closed, known.integrals)
-
-
-def _notes(ready: CompiledModel, found: Steady, closed: tuple[int, ...]) -> tuple[str, ...]:
-    """Sentences on the motion that was linearized about."""
-    if found.kind == "equilibrium":
-        where = "about the declared start, an equilibrium"
-    elif np.any(found.here.a):
-        where = (
-            "about the motion from the declared start, which is uniformly accelerated: no steady motion, but its linear"
-            " equations have constant coefficients"
-        )
-    else:
-        where = "about the declared start, an instant of a steady motion"
-    return (where, *_contacts(ready, closed))
 
 
 def _contacts(ready: CompiledModel, closed: tuple[int, ...]) -> tuple[str, ...]:

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
+
+import numpy as np
 
 from lagcli import progress
-from lagcli.api import stiff_runs
-from lagcli.api.constrained_run import LimitPlan
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
+from lagcli.api import run_settings, stiff_runs
+from lagcli.api.load import Path, as_model
+from lagcli.api.stiff_runs import LimitPlan
 from lagcli.formulations import stiff_ladder
 from lagcli.formulations.stiff_ladder import StiffLimit
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
 from lagcli.output.tables import provenance
-from lagcli.running import safe_table
-from lagcli.running.safe_table import TablePlan
-
-if TYPE_CHECKING:
-    from lagcli.output.figures.limit_figure import LimitCurves
+from lagcli.running import run_tables
+from lagcli.running.run_tables import TablePlan
 
 STIFFNESS = "1e3:1e5"
 
@@ -77,41 +75,31 @@ def limit_to_files(
     if output is not None:
         names, rows = found.table
         whence = provenance.of(model).as_json() | {"limit": {"constraint": found.constraint}}
-        saved = safe_table.write(TablePlan.of_option(output, names), whence, rows, bool(found.stopped))
+        saved = run_tables.write(TablePlan.of_option(output, names), whence, rows, bool(found.stopped))
         lines += [f"lagcli: {saved or 'a run stopped'}"] if found.stopped else []
     if plot is not None and found.rungs:
         with write_guard.drawing(plot):
             # matplotlib takes a third of a second to load: only where a figure is asked for.
             from lagcli.output.figures import figure_page, limit_figure
 
+            rungs = found.rungs
+            if found.force is not None:
+                forces = [("-k f as k rises", found.force)]
+            else:
+                ends = [rungs[0], rungs[-1]] if len(rungs) > 1 else [rungs[0]]
+                forces = [(f"-k f, k = {one.stiffness:.3g}", one.force) for one in ends]
+            rate = "" if found.rate is None else f", slope {-found.rate.slope:.3f}".replace("-", "−")
+            curves = limit_figure.LimitCurves(
+                found.constraint,
+                found.t,
+                found.multiplier,
+                forces,
+                np.array([(one.stiffness, one.force.min(), one.force.max()) for one in rungs]),
+                np.array([(one.stiffness, one.error(found.rate_of) or 0.0) for one in rungs]),
+                None if found.rate is None else found.rate.line(np.array([one.stiffness for one in rungs])),
+                rate,
+                "mean error without swings" if found.rate_of == "weighted_mean" else "largest error",
+            )
             title = f"{model.title or pathlib.Path(model.path).stem}: `{found.constraint}` as a stiff spring"
-            figure_page.write(plot, limit_figure.compose(_curves(found), title, model.units.time))
+            figure_page.write(plot, limit_figure.compose(curves, title, model.units.time))
     return found, lines
-
-
-def _curves(found: StiffLimit) -> LimitCurves:
-    """The curves of the figure."""
-    import numpy as np
-
-    from lagcli.output.figures.limit_figure import LimitCurves
-
-    rungs = found.rungs
-    if found.force is not None:
-        forces = [("-k f as k rises", found.force)]
-    else:
-        ends = [rungs[0], rungs[-1]] if len(rungs) > 1 else [rungs[0]]
-        forces = [(f"-k f, k = {one.stiffness:.3g}", one.force) for one in ends]
-    errors = [(one.stiffness, one.error(found.rate_of) or 0.0) for one in rungs]
-    k = np.array([one.stiffness for one in rungs])
-    rate = "" if found.rate is None else f", slope {-found.rate.slope:.3f}".replace("-", "−")
-    return LimitCurves(
-        found.constraint,
-        found.t,
-        found.multiplier,
-        forces,
-        np.array([(one.stiffness, one.force.min(), one.force.max()) for one in rungs]),
-        np.array(errors),
-        None if found.rate is None else found.rate.line(k),
-        rate,
-        "mean error without swings" if found.rate_of == "weighted_mean" else "largest error",
-    )

@@ -5,17 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
-from lagcli.api import defined_columns
-from lagcli.api.models.load import Path
-from lagcli.api.runs import run_settings as model_settings
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.api import reductions
+from lagcli.api import run_settings as model_settings
+from lagcli.api.load import Path
 from lagcli.api.simulate import as_far, simulate
+from lagcli.expression.tree import ExpressionError
 from lagcli.model.model import Model
 from lagcli.output.charts import chart_table, compose
 from lagcli.output.charts.chart_table import ChartTable
-from lagcli.output.charts.compose import ChartChoice
+from lagcli.output.charts.compose import ChartChoice, UndrawableColumns
 from lagcli.output.figures.chart import ChartData
 from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
@@ -24,6 +29,9 @@ from lagcli.running.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from lagcli.output.figures.figure_page import NotebookFigure
+
+Floats = NDArray[np.float64]
+_NAME = re.compile(r"[^\W\d]\w*")
 
 
 def plot(
@@ -46,13 +54,23 @@ def plot(
     Raises `ModelError`, `ValueError` for columns and tables that cannot be drawn, `OSError`, `SimulationStopped`.
     """
     # Other functions draw no charts.
-    from lagcli.output.charts import chart_figure, compose
+    from lagcli.output.charts import chart_figure
     from lagcli.output.figures import figure_page
 
     if not runs:
         raise ValueError("there is nothing to plot: give a run, a table or a model")
     choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
-    figure = chart_figure.compose(chart(marked([_table(run) for run in runs], events), choice))
+    tables = []
+    for run in runs:
+        if isinstance(run, Trajectory):
+            tables.append(chart_table.of_run(run))
+        elif isinstance(run, Model):
+            tables.append(chart_table.of_run(simulate(run, event_rows=True), run.path))
+        elif formats.is_table(run):
+            tables.append(chart_table.of_file(run))
+        else:
+            tables.append(chart_table.of_run(simulate(run, event_rows=True), os.fspath(run)))
+    figure = chart_figure.compose(chart(tables, choice, events))
     if path is not None:
         figure_page.write(path, figure)
     return figure
@@ -79,7 +97,6 @@ def steps(
     run_settings, begin: the settings of the runs of models and the row that they start from. Raises `BadRequest`,
     worded for the options of the command, and `ModelError`.
     """
-
     tables: list[ChartTable] = []
     stopped: list[str] = []
     with contextlib.ExitStack() as stack:
@@ -93,48 +110,83 @@ def steps(
                     yield from run.notes
                     tables.append(chart_table.of_run(run, source.path))
                 elif isinstance(source, str):
-                    with _reading():
-                        tables.append(chart_table.of_file(source))
+                    tables.append(chart_table.of_file(source))
                 else:
                     tables.append(stack.enter_context(chart_table.of_stream(source, "<stdin>")))
-            with _reading():
-                drawn = chart(marked(tables, events), choice)
-        except (*table_format.UNREADABLE, compose.UndrawableColumns) as error:
+            drawn = chart(tables, choice, events)
+        except OSError as error:
+            raise BadRequest(f"cannot read {error.filename or 'a table'}: {error.strerror}") from None
+        except (*table_format.UNREADABLE, UndrawableColumns) as error:
             raise BadRequest(str(error)) from None
     yield DrawnRuns(drawn, stopped, bool(stopped) and all(table.length == 0 for table in tables))
 
 
-@contextlib.contextmanager
-def _reading() -> Iterator[None]:
-    """Surround what reads tables. Raises `BadRequest` for what the system refuses."""
-    try:
-        yield
-    except OSError as error:
-        raise BadRequest(f"cannot read {error.filename or 'a table'}: {error.strerror}") from None
+def chart(tables: Sequence[ChartTable], choice: ChartChoice, events: Path | None = None) -> ChartData:
+    """The chart of columns of tables and of those that the choice defines, `NAME=EXPR` in `y` and `x`; events: a file
+    of incidents in place of the tables' own.
+
+    A table that has not all columns of an expression goes without. Raises `UndrawableColumns`, and as
+    `incident_table.read`.
+    """
+    if events is not None:
+        read = incident_table.read(events)
+        incidents = [(float(t), kind) for t, kind in zip(read.t, read.kinds, strict=True)]
+        tables = [dataclasses.replace(table, incidents=incidents) for table in tables]
+    names = {}
+    for option, text in (*(("--y", y) for y in choice.y), *((("--x", choice.x),) if choice.x else ())):
+        if "=" not in text:
+            continue
+        name, _, written = (part.strip() for part in text.partition("="))
+        if not _NAME.fullmatch(name) or not written:
+            raise UndrawableColumns(
+                f"{option} {text}: write NAME=EXPR, a name of letters and digits, such as 'pull=abs(lambda.rod)'"
+            )
+        names[text] = name
+        failed: list[ExpressionError] = []
+        defined = []
+        for table in tables:
+            if name in table.columns:
+                owner = table.name or "the table"
+                raise UndrawableColumns(f"{option}: {owner} has a column `{name}` of its own")
+            try:
+                defined.append(_defined(table, name, text.partition("=")[2]))
+            except ExpressionError as error:
+                failed.append(error)
+                defined.append(table)
+        if len(failed) == len(tables) or any(error.code != "unknown-name" for error in failed):
+            hint = f"; {failed[0].hint}" if failed[0].hint else ""
+            raise UndrawableColumns(f"{option} {name}: {failed[0].message}{hint}")
+        tables = defined
+    y = tuple(names.get(text, text) for text in choice.y)
+    return compose.chart(tables, dataclasses.replace(choice, y=y, x=names.get(choice.x or "", choice.x)))
 
 
-def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
-    """The chart of columns of tables, and of those that the choice defines. Raises `compose.UndrawableColumns`."""
+def _defined(table: ChartTable, name: str, text: str) -> ChartTable:
+    """A table with the values of an expression at its rows as a column. Raises `ExpressionError`."""
+    # The parameters that the provenance of the table has: numbers, and vectors as the language has them.
+    given = table.origin.get("parameters") if table.origin is not None else None
+    parameters: dict[str, object] = {}
+    for key, value in given.items() if isinstance(given, Mapping) else ():
+        parts = value if isinstance(value, (list, tuple)) else [value]
+        if all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts):
+            numbers = tuple(map(float, parts))
+            if len(numbers) == (3 if isinstance(value, (list, tuple)) else 1):
+                parameters[key] = numbers if len(numbers) == 3 else numbers[0]
+    used = reductions.columns_in(text, table.columns)
+    # Names and functions are judged before any number is read.
+    reductions.at_rows(text, {known: np.ones(2) for known in table.columns}, np.array([0.0, 1.0]), parameters)
+    needed = list(dict.fromkeys([*used, *(["t"] if "t" in table.columns else [])])) or list(table.columns[:1])
 
-    return compose.chart(*defined_columns.added(tables, choice))
+    def take(names: Sequence[str]) -> Floats:
+        if name not in names:
+            return table.take(names)
+        others = list(dict.fromkeys([*(other for other in names if other != name), *needed]))
+        rows = dict(zip(others, table.take(others).T, strict=True))
+        count = len(rows[others[0]])
+        t = rows["t"] if "t" in rows else np.arange(float(count))
+        values = (
+            reductions.at_rows(text, {known: rows[known] for known in needed}, t, parameters) if count else t
+        )
+        return np.column_stack([values if one == name else rows[one] for one in names])
 
-
-def marked(tables: Sequence[ChartTable], events: Path | None) -> Sequence[ChartTable]:
-    """The tables with the incidents of a file in place of their own. Raises as `incident_table.read`."""
-    if events is None:
-        return tables
-
-    found = incident_table.read(events)
-    incidents = [(float(t), kind) for t, kind in zip(found.t, found.kinds, strict=True)]
-    return [dataclasses.replace(table, incidents=incidents) for table in tables]
-
-
-def _table(run: Trajectory | Model | Path) -> ChartTable:
-
-    if isinstance(run, Trajectory):
-        return chart_table.of_run(run)
-    if isinstance(run, Model):
-        return chart_table.of_run(simulate(run, event_rows=True), run.path)
-    if formats.is_table(run):
-        return chart_table.of_file(run)
-    return chart_table.of_run(simulate(run, event_rows=True), os.fspath(run))
+    return dataclasses.replace(table, columns=(*table.columns, name), take=take)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Mapping
 from typing import Unpack
 
 from lagcli import progress
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
+from lagcli.api.load import Path, as_model
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.running import run_in_memory
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.running import trajectory
+from lagcli.running.run_request import RunRequest
 from lagcli.running.trajectory import SimulationStopped, Trajectory
+from lagcli.running.written_run import WrittenRun
+from lagcli.simulation.run_state import checkpoint
 
 
 @progress.phase("simulating")
@@ -44,17 +49,14 @@ def simulate(
     """
     model = as_model(model)
     if begin is not None:
-        # Other runs read no tables.
-        from lagcli.api.runs import start_row
-
         if resume is not None:
             raise ValueError("begin with resume: a run goes on from its checkpoint, and not from a row")
-        model = start_row.at(model, os.fspath(begin))
+        model = run_settings.at_row(model, os.fspath(begin))
     began = time.perf_counter()
     run = prepare_run.prepare(model, run_settings.chosen(model, settings), resume, limit, digits)
     if event_rows:
         run.add_event_rows()
-    return run_in_memory.in_memory(run, columns, checkpoint, began)
+    return trajectory.in_memory(run, columns, checkpoint, began)
 
 
 def as_far(model: Model, **settings: object) -> tuple[Trajectory, str]:
@@ -66,3 +68,27 @@ def as_far(model: Model, **settings: object) -> tuple[Trajectory, str]:
         return simulate(model, **settings), ""  # type: ignore[arg-type]
     except SimulationStopped as stopped:
         return stopped.trajectory, stopped.reason
+
+
+def to_files(
+    model: Model, settings: Mapping[str, object], request: RunRequest, row: str | None = None
+) -> WrittenRun:
+    """Return a run that is ready to be written: from its start, from a checkpoint, or from a row of a table.
+
+    settings: what is None is as the model says; row: `FILE` or `FILE:ROW`. Raises `BadRequest`, worded for the options
+    of the command, `WriteError` for a file that another run or sweep is writing, and `diagnostics.ModelError`.
+    """
+    if row is not None and request.resume is not None:
+        raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
+    model = run_settings.of_options(model, settings, row)
+    try:
+        run = prepare_run.prepare(
+            model, model.simulation, request.resume, request.limit, request.digits, may_be_over=True
+        )
+    except checkpoint.CheckpointError as error:
+        raise BadRequest(f"--resume {error}") from None
+    except FileNotFoundError:
+        raise BadRequest(f"--resume: there is no file {request.resume}") from None
+    except OSError as error:
+        raise BadRequest(f"--resume: cannot read {request.resume}: {error.strerror}") from None
+    return WrittenRun(run, request)

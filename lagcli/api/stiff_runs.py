@@ -1,33 +1,74 @@
-"""The stiff runs of `lagcli.limit`: one for each stiffness, or one in which it rises."""
+"""The stiff runs of `lagcli.limit`, one for each stiffness or one in which it rises, beside the constrained run."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.classification.verdict import KnownIntegrals
-from lagcli.api import constrained_run
-from lagcli.api.constrained_run import IN_A_SWING, Constrained, LimitPlan
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.runs import prepare_run
+from lagcli.api import prepare_run
+from lagcli.api.cache import CompiledModel
+from lagcli.errors import diagnostics
 from lagcli.formulations import stiff_ladder, stiff_system
 from lagcli.formulations.stiff_ladder import Rung, StiffLimit
-from lagcli.formulations.stiff_system import Stiffness
+from lagcli.formulations.stiff_system import Stiffness, StiffRow
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
 from lagcli.running import table_columns
+from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
+from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
+# Rows in a swing, by which means are taken, and the most rows of a run.
+IN_A_SWING, MOST_ROWS = 16, 400_000
+# The run that tells the uncertainty has this many times the tolerance; where rounding takes part, the errors of the two
+# are nearly equal, and what they differ by is divided by little.
+LOOSER, LARGER = 100.0, 2.0
 # Steps of a swing at the usual tolerance: an estimate until the first run has been made.
 STEPS_IN_A_SWING = 12.0
 NO_RATE = "of a ramp no rate is fitted: its errors are swings that the soft spring began, and they keep their action"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class LimitPlan:
+    """A limit that is asked for: the name of the row, the stiffnesses, the kind of start, and whether k rises in one
+    run; `report` takes sentences on what is about to take long."""
+
+    constraint: str
+    stiffness: tuple[float, ...]
+    unprestressed: bool
+    is_ramp: bool
+    report: Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Constrained:
+    """The constrained run: times (T,) and lambda (T,) on a grid of rows and on finer ones, where it began, the row,
+    omega/sqrt(k) of its swing, and what lambda is off by at the rows, by the tolerance."""
+
+    run: SimulationRun
+    row: StiffRow
+    start: State
+    frequency: float
+    settings: Simulation
+    refined: int
+    t: Floats
+    multiplier: Floats
+    uncertainty: Floats
+
+    def at(self, refined: int) -> tuple[Floats, Floats]:
+        """Times and lambda on a grid that is `refined` times as fine as that of the rows."""
+        rows = spaced(len(self.t), self.refined // refined)
+        return self.t[rows], self.multiplier[rows]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -41,13 +82,36 @@ class _Followed:
 
 
 def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
-    """The limit of one row. Raises `diagnostics.ModelError`, `ValueError`."""
-    constrained, row, notes = constrained_run.constrained(model, chosen, plan)
+    """The limit of one row. Raises `diagnostics.ModelError` where the row has none, `ValueError` for a name there is
+    not."""
+    for law in model.inequality:
+        if law.members.count:
+            raise _without_limit(
+                "no limit is taken of models with inequalities: a blow on a spring goes on swinging, and is not that"
+                " on a constraint, however stiff it is",
+                law.equation.location,
+                "take the inequality out, if it plays no part",
+            )
+    first = prepare_run.start(model, chosen)
+    index = _row(first, plan.constraint)
+    row, notes = first.built.rows.rows[index].name, [*prepare_run.moves_of(first)]
+    if any(event.action == "stop" for event in model.events):
+        with contextlib.suppress(run_stop.RunStop):
+            for _ in first.blocks():
+                pass
+            name = first.stats.ended_by
+            if name is not None and first.end > chosen.start:
+                where = f"t = {first.end:.9g}: the limit is taken up to there"
+                notes.append(f"the event `{name}` ends the constrained run at {where}")
+                chosen = dataclasses.replace(chosen, duration=first.end - chosen.start)
     kind = "unprestressed" if plan.unprestressed else "adapted"
-    if isinstance(constrained, str):
+    try:
+        constrained = _constrained(model, chosen, index, plan)
+    except run_stop.RunStop as stop:
         nothing = np.zeros(0)
         rate_of = "weighted_mean" if plan.unprestressed or plan.is_ramp else "max_error"
-        return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=constrained)
+        reason = f"the constrained run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
+        return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=reason)
     runs = _StiffRuns(constrained, row, plan)
     try:
         found = runs.ramp(kind) if plan.is_ramp else runs.ladder(kind)
@@ -56,6 +120,106 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
         reason = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
         found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "weighted_mean", stopped=reason)
     return dataclasses.replace(found, notes=(*notes, *found.notes))
+
+
+def _row(first: SimulationRun, name: str) -> int:
+    """The number of the row of this name. Raises `diagnostics.ModelError` where it has no limit, `ValueError`."""
+    built = first.built
+    rows, s = built.rows.rows, built.holonomic_count
+    named = [i for i, row in enumerate(rows) if row.name == name] or [
+        i
+        for i, row in enumerate(rows)
+        if row.constraint == name or row.name.startswith((f"{name}[", f"{name}."))
+    ]
+    if not named:
+        known = [row.name for row in rows[:s]]
+        hint = diagnostics.nearest(name, known) or (
+            f"they are {', '.join(known[:6])}" if known else "there is none"
+        )
+        raise ValueError(f"constraint: there is no holonomic row `{name}`; {hint}")
+    if named[0] >= s:
+        raise _without_limit(
+            f"`{name}` is a differential row: it is no surface f = 0 from which a spring could be stretched",
+            rows[named[0]].location,
+            "if `check` finds it integrable, write its integral under `holonomic`",
+        )
+    if len(named) > 1:
+        hint = f"its rows are `{rows[named[0]].name}` to `{rows[named[-1]].name}`"
+        raise ValueError(f"constraint: `{name}` is {len(named)} rows, and one becomes a spring; {hint}")
+    (index,) = named
+    if index in first.report.selection.indeterminate:
+        raise _without_limit(
+            f"the row `{rows[index].name}` is redundant: others hold it when it becomes a spring, which then has no"
+            " force, and its multiplier is not unique",
+            rows[index].location,
+            "take the rows out that repeat it",
+        )
+    if stiff_system.has_cut(built, index):
+        raise _without_limit(
+            f"f of the row `{rows[index].name}` has the cut of an angle, where the potential k f^2/2 would jump",
+            rows[index].location,
+            "write the row without `atan2`, or name the angle as a coordinate",
+        )
+    return index
+
+
+def _without_limit(message: str, where: diagnostics.Location, hint: str) -> diagnostics.ModelError:
+    return diagnostics.ModelError([diagnostics.Diagnostic("no-stiff-limit", message, where, hint)])
+
+
+def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) -> Constrained:
+    """The constrained run without outputs and events. Raises `run_stop.RunStop`."""
+    bare = dataclasses.replace(model, outputs=(), events=(), fingerprint=f"{model.fingerprint} bare")
+    run = prepare_run.start(bare, chosen)
+    start, numeric = run.begin, run.numeric
+    solved = numeric.keeping(run.report.selection).solved
+    lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), index)
+    frequency = stiff_system.frequency(numeric, start, index)
+    swings = frequency * math.sqrt(plan.stiffness[-1]) * chosen.duration / (2 * math.pi)
+    refined = refinement(run.grid.count - 1, swings)
+    if refined > 1:
+        run = prepare_run.start(bare, finer(chosen, refined))
+
+    def multiplier(run: SimulationRun) -> Floats:
+        """The times and lambda of the row, (2, T)."""
+        column = run.columns.index(f"lambda.{run.built.rows.rows[index].name}")
+        blocks = [np.zeros((0, 2)), *(block[:, [0, column]].copy() for block in run.blocks())]
+        return np.concatenate(blocks).T
+
+    t, found = multiplier(run)
+    again = multiplier(prepare_run.start(bare, looser(chosen)))[1]
+    uncertainty = np.abs(again - found[spaced(len(t), refined)]) / LARGER
+    row = StiffRow(index, lam, rate)
+    return Constrained(run, row, start, frequency, chosen, refined, t, found, uncertainty)
+
+
+def looser(chosen: Simulation) -> Simulation:
+    """The settings with a larger tolerance."""
+    atol = None if chosen.atol is None else LOOSER * chosen.atol
+    return dataclasses.replace(chosen, rtol=min(LOOSER * chosen.rtol, 0.1), atol=atol)
+
+
+def refinement(rows: int, swings: float) -> int:
+    """The power of two by which the rows of a run are too far apart for means over its swings."""
+    refined = 1
+    while refined * rows < IN_A_SWING * swings and 2 * refined * rows <= MOST_ROWS:
+        refined *= 2
+    return refined
+
+
+def finer(chosen: Simulation, refined: int) -> Simulation:
+    """The settings with rows `refined` times as close."""
+    if refined == 1:
+        return chosen
+    if chosen.output_step is not None:
+        return dataclasses.replace(chosen, output_step=chosen.output_step / refined)
+    return dataclasses.replace(chosen, samples=(chosen.samples - 1) * refined + 1)
+
+
+def spaced(count: int, every: int) -> npt.NDArray[np.int64]:
+    """Every so many of `count` rows, and the last."""
+    indices = np.arange(0, count, every)
+    return indices if indices[-1] == count - 1 else np.append(indices, count - 1)
 
 
 def _means(t: Floats, error: Floats, uncertainty: Floats) -> tuple[float, float, float]:
@@ -87,7 +251,17 @@ class _StiffRuns:
             if ended := self._predicted_too_small(rungs, k):
                 break
             if k == plan.stiffness[-1]:
-                plan.report(self._forecast(k, timed))
+                swings = self._swings(k)
+                head = f"the stiffest run, k = {k:.4g}, swings {swings:.3g} times and takes some"
+                if timed is None:
+                    plan.report(f"{head} {max(10.0, STEPS_IN_A_SWING * swings):.2g} steps")
+                else:
+                    times = math.sqrt(k / timed[0])
+                    # The run is made again with a larger tolerance, in fewer steps.
+                    seconds = 1.6 * times * timed[1].seconds
+                    plan.report(
+                        f"{head} {times * timed[1].steps:.2g} steps, {seconds:.2g} s at the pace so far"
+                    )
             try:
                 followed = self._follow(Stiffness(k))
             except stiff_system.NoSlowStartError:
@@ -120,12 +294,14 @@ class _StiffRuns:
         k = Stiffness(low, math.log(high / low) / seconds, constrained.start.t)
         swings = (self._swings(k.least * math.exp(k.growth * seconds)) - self._swings(k.least)) * 2
         swings /= k.growth * seconds
-        plan.report(f"the run swings {swings:.3g} times and takes some {self._steps(swings):.2g} steps")
+        plan.report(
+            f"the run swings {swings:.3g} times and takes some {max(10.0, STEPS_IN_A_SWING * swings):.2g} steps"
+        )
         followed = self._follow(k)
         refined = self._refined(high)
         t, multiplier = constrained.at(refined)
         stiffness, error = k.at(t), followed.force - multiplier
-        rows = constrained_run.spaced(len(t), refined)
+        rows = spaced(len(t), refined)
         rungs = []
         for least, most in zip(plan.stiffness[:-1], plan.stiffness[1:], strict=True):
             inside = (stiffness >= least * (1 - 1e-12)) & (stiffness <= most * (1 + 1e-12))
@@ -148,7 +324,7 @@ class _StiffRuns:
         refined = self._refined(k)
         t, multiplier = self._constrained.at(refined)
         error = followed.force - multiplier
-        rows = constrained_run.spaced(len(t), refined)
+        rows = spaced(len(t), refined)
         means: tuple[float | None, float | None, float | None] = (None, None, None)
         if len(t) - 1 >= IN_A_SWING / 2 * self._swings(k):
             means = _means(t, error, followed.uncertainty + self._constrained.uncertainty)
@@ -166,7 +342,7 @@ class _StiffRuns:
 
     def _refined(self, k: float) -> int:
         rows = (len(self._constrained.t) - 1) // self._constrained.refined
-        return min(self._constrained.refined, constrained_run.refinement(max(1, rows), self._swings(k)))
+        return min(self._constrained.refined, refinement(max(1, rows), self._swings(k)))
 
     def _follow(self, k: Stiffness) -> _Followed:
         """The run of a stiffness, and again with a larger tolerance. Raises `run_stop.RunStop`, `NoSlowStartError`."""
@@ -178,14 +354,12 @@ class _StiffRuns:
             rate = constrained.row.rate - constrained.row.multiplier * k.growth
             row = dataclasses.replace(constrained.row, rate=rate)
             q, v = stiff_system.stretched(constrained.run.numeric, constrained.start, row, k.least)
-        settings = constrained_run.finer(constrained.settings, refined)
+        settings = finer(constrained.settings, refined)
         force, steps, seconds = self._force(k, (q, v), settings)
-        again, _, _ = self._force(k, (q, v), constrained_run.looser(constrained.settings))
-        rows = constrained_run.spaced(len(force), refined)
+        again, _, _ = self._force(k, (q, v), looser(constrained.settings))
+        rows = spaced(len(force), refined)
         t = constrained.at(1)[0]
-        uncertainty = np.abs(
-            again - force[rows]
-        ) / constrained_run.LARGER + 4 * doubles.EPS * self._size * k.at(t)
+        uncertainty = np.abs(again - force[rows]) / LARGER + 4 * doubles.EPS * self._size * k.at(t)
         return _Followed(force, steps, seconds, uncertainty)
 
     def _force(
@@ -242,17 +416,3 @@ class _StiffRuns:
             f"at k = {k:.4g} tolerance and rounding would make the force uncertain by {uncertainty:.1g}, more than its"
             f" error {error:.1g}: that run was not begun"
         )
-
-    def _forecast(self, k: float, timed: tuple[float, _Followed] | None) -> str:
-        swings = self._swings(k)
-        head = f"the stiffest run, k = {k:.4g}, swings {swings:.3g} times"
-        if timed is None:
-            return f"{head} and takes some {self._steps(swings):.2g} steps"
-        before, followed = timed
-        times = math.sqrt(k / before)
-        # The run is made again with a larger tolerance, in fewer steps.
-        seconds = 1.6 * times * followed.seconds
-        return f"{head} and takes some {times * followed.steps:.2g} steps, {seconds:.2g} s at the pace so far"
-
-    def _steps(self, swings: float) -> float:
-        return max(10.0, STEPS_IN_A_SWING * swings)

@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+import pathlib
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from lagcli import progress
-from lagcli.api.models.load import Path, as_model
-from lagcli.api.runs import run_settings
-from lagcli.api.sweeps import drawn_points, engines, point_sources, point_task, reductions, sweep_plan
-from lagcli.api.sweeps.point_sources import SweepPoints
-from lagcli.api.sweeps.sweep_plan import SweepPlan
+from lagcli.api import point_task, reductions, run_settings, sweep_engines, sweep_points
+from lagcli.api.load import Path, as_model
+from lagcli.api.point_task import SweepPlan, SweepSettings
+from lagcli.api.sweep_points import SweepPoints, TableOfPoints
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
-from lagcli.output.sweeps import sweep_table
-from lagcli.output.sweeps.sweep_table import PointRow
+from lagcli.output.files import formats, interrupts, write_guard
+from lagcli.output.files.write_guard import BadRequest
+from lagcli.output.sweeps.sweep_table import STOPPED, PointRow, SweepAccount, SweepEnding
+from lagcli.output.sweeps.written_sweep import SweepRequest, SweepStep, WrittenSweep
 from lagcli.output.tables import table_format
 
 if TYPE_CHECKING:
     import pandas
 
 Values = str | float | Sequence[float]
-Table = "pandas.DataFrame | Sequence[Mapping[str, float]]"
+
+# Points above which a sweep is asked for with --yes: days of computing, which a slip of the finger has asked for.
+MOST_POINTS = 10_000_000
 
 
 @progress.phase("sweeping")
@@ -60,68 +69,33 @@ def sweep(
     `RuntimeError` where workers were lost again and again, and `ImportError` without pandas.
     """
     try:
-        import pandas  # noqa: F401 - before the runs, and not after them
-    except ModuleNotFoundError as error:
+        import pandas
+    except ModuleNotFoundError as error:  # before the runs, and not after them
         raise ImportError("sweep() needs pandas: pip install pandas") from error
 
     model = as_model(model)
     parts = [] if points is None else _points(model, points)
     if uncertain:
-        laws = [drawn_points.read(model, f"{name}~{text}") for name, text in uncertain.items()]
-        parts.append(drawn_points.draw(laws, draws, seed, sampling))
+        laws = [sweep_points.read_law(model, f"{name}~{text}") for name, text in uncertain.items()]
+        parts.append(sweep_points.draw(laws, draws, seed, sampling))
     if not parts:
         raise ValueError("points: there are none; give points or uncertain")
     if executor is not None and jobs != 1:
         raise ValueError("executor and jobs both say who computes; give one of them")
     for part in parts:
-        sweep_plan.require_names(model, part, "points")
+        point_task.require_names(model, part, "points")
     reduced = [reductions.Reduction(name, text) for name, text in (reduce or {}).items()]
     pattern = None if tables is None else point_task.require_folder(os.fspath(tables))
-    chosen = sweep_plan.SweepSettings(settings, run_settings.seconds(limit), limit_each, pattern)
-    plan = sweep_plan.plan(model, parts, reduced, chosen)
+    chosen = SweepSettings(settings, run_settings.seconds(limit), limit_each, pattern)
+    plan = point_task.plan(model, parts, reduced, chosen)
+    rows: list[PointRow] = []
     with point_task.locked(pattern, plan.rows):
-        rows: list[PointRow] = []
-        with engines.local(jobs) if executor is None else engines.given(executor) as engine:
-            for found in engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
+        with sweep_engines.local(jobs) if executor is None else sweep_engines.given(executor) as engine:
+            for found in sweep_engines.rows(engine, plan.task, plan.points, plan.rows.numbers):
                 rows += found
-        return _frame(plan, rows, bool(uncertain), engine.lost)
-
-
-def _points(
-    model: Model, points: Mapping[str, Values] | Sequence[Mapping[str, float]] | pandas.DataFrame | Path
-) -> list[SweepPoints]:
-    """The sources of the points. Raises `ValueError` for what is none."""
-
-    if isinstance(points, (str, os.PathLike)):
-        columns, rows = table_format.read(points)
-        return [point_sources.TableOfPoints(columns, rows, os.fspath(points))]
-    if isinstance(points, Mapping):
-        return [_axis(model, name, values) for name, values in points.items()]
-    if hasattr(points, "columns"):
-        names = [str(name) for name in points.columns]
-        return [point_sources.TableOfPoints(names, np.array(points, dtype=np.float64), "points")]
-    if not len(points):
-        raise ValueError("points: there are none")
-    names = list(points[0])
-    if any(list(point) != names for point in points):
-        raise ValueError("points: all of them need the same names in the same order")
-    numbers = np.array([[float(value) for value in point.values()] for point in points])
-    return [point_sources.TableOfPoints(names, numbers.reshape(-1, len(names)), "points")]
-
-
-def _axis(model: Model, name: str, values: Values) -> SweepPoints:
-
-    if isinstance(values, str):
-        return point_sources.over(model, f"{name}={values}")
-    return point_sources.TableOfPoints([name], np.array(values, dtype=np.float64).reshape(-1, 1), "points")
-
-
-def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool, lost: int) -> pandas.DataFrame:
-    import pandas
-
-    account = sweep_table.SweepAccount(plan.rows.results, spreads)
-    account.take(rows)
-    account.lost = lost
+        account = SweepAccount(plan.rows.results, bool(uncertain))
+        account.take(rows)
+        account.lost = engine.lost
     numbers = np.array([(*row.point, *row.results) for row in rows])
     names = plan.rows.columns[1:-3]
     frame = pandas.DataFrame(numbers.reshape(len(rows), len(names)), columns=list(names))
@@ -131,3 +105,145 @@ def _frame(plan: SweepPlan, rows: Sequence[PointRow], spreads: bool, lost: int) 
     frame["t_end"] = [row.t_end for row in rows]
     frame.attrs.update(account.as_json() | {"sweep": plan.rows.identity})
     return frame
+
+
+def _points(
+    model: Model, points: Mapping[str, Values] | Sequence[Mapping[str, float]] | pandas.DataFrame | Path
+) -> list[SweepPoints]:
+    """The sources of the points. Raises `ValueError` for what is none."""
+    if isinstance(points, (str, os.PathLike)):
+        columns, rows = table_format.read(points)
+        return [TableOfPoints(columns, rows, os.fspath(points))]
+    if isinstance(points, Mapping):
+        return [
+            sweep_points.over(model, f"{name}={values}")
+            if isinstance(values, str)
+            else TableOfPoints([name], np.array(values, dtype=np.float64).reshape(-1, 1), "points")
+            for name, values in points.items()
+        ]
+    if hasattr(points, "columns"):
+        names = [str(name) for name in points.columns]
+        return [TableOfPoints(names, np.array(points, dtype=np.float64), "points")]
+    if not len(points):
+        raise ValueError("points: there are none")
+    names = list(points[0])
+    if any(list(point) != names for point in points):
+        raise ValueError("points: all of them need the same names in the same order")
+    numbers = np.array([[float(value) for value in point.values()] for point in points])
+    return [TableOfPoints(names, numbers.reshape(-1, len(names)), "points")]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class AskedSweep:
+    """The options of `lagcli sweep` that say what is computed, as they are written: which points there are, what is
+    kept of each run, the settings of the runs, None where the file's stay, and seconds for proofs and for a point."""
+
+    over: tuple[str, ...]
+    points: str | None
+    uncertain: tuple[str, ...]
+    draws: int
+    seed: int
+    sampling: str
+    yes: bool
+    reduce: tuple[str, ...]
+    settings: Mapping[str, object]
+    limit: float
+    limit_each: float | None
+
+
+def steps(model: Model, asked: AskedSweep, request: SweepRequest) -> Iterator[SweepStep]:
+    """Plan the sweep, compute it and write it: a step for each part of the points that is there, texts, the ending.
+
+    Raises `BadRequest`, worded for the options of the command, `WriteError`, `diagnostics.ModelError`, and
+    `interrupts.Interrupted`, when the rows there are have been put in order.
+    """
+    began = time.monotonic()
+    try:
+        plan = _plan(model, asked, request)
+    except ValueError as error:
+        raise BadRequest(str(error)) from None
+    # Of points that are drawn alone the results have a distribution.
+    has_spreads = bool(asked.uncertain) and not asked.over and asked.points is None
+    account = SweepAccount(plan.rows.results, has_spreads)
+    interrupts.leave()
+    with interrupts.unwinding(), interrupts.shielded(), contextlib.ExitStack() as stack:
+        tables = plan.task.settings.tables
+        with write_guard.writing(tables or ""):
+            stack.enter_context(point_task.locked(tables, plan.rows))
+        if request.scheduler is None:
+            engine = stack.enter_context(sweep_engines.local(request.jobs))
+        else:
+            try:
+                engine = stack.enter_context(sweep_engines.cluster(request.scheduler))
+            except sweep_engines.NoCluster as error:
+                raise BadRequest(f"--scheduler: {error}") from None
+        written = WrittenSweep(
+            plan.rows,
+            request,
+            account,
+            lambda numbers: sweep_engines.rows(engine, plan.task, plan.points, numbers),
+        )
+        try:
+            yield from written.steps()
+        except sweep_engines.WorkersLost as lost:
+            again = "" if request.target is None else "; --resume goes on after the rows there are"
+            yield f"lagcli: {lost}{again}"
+            yield SweepEnding(STOPPED, (), None)
+            return
+    account.lost = engine.lost
+    seconds = f"computed in {time.monotonic() - began:.3g} s"
+    told = () if request.quiet else (*account.sentences(), seconds)
+    counted = {**account.as_json(), "sweep": plan.rows.identity} if request.as_json else None
+    yield SweepEnding(account.code, told, counted)
+
+
+def _plan(model: Model, asked: AskedSweep, request: SweepRequest) -> SweepPlan:
+    """The sweep that is asked for. Raises `ValueError`, `WriteError`, `ModelError`."""
+    if asked.over and asked.points is not None:
+        raise BadRequest("--over and --points both say which points there are; give one of them")
+    parts = [point_task.require_names(model, sweep_points.over(model, text), "--over") for text in asked.over]
+    if asked.points is not None:
+        table = _table_of_points(asked.points)
+        parts.append(point_task.require_names(model, table, f"--points {_shown(asked.points)}:"))
+    if asked.uncertain:
+        laws = [sweep_points.read_law(model, text) for text in asked.uncertain]
+        drawn = sweep_points.draw(laws, asked.draws, asked.seed, asked.sampling)
+        parts.append(point_task.require_names(model, drawn, sweep_points.UNCERTAIN))
+    if not parts:
+        raise BadRequest("no points: give --over NAME=LOW:HIGH:COUNT, --points FILE or --uncertain")
+    count = sweep_points.joined(parts).count
+    if count > MOST_POINTS and not asked.yes:
+        raise BadRequest(f"these are {count} points: --yes runs more than {MOST_POINTS}")
+    part, pattern = request.part, None
+    if request.tables is not None:
+        with write_guard.writing(request.tables):
+            pattern = point_task.require_folder(request.tables)
+        formats.of(pathlib.Path(pattern), formats.TABLES)
+    chosen = SweepSettings(asked.settings, asked.limit, asked.limit_each, pattern)
+    return point_task.plan(model, parts, reductions.read(asked.reduce), chosen, part)
+
+
+def _shown(points: str) -> str:
+    return "<stdin>" if points == "-" else points
+
+
+def _table_of_points(points: str) -> TableOfPoints:
+    """The points of a table. Raises `BadRequest`, `BadPoints`."""
+    if os.path.isdir(points):
+        raise BadRequest(f"--points: {points} is a folder, and a table of points is needed")
+    with contextlib.ExitStack() as stack:
+        path = points
+        if points == "-":
+            # Tables are read twice, first their names: what comes through a pipe is put aside.
+            folder = stack.enter_context(tempfile.TemporaryDirectory())
+            path = os.path.join(folder, "points.csv")
+            pathlib.Path(path).write_bytes(sys.stdin.buffer.read())
+        try:
+            names, rows = table_format.read(path)
+        except FileNotFoundError:
+            raise BadRequest(f"--points: there is no file {points}") from None
+        except OSError as error:
+            raise BadRequest(f"--points: cannot read {points}: {error.strerror}") from None
+        except table_format.UNREADABLE as error:
+            raise BadRequest(f"--points {str(error).replace(path, _shown(points))}") from None
+    return TableOfPoints(names, rows, f"--points {_shown(points)}")

@@ -3,6 +3,6 @@
 In: spans of source text and a code
 Out: `diagnostics.Diagnostic`, `diagnostics.ModelError`, pages of `lagcli explain`
 
-`diagnostics` holds and raises them, `catalogue` explains each code, `equation_list` names the equations (D.n),
-`meant` knows words of other programs, `requirements` refuses libraries that are too old.
+`diagnostics` holds and raises them and knows words of other programs, `catalogue` explains each code and names the
+equations (D.n), `requirements` refuses libraries that are too old.
 """

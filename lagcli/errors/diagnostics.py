@@ -6,7 +6,9 @@ program prints the same thing; what a code means at length stands in `catalogue`
 
 from __future__ import annotations
 
+import functools
 import itertools
+import pathlib
 import warnings
 from collections.abc import Iterable, Iterator
 from typing import Literal
@@ -224,3 +226,16 @@ def leave_arithmetic_unsaid() -> None:
     """
     operations = "(overflow|underflow|invalid value|divide by zero) encountered"
     warnings.filterwarnings("ignore", operations, RuntimeWarning)
+
+
+@functools.cache
+def _tables() -> dict[str, dict[str, list[str]]]:
+    import tomllib
+
+    return tomllib.loads(pathlib.Path(__file__).with_name("meant.toml").read_text(encoding="utf-8"))
+
+
+def meant(table: str) -> dict[str, str]:
+    """Each word of a table with what is meant by it; no word of a table that there is not."""
+    meanings = _tables().get(table, {})
+    return {word: meaning for meaning, listed in meanings.items() for word in listed}

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from lagcli import yaml_tree
-from lagcli.errors import diagnostics, meant
+from lagcli.errors import diagnostics
 from lagcli.expression import facts, functions, parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
@@ -226,7 +226,7 @@ class _Document:
             key = keys.FORMAT.key(section)
             what = "keys" if key.holds == "mapping" else key.holds
             message = f"`{section}` needs a name for each entry, with its {what} after a colon"
-            hint = f"for example {meant.words('examples')[section]}, indented under `{section}:`"
+            hint = f"for example {diagnostics.meant('examples')[section]}, indented under `{section}:`"
             self._formulas.report(node, "not-a-mapping", message, hint)
 
     def _formulas_of(self, section: str, name: yaml_tree.Scalar) -> Formulas | None:

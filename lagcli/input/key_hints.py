@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lagcli import yaml_tree
-from lagcli.errors import diagnostics, meant
+from lagcli.errors import diagnostics
 from lagcli.input import keys
 
 # Sections whose entries are written over several lines, and often without an indent.
@@ -22,7 +22,7 @@ def section(name: str, value: yaml_tree.AnyNode, before: str) -> str:
     inside = keys.FORMAT.key(before) if before else None
     if inside is not None and inside.entries and isinstance(value, yaml_tree.Mapping):
         return f"if `{name}` belongs to `{before}`, indent it and what follows"
-    if sentence := meant.words("sections").get(name):
+    if sentence := diagnostics.meant("sections").get(name):
         return sentence
     if name in keys.FORMAT.key("simulation").names:
         return f"`{name}` belongs under `simulation`"
@@ -30,7 +30,7 @@ def section(name: str, value: yaml_tree.AnyNode, before: str) -> str:
         if name in keys.FORMAT.key(owner).names:
             return f"`{name}` belongs to an entry of `{owner}`: indent it"
     near = diagnostics.nearest(name, keys.FORMAT.names)
-    setting = meant.words("keys of simulation").get(name)
+    setting = diagnostics.meant("keys of simulation").get(name)
     if not near and setting:
         return f"`{setting}` belongs under `simulation`"
     return near or "the sections are " + ", ".join(keys.FORMAT.names)
@@ -43,9 +43,9 @@ def key(owner: keys.Key, name: yaml_tree.Scalar, value: yaml_tree.AnyNode) -> st
         return f"a colon needs a space after it: `{word}: {rest}`"
     if is_decimal_part(name, value):
         return "a decimal point is written `.`, not `,`"
-    if sentence := meant.words(f"sentences of {owner.name}").get(name.value):
+    if sentence := diagnostics.meant(f"sentences of {owner.name}").get(name.value):
         return sentence
-    if alias := meant.words(f"keys of {owner.name}").get(name.value):
+    if alias := diagnostics.meant(f"keys of {owner.name}").get(name.value):
         return f"did you mean `{alias}`?"
     known = ", ".join(f"`{k.name}`" for k in owner.keys)
     return diagnostics.nearest(name.value, owner.names) or f"the keys here are {known}"
@@ -56,7 +56,9 @@ def meant_keys(owner: keys.Key, names: Iterable[yaml_tree.Scalar]) -> set[str]:
     found = set()
     for name in names:
         word = name.value.partition(":")[0]
-        found.add(word if word in owner.names else meant.words(f"keys of {owner.name}").get(name.value, ""))
+        found.add(
+            word if word in owner.names else diagnostics.meant(f"keys of {owner.name}").get(name.value, "")
+        )
         if owner.name == "particles" and name.value in ("x", "y", "z"):
             found.add("position")
     return found
@@ -82,7 +84,7 @@ def shape(owner: keys.Key, node: yaml_tree.AnyNode) -> str:
         return f"write `{{when: {node.value.strip()}}}`"
     if owner.name == "coordinates":
         return "write `{value: 0.5, rate: 0}`"
-    example = meant.words("examples").get(owner.name)
+    example = diagnostics.meant("examples").get(owner.name)
     return f"for example {example}" if example else ""
 
 

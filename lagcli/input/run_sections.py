@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, TypeVar
 
 from lagcli import yaml_tree
-from lagcli.errors import diagnostics, meant
+from lagcli.errors import diagnostics
 from lagcli.expression import facts, parser
 from lagcli.input import entries, keys
 from lagcli.input.scalars import Formulas
@@ -56,7 +56,7 @@ def _word(
     if isinstance(node, yaml_tree.Scalar):
         listed = " or ".join(f"`{word}`" for word in words)
         message = f"the `{key}` of an event is {listed}"
-        known = meant.words(f"values of {key}").get(written.casefold())
+        known = diagnostics.meant(f"values of {key}").get(written.casefold())
         hint = f"did you mean `{known}`?" if known else diagnostics.nearest(written, words)
         formulas.report(node, "bad-setting", message, hint)
     return None
@@ -95,7 +95,7 @@ def _setting(
         if kind is str:
             return text
         if text not in ("true", "false"):
-            known = meant.words("truths").get(text.casefold(), text.casefold())
+            known = diagnostics.meant("truths").get(text.casefold(), text.casefold())
             hint = f"write `{known}`" if known in ("true", "false") else ""
             formulas.report(node, "bad-setting", f"`{key}` is `true` or `false`", hint)
         return text == "true"

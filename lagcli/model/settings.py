@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, TypedDict
 
 from lagcli import progress
-from lagcli.errors import diagnostics, meant
+from lagcli.errors import diagnostics
 from lagcli.frozen import frozen_value
 
 # Of the schemes there are, each a file of `simulation` with a line in `method.METHODS`; `auto` is the first.
@@ -153,7 +153,7 @@ def _no_method(name: str) -> str:
         return f"the method has no name; there are {', '.join(METHODS)}"
     sentence = f"there is no method `{name}`; there are {', '.join(METHODS)}"
     word = name.casefold().replace("-", "_").replace("stoermer", "stormer")
-    more = meant.words("methods").get(word) or diagnostics.nearest(name, METHODS)
+    more = diagnostics.meant("methods").get(word) or diagnostics.nearest(name, METHODS)
     return f"{sentence}: {more}" if more else sentence
 
 

@@ -4,44 +4,39 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import pathlib
 from collections.abc import Sequence
-from typing import Literal
 
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import row_file, table_format
-from lagcli.running import checkpoint_file
+from lagcli.running import run_tables
 from lagcli.running.run_request import RunRequest
-from lagcli.running.safe_table import RowsBefore, TablePlan
+from lagcli.running.run_tables import RowsBefore, TablePlan
 from lagcli.running.simulation_run import SimulationRun
-from lagcli.simulation.run_state.checkpoint import CheckpointTable
+from lagcli.simulation.run_state.checkpoint import Checkpoint, CheckpointTable
 
 
-def _record(ready: SimulationRun, plan: TablePlan) -> CheckpointTable | None:
-    """The words of a checkpoint about the table of the run before."""
+def _record(ready: SimulationRun, resume: str, plan: TablePlan) -> CheckpointTable | None:
+    """The words of the checkpoint about a table, where the run before wrote the same one."""
     point = ready.resumed
-    if point is None:
+    if point is None or plan.file is None:
         return None
-    return point.events if plan.option == "--events" else point.table
+    record = point.events if plan.option == "--events" else point.table
+    is_same = record is not None and run_tables.table_of(pathlib.Path(resume), record.file) == plan.path
+    return record if is_same else None
 
 
-def _safe(record: CheckpointTable) -> row_file.SafeRows:
-    return row_file.SafeRows(record.count, record.checksum)
-
-
-def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBefore | None:
+def before(ready: SimulationRun, resume: str, plan: TablePlan) -> RowsBefore | None:
     """The rows before a resumed run, where it writes the same table and that table was never completed.
 
     Raises `BadRequest` where they do not fit together, for they would be lost.
     """
-    point, record = ready.resumed, _record(ready, plan)
-    if point is None or record is None or plan.file is None or resume is None:
+    point, record = ready.resumed, _record(ready, resume, plan)
+    if point is None or record is None:
         return None
-    table, option_text = plan.path, f"{plan.option} {plan.file}"
-    path = row_file.path_of(table)
-    if checkpoint_file.table_of(pathlib.Path(resume), record.file) != table or not path.is_file():
+    path, option_text = row_file.path_of(plan.path), f"{plan.option} {plan.file}"
+    if not path.is_file():
         return None
     instead = f"give another file for the {plan.noun} after it alone"
     if record.step != plan.step:
@@ -66,7 +61,7 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
             f"{option_text}: the run before went on to t = {reached:.9g} without a row at {end:.9g}, where this one"
             f" ends: give a longer duration, or {instead.removeprefix('give ')}"
         )
-    rows = _safe(record)
+    rows = row_file.SafeRows(record.count, record.checksum)
     try:
         with contextlib.closing(row_file.read(path, plan.names, rows)) as blocks:
             for _ in blocks:
@@ -78,12 +73,10 @@ def before(ready: SimulationRun, resume: str | None, plan: TablePlan) -> RowsBef
     return RowsBefore(path, rows, t_end, plan.noun)
 
 
-def require_saved_rows(ready: SimulationRun, resume: str | None, plan: TablePlan) -> None:
+def require_saved_rows(ready: SimulationRun, resume: str, plan: TablePlan) -> None:
     """Refuse to replace the table of the run before by the rows after it alone. Raises `BadRequest`."""
-    point, record = ready.resumed, _record(ready, plan)
-    if point is None or record is None or plan.file is None or resume is None:
-        return
-    if plan.path.is_file() and checkpoint_file.table_of(pathlib.Path(resume), record.file) == plan.path:
+    point = ready.resumed
+    if point is not None and _record(ready, resume, plan) is not None and plan.path.is_file():
         t = point.run_state.origin + point.run_state.row
         raise BadRequest(
             f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
@@ -96,7 +89,7 @@ def unfinished(ready: SimulationRun, request: RunRequest, plans: Sequence[TableP
 
     A figure and an account are made as rows are computed.
     """
-    resume = pathlib.Path(request.resume or "")
+    resume = request.resume or ""
     if request.is_stdout_taken:
         return "rows that went to standard output are not there"
     if request.plot is not None:
@@ -104,33 +97,29 @@ def unfinished(ready: SimulationRun, request: RunRequest, plans: Sequence[TableP
     if request.as_json:
         return "--json: the account was printed by the run before"
     if request.checkpoint is not None and os.path.realpath(request.checkpoint) != os.path.realpath(resume):
-        return f"--checkpoint {request.checkpoint}: {request.resume} is the checkpoint of the end"
+        return f"--checkpoint {request.checkpoint}: {resume} is the checkpoint of the end"
     for plan in plans:
         if difference := _difference(ready, resume, plan):
             return f"{plan.option} {plan.file}: {difference}"
-    if request.stats is not None and not _is_account(ready, pathlib.Path(request.stats)):
-        return f"--stats {request.stats}: it is not the account of this run"
+    if request.stats is not None:
+        # The step beyond the last row is in no checkpoint, so that the steps are not compared.
+        expected = ready.stats.as_json()
+        try:
+            found = json.loads(pathlib.Path(request.stats).read_bytes())
+        except (ValueError, RecursionError, OSError):
+            found = None
+        keys = ("provenance", "stopped", "rows", "t_end", "impacts")
+        if not isinstance(found, dict) or any(
+            found.get(key) != json.loads(json.dumps(expected[key])) for key in keys
+        ):
+            return f"--stats {request.stats}: it is not the account of this run"
     return ""
 
 
-def _is_account(ready: SimulationRun, path: pathlib.Path) -> bool:
-    """True if a file is the account of a run to the same end. The step beyond the last row is in no checkpoint, so
-    that the steps are not compared."""
-    expected = ready.stats.as_json()
-    try:
-        found = json.loads(path.read_bytes())
-    except (ValueError, RecursionError, OSError):
-        return False
-    return isinstance(found, dict) and all(
-        found.get(key) == json.loads(json.dumps(expected[key]))
-        for key in ("provenance", "stopped", "rows", "t_end", "impacts")
-    )
-
-
-def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> str:
+def _difference(ready: SimulationRun, resume: str, plan: TablePlan) -> str:
     """Name the difference of a complete table from the one this run writes, whose rows the checkpoint counts."""
-    point, record, table = ready.resumed, _record(ready, plan), plan.path
-    if point is None or record is None or checkpoint_file.table_of(resume, record.file) != table:
+    point, record = ready.resumed, _record(ready, resume, plan)
+    if point is None or record is None:
         return "the run before did not write it"
     end, t_end = ready.grid.end, point.run_state.origin + point.run_state.row
     if t_end != end and not ready.grid.is_rounding(t_end - end, end):
@@ -138,7 +127,7 @@ def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> 
     if (record.step, record.has_event_rows) != (plan.step, plan.has_event_rows):
         return "the run before wrote other rows into it"
     try:
-        found = table_format.opened(table)
+        found = table_format.opened(plan.path)
         if found.columns != plan.names:
             return "it has other columns"
         # All else that rows depend on is in the checkpoint, with which the run agrees.
@@ -149,18 +138,19 @@ def _difference(ready: SimulationRun, resume: pathlib.Path, plan: TablePlan) -> 
     except (*table_format.UNREADABLE, OSError) as error:
         return str(error)
     is_known = all(set(cells) <= set(words) for cells, words in zip(texts, plan.words.values(), strict=True))
-    if is_known and row_file.of_rows(plan.names, plan.numbers(rows, texts)) == _safe(record):
+    safe = row_file.SafeRows(record.count, record.checksum)
+    if is_known and row_file.of_rows(plan.names, plan.numbers(rows, texts)) == safe:
         return ""
     return "its rows are not those of the run before"
 
 
-def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", "events"]) -> str:
-    """The location of the rows before a resumed run if their table was never completed, as a sentence, or nothing."""
-    point = ready.resumed
-    record = None if point is None else getattr(point, field)
-    if point is None or record is None or resume is None:
+def elsewhere(point: Checkpoint, resume: str, field: str) -> str:
+    """The location of the rows of the `table` or the `events` before a resumed run if their table was never completed,
+    as a sentence, or nothing."""
+    record = point.table if field == "table" else point.events
+    if record is None:
         return ""
-    table = checkpoint_file.table_of(pathlib.Path(resume), record.file)
+    table = run_tables.table_of(pathlib.Path(resume), record.file)
     path = row_file.path_of(table)
     if not path.is_file():
         return ""
@@ -170,12 +160,3 @@ def elsewhere(ready: SimulationRun, resume: str | None, field: Literal["table", 
         f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
         " table of all"
     )
-
-
-def late_marks(run: SimulationRun, path: str) -> str:
-    """A sentence where the figure of a resumed run marks no incidents of the run before, which are in no file."""
-    point = run.resumed
-    if point is None or not point.run_state.reported.incidents:
-        return ""
-    t = max(point.run_state.origin + point.run_state.row, point.run_state.reported.last or -math.inf)
-    return f"marks of incidents in {path} begin after t = {t:.9g}: those before are in no file that goes on"

@@ -13,7 +13,7 @@ from lagcli.output.tables.provenance import Provenance
 
 if TYPE_CHECKING:
     from lagcli.equations.system import System
-    from lagcli.running.energy_warning import RunWarning
+    from lagcli.running.run_remarks import RunWarning
     from lagcli.simulation.error_estimate import Accuracy
     from lagcli.simulation.run_entry import RunReport
     from lagcli.start.assembly import Assembly

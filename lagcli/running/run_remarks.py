@@ -12,19 +12,112 @@ import numpy.typing as npt
 
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
+from lagcli.frozen import frozen_value
 from lagcli.linear.metric_rows import LocalRows
-from lagcli.running import energy_warning
-from lagcli.simulation.run_state import run_stop
+from lagcli.model.settings import Simulation
+from lagcli.simulation.run_state import run_stop, statistics
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.start import initial
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
-    # Most models have no differential rows, and load nothing that judges them.
     from lagcli.analysis.classification.verdict import Condition
     from lagcli.simulation.run_entry import RunReport
     from lagcli.simulation.run_state.run_stop import Stop
     from lagcli.simulation.run_state.statistics import RankDrop
+
+CODE = "energy-not-kept"
+
+
+class EnergyParameters:
+    """From when on an energy is not kept.
+
+    The tests are of `tests/physics/test_narrow_features.py`.
+    """
+
+    __slots__ = ()
+
+    tolerances: float = 1e3
+    """What is off by so many tolerances is no error of a run that is right: that grows with the number of steps, of
+    which each has a hundredth of one.
+    `test_an_energy_is_not_kept_from_a_thousand_tolerances_on` fails at 100 and 10000."""
+
+
+PARAMETERS = EnergyParameters()
+
+
+@frozen_value
+class RunWarning:
+    """A warning on the rows of a run: its code for `lagcli explain`, and a sentence."""
+
+    code: str
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """The warning as it is printed."""
+        return f"warning[{self.code}]: {self.reason}"
+
+
+@frozen_value
+class EnergyError:
+    """The largest error of the energy of a run, the energy exchanged, and what the tolerance and rounding allow."""
+
+    off: float
+    exchanged: float
+    tolerance: float
+    rounding: float
+
+    @property
+    def is_kept(self) -> bool:
+        """True where the error is no larger than that of a run that is right."""
+        return self.off <= PARAMETERS.tolerances * self.tolerance + self.rounding
+
+    @property
+    def part(self) -> float:
+        """The error as a part of the energy exchanged."""
+        return self.off / self.exchanged if self.exchanged else np.inf
+
+    @property
+    def warning(self) -> RunWarning:
+        """The warning that it is."""
+        return RunWarning(
+            CODE,
+            f"the energy should stay, and is off by {self.part:.1e} of the energy exchanged: steps have passed over a"
+            " force, or their errors have added up, and the table is wrong by as much; bound the steps (`--max-step`),"
+            " take more rows (`samples`), which see more of a narrow force, or a smaller `rtol`",
+        )
+
+
+def found(
+    numeric: NumericSystem, settings: Simulation, start: State, report: RunReport
+) -> EnergyError | None:
+    """The error of the energy of a run so far, from this start, where it is not kept; None where it is, and where it
+    need not be: with an impact, a force without potential, or a row that moves."""
+    counted, extremes = report.statistics, report.extremes
+    exchanged = report.exchanged
+    if not extremes.imbalance > PARAMETERS.tolerances * settings.rtol * exchanged:
+        return None
+    if not numeric.is_conservative or counted.tally.impacts or not counted.is_balanced:
+        return None
+    last = State(report.t, report.q, report.v, start.p)
+    forces = [np.array(numeric.force(each.t, each.q, each.v, each.p)[0]).ravel() for each in (start, last)]
+    tolerance = settings.rtol * exchanged
+    if settings.atol is not None:
+        # An error of position does work against the forces, and one of velocity changes the momentum.
+        inertia = np.array(numeric.inertia(start.t, start.q, start.v, start.p)).diagonal()
+        momentum = np.sqrt(2 * exchanged * np.abs(inertia).sum())
+        tolerance += settings.atol * float(max(np.abs(each).sum() for each in forces) + momentum)
+    # The rounding of the energy, of the positions it is taken at and of its terms, in each of the steps.
+    moved = [float(np.abs(each * state.q).sum()) for each, state in zip(forces, (start, last), strict=True)]
+    rounding = statistics.LAST_DIGITS * max(1, counted.steps)
+    error = EnergyError(extremes.imbalance, exchanged, tolerance, rounding * (max(moved) + extremes.largest))
+    if error.is_kept:  # the terms of a large system take longer than its run
+        return None
+    terms = [float(numeric.energy_terms(each.t, each.q, each.v, each.p)) for each in (start, last)]
+    error = dataclasses.replace(error, rounding=error.rounding + rounding * max(terms))
+    return None if error.is_kept else error
+
 
 Floats = npt.NDArray[np.float64]
 
@@ -97,7 +190,7 @@ def amplified(report: RunReport) -> float:
 
 def is_amplified(system: System, report: RunReport) -> bool:
     """True if that is far more than the tolerance allows."""
-    return amplified(report) > energy_warning.PARAMETERS.tolerances * system.model.simulation.rtol
+    return amplified(report) > PARAMETERS.tolerances * system.model.simulation.rtol
 
 
 def explained(

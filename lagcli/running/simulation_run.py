@@ -15,9 +15,9 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.output.tables import incident_table
 from lagcli.output.tables.incident_table import IncidentColumns
-from lagcli.running import energy_warning, run_account, run_remarks, table_columns
-from lagcli.running.energy_warning import EnergyError
+from lagcli.running import run_account, run_remarks, table_columns
 from lagcli.running.run_account import Outcome, Stats, Stopped
+from lagcli.running.run_remarks import EnergyError
 from lagcli.running.table_columns import GeneralizedForces
 from lagcli.simulation.run_entry import RunInBlocks, RunReport
 from lagcli.simulation.run_state import checkpoint as checkpoints
@@ -201,4 +201,4 @@ class SimulationRun:
     @property
     def _energy_error(self) -> EnergyError | None:
         settings = self.model.simulation
-        return energy_warning.found(self.numeric, settings, self.begin, self.report)
+        return run_remarks.found(self.numeric, settings, self.begin, self.report)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
+import math
 import pathlib
 import signal
 from collections.abc import Iterator, Sequence
@@ -15,14 +17,12 @@ from lagcli.output.tables import incident_table
 from lagcli.running import run_tables
 from lagcli.running.run_account import INTERRUPTED, NOT_WRITTEN, Outcome, Stats, Stopped
 from lagcli.running.run_request import RunRequest
-from lagcli.running.run_tables import RunTables
-from lagcli.running.safe_table import RowsBefore
+from lagcli.running.run_tables import RowsBefore, RunTables
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:
-    # Most runs are not drawn.
     from lagcli.output.figures.chart import DecimatedRows
 
 
@@ -93,7 +93,7 @@ class WrittenRun:
     def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
         """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
         run, resume = self._run, self._request.resume
-        if run.resumed is None:
+        if run.resumed is None or resume is None:
             return None, None
         # Most runs go on from no checkpoint.
         from lagcli.running import rows_before
@@ -122,8 +122,29 @@ class WrittenRun:
             files = [name for name in (request.file, request.events_file) if name is not None]
             yield f"note: nothing is left to do: {run_tables.completed(files)}, with all rows of this run"
             return
-        if run.resumed is not None:
-            yield from self._messages_before()
+        if run.resumed is not None and request.resume is not None:
+            from lagcli.running import rows_before
+
+            for file, first, field in (
+                (request.file, self._first, "table"),
+                (request.events_file, self._happened, "events"),
+            ):
+                lost = "" if first is not None else rows_before.elsewhere(run.resumed, request.resume, field)
+                if first is not None:
+                    yield (
+                        f"note: {file} begins with the {first.rows.count} {first.noun} up to t = {first.t_end:.9g} of"
+                        f" the run before, from {first.path}"
+                    )
+                elif lost:
+                    yield f"note: {lost}"
+            state = run.resumed.run_state
+            is_drawn = self._first is not None and self._happened is None and request.plot is not None
+            if is_drawn and state.reported.incidents:
+                t = max(state.origin + state.row, state.reported.last or -math.inf)
+                yield (
+                    f"note: marks of incidents in {request.plot} begin after t = {t:.9g}: those before are in no file"
+                    " that goes on"
+                )
         if run.assembly is not None:
             from lagcli.start import consistent_start
 
@@ -145,23 +166,6 @@ class WrittenRun:
                 f" {len(run.columns)} columns from t = {self.start:g} to {self.end:g};"
                 f" {step_tolerance.sentence(model.simulation)}"
             )
-
-    def _messages_before(self) -> Iterator[str]:
-        from lagcli.running import rows_before
-
-        run, request = self._run, self._request
-        for file, first, lost in (
-            (request.file, self._first, rows_before.elsewhere(run, request.resume, "table")),
-            (request.events_file, self._happened, rows_before.elsewhere(run, request.resume, "events")),
-        ):
-            if first is not None:
-                yield f"note: {file} begins {first.sentence}"
-            elif lost:
-                yield f"note: {lost}"
-        if self._first is not None and self._happened is None and request.plot is not None:
-            late = rows_before.late_marks(run, request.plot)
-            if late:
-                yield f"note: {late}"
 
     def steps(self) -> Iterator[RunStep]:
         """Integrate and write. Interrupts break off only what computes rows.
@@ -191,8 +195,8 @@ class WrittenRun:
             stats = run.stats
             try:
                 self._write_account(stats)
-                if decimated is not None:
-                    yield from self._figure(decimated)
+                if decimated is not None and request.plot is not None:
+                    yield from self._figure(request.plot, decimated)
             except WriteError:
                 yield from self._complete()
                 raise
@@ -254,20 +258,51 @@ class WrittenRun:
                 )
                 decimated.marks.extend((incident.t, incident.kind) for incident in run.incidents)
 
-    def _figure(self, decimated: DecimatedRows) -> Iterator[str]:
-        # matplotlib is loaded only where a figure is asked for.
-        from lagcli.running import run_figure
+    def _figure(self, path: str, decimated: DecimatedRows) -> Iterator[str]:
+        """Draw the rows, of multipliers and reactions those that are written, and where none is written all.
 
-        run, request = self._run, self._request
-        if request.plot is None:
+        Yields what there is to tell; raises `WriteError`.
+        """
+        run, rows = self._run, decimated.rows()
+        if not len(rows):
+            yield f"lagcli: there is no row to draw: {path} is not written"
             return
-        if not len(decimated.rows()):
-            yield f"lagcli: there is no row to draw: {request.plot} is not written"
-            return
-        picked, note = run_figure.columns(run.columns, self._names if request.columns is not None else None)
-        if note and not request.quiet:
-            yield f"note: {note}"
-        run_figure.draw(request.plot, run, decimated, picked)
+        picked = list(range(len(run.columns)))
+        if self._request.columns is not None:
+            # A reaction of a particle is drawn with all its components.
+            written = [name for name in self._names if name.startswith(("lambda.", "R."))]
+            groups = {name[:-2] for name in written if name.startswith("R.") and name[-2] == "."}
+            needed = [
+                i
+                for i, name in enumerate(run.columns)
+                if name in written or (name.startswith("R.") and name.rpartition(".")[0] in groups)
+            ]
+            if needed:
+                picked = [run.columns.index("t"), *needed]
+            elif not self._request.quiet:
+                yield "note: --columns names no multiplier and no reaction; the figure shows all of them"
+        with write_guard.drawing(path):
+            # matplotlib takes a third of a second to load.
+            from lagcli.model import dimension_facts
+            from lagcli.output.charts import chart_figure
+            from lagcli.output.figures import figure_page, panels
+
+            floors = run.floors()
+            floors.take(rows)
+            drawn = chart_figure.compose_run(
+                tuple(run.columns[i] for i in picked),
+                rows[:, picked],
+                title=run.model.title or pathlib.Path(run.model.path).stem,
+                units=run.model.units,
+                facts=panels.PanelFacts(
+                    run.stats.indeterminate,
+                    list(itertools.compress(run.columns, floors.zeros())),
+                    dimension_facts.of(run.model),
+                    len(picked) < len(run.columns),
+                    decimated.marks,
+                ),
+            )
+            figure_page.write(path, drawn)
 
     def _account_of_ended(self, error: BaseException) -> str:
         """Write the account of the rows that are kept of a run that this has ended; what fails here does not hide it,
@@ -301,14 +336,10 @@ class WrittenRun:
         with interrupts.shielded(interrupts.PATIENCE):
             if request.stats is not None:
                 with write_guard.writing(request.stats):
-                    _write_json(request.stats, stats.as_json())
+                    file = atomic_file.PendingFile(pathlib.Path(request.stats))
+                    with atomic_file.undone_by(file.discard):
+                        text = json.dumps(stats.as_json(), indent=2, allow_nan=False)
+                        file.path.write_text(text + "\n", encoding="utf-8")
+                    file.commit()
             if request.as_json and not request.is_stdout_taken:
                 print(formats.json_line(stats.as_json()), flush=True)
-
-
-def _write_json(path: str, value: dict[str, object]) -> None:
-    file = atomic_file.PendingFile(pathlib.Path(path))
-    with atomic_file.undone_by(file.discard):
-        text = json.dumps(value, indent=2, allow_nan=False)
-        file.path.write_text(text + "\n", encoding="utf-8")
-    file.commit()

@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 
 from . import models
 

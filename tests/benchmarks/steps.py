@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.compiled import bound_function
 from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import method, step_tolerance

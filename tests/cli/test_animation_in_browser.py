@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import animate, animate_modes
+from lagcli.api import animate
 from lagcli.output.animation import page
 from tests.helpers.browser import FLAGS, Browser, BrowserFailed, Page, found
 
@@ -214,7 +214,7 @@ simulation: {{duration: 1, samples: 11}}
 
 def test_modes_are_chosen(browser: Browser, tmp_path: pathlib.Path) -> None:
     model = lagcli.load(MODELS / "spring-triangle.yaml")
-    path, scene = tmp_path / "modes.html", animate_modes.of_modes(model, lagcli.modes(model))
+    path, scene = tmp_path / "modes.html", animate.of_modes(model, lagcli.modes(model))
     page.write(path, scene)
     shown = opened(browser, path)
     assert shown.value("document.querySelectorAll('#modes option').length") == len(scene.modes)

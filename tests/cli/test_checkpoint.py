@@ -16,9 +16,9 @@ import pytest
 
 import lagcli
 from lagcli.analysis.classification import verdict
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.model import invariant
-from lagcli.running import checkpoint_file, simulation_run
+from lagcli.running import run_tables, simulation_run
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint, saved_form
 from tests.helpers import in_process
@@ -281,20 +281,20 @@ def test_checkpoints_are_written_at_once_then_now_and_then_and_at_the_end(
 ) -> None:
     monkeypatch.setattr(loop, "PAUSE", 0.0)
     written = []
-    write = checkpoint_file.CheckpointWriter.write
+    write = run_tables.CheckpointWriter.write
 
-    def counted(keeper: checkpoint_file.CheckpointWriter) -> bool:
+    def counted(keeper: run_tables.CheckpointWriter) -> bool:
         done = write(keeper)
         written.append(checkpoint.read(tmp_path / "run.json").run_state.t)
         return done
 
-    monkeypatch.setattr(checkpoint_file.CheckpointWriter, "write", counted)
+    monkeypatch.setattr(run_tables.CheckpointWriter, "write", counted)
     model = lagcli.loads(PENDULUM)
     lagcli.simulate(model, duration=2, samples=11, checkpoint=tmp_path / "run.json")
     assert len(written) == 2
     assert written[0] < 0.1 < written[1] < 2
     written.clear()
-    monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
+    monkeypatch.setattr(run_tables, "EVERY", 0.0)
     lagcli.simulate(model, duration=2, samples=11, checkpoint=tmp_path / "run.json")
     assert len(written) > 20
     assert written == sorted(written)
@@ -626,8 +626,8 @@ def test_files_that_cannot_be_opened_are_reported(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_for_a_while_costs_nothing_but_a_late_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keeper = checkpoint_file.CheckpointWriter(tmp_path / "run.json")
-    monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
+    keeper = run_tables.CheckpointWriter(tmp_path / "run.json")
+    monkeypatch.setattr(run_tables, "EVERY", 0.0)
     _, first = cut(SLEIGH, 1, duration=1, samples=3)
     _, second = cut(SLEIGH, 3, duration=1, samples=3)
     keeper.take(first)

@@ -28,8 +28,7 @@ import pytest
 
 import lagcli as package
 from lagcli import __main__ as entry
-from lagcli.api.models import cache
-from lagcli.api.runs import prepare_run
+from lagcli.api import cache, prepare_run
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure_page

@@ -25,7 +25,7 @@ import pytest
 from numpy.typing import NDArray
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.output.tables import sinks, table_format
 from tests.helpers.pendulum import PENDULUM
 

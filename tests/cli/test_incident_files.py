@@ -10,7 +10,7 @@ import pytest
 import lagcli
 from lagcli.output.files import atomic_file
 from lagcli.output.tables import incident_table, sinks, table_format
-from lagcli.running import checkpoint_file, run_tables
+from lagcli.running import run_tables
 from lagcli.simulation import loop
 from lagcli.simulation.run_state.statistics import Incident
 from lagcli.simulation.stepping import stepper
@@ -60,7 +60,7 @@ def small(monkeypatch):
     """Many blocks, and a checkpoint at each."""
     monkeypatch.setattr(loop, "PAUSE", 0.0)
     monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
-    monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
+    monkeypatch.setattr(run_tables, "EVERY", 0.0)
 
 
 def names(folder):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import assemble_start
+from lagcli.api import cache
 from lagcli.errors import diagnostics
 from tests.helpers import in_process
 
@@ -129,7 +129,7 @@ rigid: {body: [a, b, c, d, e]}
 holonomic: {pin: "a.x = 0.5", turned: "b.y = 0.25"}
 """
     model = lagcli.loads(text)
-    there, _ = assemble_start.assembled(model)
+    there, _ = cache.assembled(model)
     assert lagcli.check(there).initial.consistent
     points = {p.members.base: p.start[0] for p in there.particles}
     assert points["a"][0] == pytest.approx(0.5)

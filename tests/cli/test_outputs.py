@@ -12,7 +12,7 @@ import pytest
 import lagcli
 from lagcli.output.files import atomic_file, write_guard
 from lagcli.output.tables import csv_format, sinks
-from lagcli.running import checkpoint_file, written_run
+from lagcli.running import run_tables, written_run
 from tests.helpers import in_process, pendulum
 from tests.helpers.in_process import command
 
@@ -233,7 +233,7 @@ def test_links_are_followed_as_linux_does_with_protected_symlinks(link, folder, 
 @pytest.mark.parametrize("option", ["-o", "--plot", "--stats", "--checkpoint"])
 @pytest.mark.parametrize("through", ["name", "link"])
 def test_a_write_protected_file_is_refused_before_the_run(command, here, option, through, monkeypatch):
-    from lagcli.api.runs import prepare_run
+    from lagcli.api import prepare_run
 
     ending = {"-o": "csv", "--plot": "png"}.get(option, "json")
     old = here / f"old.{ending}"
@@ -398,7 +398,7 @@ def test_no_table_takes_its_place_where_another_cannot(tmp_path, monkeypatch):
 
 
 def test_where_the_first_checkpoint_cannot_be_written_nothing_is_left(tmp_path, monkeypatch):
-    monkeypatch.setattr(checkpoint_file.CheckpointWriter, "write", full)
+    monkeypatch.setattr(run_tables.CheckpointWriter, "write", full)
     done, left = ended(tmp_path, FILES[:6])
     assert done.returncode == 74
     assert "cannot write c.json" in done.stderr
@@ -406,9 +406,9 @@ def test_where_the_first_checkpoint_cannot_be_written_nothing_is_left(tmp_path, 
 
 
 def test_where_the_last_checkpoint_cannot_be_written_the_tables_are_named(tmp_path, monkeypatch):
-    write = checkpoint_file.CheckpointWriter.write
+    write = run_tables.CheckpointWriter.write
     monkeypatch.setattr(
-        checkpoint_file.CheckpointWriter, "write", lambda self: full() if self.has_written else write(self)
+        run_tables.CheckpointWriter, "write", lambda self: full() if self.has_written else write(self)
     )
     done, left = ended(tmp_path)
     assert done.returncode == 74

@@ -16,7 +16,8 @@ import pytest
 
 import lagcli
 from lagcli.api import plot
-from lagcli.cli.terminal import exits, watching
+from lagcli.cli.commands import options
+from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
 from lagcli.output.charts import chart_figure, chart_table, chart_terminal, compose
 from lagcli.output.charts.chart_table import ChartTable
@@ -610,7 +611,7 @@ def test_a_watched_figure_follows_its_table(here: Path, monkeypatch: pytest.Monk
         if text := texts.pop(0):  # then it stays as it is for a moment
             Path("t.csv").write_text(text)
 
-    monkeypatch.setattr(watching, "_pause", pause)
+    monkeypatch.setattr(options, "_pause", pause)
     _, err, code = in_process.run("plot", "t.csv", "-o", "x.svg", "--watch")
     assert code == 0
     assert "is no table in the format .csv" in err

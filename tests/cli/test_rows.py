@@ -15,10 +15,10 @@ import pyarrow.parquet
 import pytest
 
 import lagcli
-from lagcli.api.runs import prepare_run
+from lagcli.api import prepare_run
 from lagcli.output.files import atomic_file, interrupts
 from lagcli.output.tables import parquet_format, row_file, sinks, table_format
-from lagcli.running import checkpoint_file, run_tables, simulation_run
+from lagcli.running import run_tables, simulation_run
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.scheme import controller
@@ -97,7 +97,7 @@ def killed(monkeypatch):
     def arm(after, at=None):
         monkeypatch.setattr(loop, "PAUSE", 0.0)
         monkeypatch.setattr(loop, "BLOCK_VALUES", 200)
-        monkeypatch.setattr(checkpoint_file, "EVERY", 0.0)
+        monkeypatch.setattr(run_tables, "EVERY", 0.0)
         monkeypatch.setattr(atomic_file, "sweep", lambda: None)
         kill, taken = killer(monkeypatch), []
         take = run_tables.RunTables.take
@@ -220,7 +220,7 @@ def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, m
     """Killed between the last checkpoint and the move: nothing is left to compute."""
     file = f"run.{ending}"
     with monkeypatch.context() as patch:
-        patch.setattr(checkpoint_file, "EVERY", 0.0)
+        patch.setattr(run_tables, "EVERY", 0.0)
         patch.setattr(sinks._FileSink, "commit", killer(patch))
         with pytest.raises(Killed):
             command("simulate", "m.yaml", "-q", "-o", file, "--checkpoint", "ck")
@@ -297,8 +297,8 @@ def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     model = lagcli.load("m.yaml")
     running = prepare_run.start(model, model.simulation)
     rows = row_file.RowFile(here / "run.csv.rows", running.columns)
-    kept = checkpoint_file.SyncedRows(rows, here / "run.csv", running.grid.step)
-    keeper = checkpoint_file.CheckpointWriter(here / "ck", kept)
+    kept = run_tables.SyncedRows(rows, here / "run.csv", running.grid.step)
+    keeper = run_tables.CheckpointWriter(here / "ck", kept)
     order.clear()
     block = next(running.blocks())
     rows.write(block)
@@ -647,7 +647,8 @@ def test_a_comparison_that_would_never_end_stops_as_a_run_does(here, monkeypatch
 
 GIVEN_UP = """
 import functools, lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import run_settings
+from lagcli.api import prepare_run
 
 @functools.cache
 def begun():

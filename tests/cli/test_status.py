@@ -12,7 +12,7 @@ import pytest
 
 import lagcli
 from lagcli import memory, progress
-from lagcli.api.runs import prepare_run
+from lagcli.api import prepare_run
 from lagcli.cli.terminal import status_line
 
 MODEL = Path(__file__).resolve().parents[2] / "models" / "pendulum.yaml"

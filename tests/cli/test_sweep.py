@@ -20,7 +20,7 @@ import pytest
 import lagcli
 from lagcli import memory, progress
 from lagcli.analysis.numeric_flag import spans
-from lagcli.api.sweeps import drawn_points, reductions
+from lagcli.api import reductions, sweep_points
 from lagcli.output.sweeps import shard_merge, sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_table import PointRow
 from lagcli.output.tables import table_format
@@ -649,9 +649,9 @@ def test_draws_are_those_of_the_seed_and_their_quantiles_are_reported(tmp_path: 
     one = tmp_path / "one.csv"
     first = run(*common, str(one))
     assert first.returncode == 0
-    laws = [drawn_points.read(lagcli.load(PENDULUM), text) for text in (common[3], common[5])]
+    laws = [sweep_points.read_law(lagcli.load(PENDULUM), text) for text in (common[3], common[5])]
     assert table_format.opened(one).take(("m", "g")).tolist() == [
-        list(drawn_points.draw(laws, 128, 0).point(i)) for i in range(128)
+        list(sweep_points.draw(laws, 128, 0).point(i)) for i in range(128)
     ]
     account = json.loads(first.stdout)
     # Of twice a normal variable: quasi-random draws meet quantiles to a part of a hundred of the deviation.

@@ -10,13 +10,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import lagcli
-from lagcli.api.sweeps import (
-    dask_engine,
-    engines,
-    point_sources,
-    reductions,
-    sweep_plan,
-)
+from lagcli.api import point_task, reductions, sweep_engines, sweep_points
 from lagcli.output.sweeps import sweep_journal, sweep_table
 from tests.helpers import in_process
 
@@ -72,9 +66,9 @@ def test_a_point_that_kills_its_workers_is_a_row_and_the_others_are_unharmed(
     cluster,
 ) -> None:
     model = lagcli.load(PENDULUM)
-    points = point_sources.over(model, "L=0.5:2:6")
-    chosen = sweep_plan.SweepSettings({"duration": 0.3, "samples": 4}, 10.0)
-    asked = sweep_plan.plan(model, [points], reductions.read(["peak=max(lambda.rod)"]), chosen)
+    points = sweep_points.over(model, "L=0.5:2:6")
+    chosen = point_task.SweepSettings({"duration": 0.3, "samples": 4}, 10.0)
+    asked = point_task.plan(model, [points], reductions.read(["peak=max(lambda.rod)"]), chosen)
 
     class PointsWith:
         names, count, digest = points.names, points.count, points.digest
@@ -83,21 +77,23 @@ def test_a_point_that_kills_its_workers_is_a_row_and_the_others_are_unharmed(
             found = points.point(number)
             return tuple(map(Deadly, found)) if number == 3 else found
 
-    with dask_engine.cluster(cluster.scheduler_address) as engine:
+    with sweep_engines.cluster(cluster.scheduler_address) as engine:
         found = [
-            row for rows in engines.rows(engine, asked.task, PointsWith(), asked.rows.numbers) for row in rows
+            row
+            for rows in sweep_engines.rows(engine, asked.task, PointsWith(), asked.rows.numbers)
+            for row in rows
         ]
-    alone = engines.rows(engines.Engine(), asked.task, asked.points, asked.rows.numbers)
+    alone = sweep_engines.rows(sweep_engines.Engine(), asked.task, asked.points, asked.rows.numbers)
     expected = [row for rows in alone for row in rows]
     assert [row.number for row in found] == list(range(6))
     assert found[:3] + found[4:] == expected[:3] + expected[4:]
-    assert (found[3].status, found[3].message) == (sweep_table.STOPPED, engines.ENDED)
+    assert (found[3].status, found[3].message) == (sweep_table.STOPPED, sweep_engines.ENDED)
     # Once alone, and before among others: those that stood behind it on the same worker may be told of too.
     assert engine.lost >= 2
 
 
 def test_an_address_where_nobody_answers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_engine, "PATIENCE", 0.2)
+    monkeypatch.setattr(sweep_engines, "PATIENCE", 0.2)
     _, told, code = in_process.run(*COMMON, "--scheduler", "tcp://127.0.0.1:1")
     assert code == 2
     assert "--scheduler: no Dask scheduler answers at tcp://127.0.0.1:1" in told

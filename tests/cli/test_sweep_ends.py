@@ -3,8 +3,7 @@
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
-from lagcli.api.sweeps import reductions
+from lagcli.api import cache, reductions
 from lagcli.equations import operation_rules
 from lagcli.simulation.row_writer import RowWriter
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import pytest
 
 import lagcli
-from lagcli.api.sweeps import engines, point_sources, reductions, sweep_plan
+from lagcli.api import point_task, reductions, sweep_engines, sweep_points
 from lagcli.output.sweeps import sweep_journal, sweep_table
 from tests.helpers import in_process
 
@@ -34,7 +34,7 @@ class Deadly(float):
 class PointsWith:
     """The points of a source, with numbers at some places that end a process."""
 
-    def __init__(self, source: point_sources.SweepPoints, deadly: tuple[int, ...]) -> None:
+    def __init__(self, source: sweep_points.SweepPoints, deadly: tuple[int, ...]) -> None:
         self.names, self.count, self.digest = source.names, source.count, source.digest
         self._source, self._deadly = source, deadly
 
@@ -43,11 +43,11 @@ class PointsWith:
         return tuple(map(Deadly, found)) if number in self._deadly else found
 
 
-def plan(points: int) -> sweep_plan.SweepPlan:
+def plan(points: int) -> point_task.SweepPlan:
     model = lagcli.load(PENDULUM)
-    over = [point_sources.over(model, f"L=0.5:2:{points}")]
+    over = [sweep_points.over(model, f"L=0.5:2:{points}")]
     kept = reductions.read(["peak=max(lambda.rod)"])
-    return sweep_plan.plan(model, over, kept, sweep_plan.SweepSettings({"duration": 0.3, "samples": 4}, 10.0))
+    return point_task.plan(model, over, kept, point_task.SweepSettings({"duration": 0.3, "samples": 4}, 10.0))
 
 
 def test_a_worker_that_is_killed_takes_no_point_along(tmp_path: pathlib.Path) -> None:
@@ -73,29 +73,34 @@ def test_a_point_that_ends_its_process_is_a_row_and_the_rest_unharmed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked = plan(12)
-    monkeypatch.setattr(engines, "MOST_POOLS", 1)
+    monkeypatch.setattr(sweep_engines, "MOST_POOLS", 1)
     points = PointsWith(asked.points, (7,))
-    with engines.local(2) as engine:
-        found = [row for rows in engines.rows(engine, asked.task, points, asked.rows.numbers) for row in rows]
+    with sweep_engines.local(2) as engine:
+        found = [
+            row for rows in sweep_engines.rows(engine, asked.task, points, asked.rows.numbers) for row in rows
+        ]
     alone = [
         row
-        for rows in engines.rows(engines.Engine(), asked.task, asked.points, asked.rows.numbers)
+        for rows in sweep_engines.rows(sweep_engines.Engine(), asked.task, asked.points, asked.rows.numbers)
         for row in rows
     ]
     assert [row.number for row in found] == list(range(12))
     assert found[:7] + found[8:] == alone[:7] + alone[8:]
-    assert (found[7].status, found[7].message) == (sweep_table.STOPPED, engines.ENDED)
+    assert (found[7].status, found[7].message) == (sweep_table.STOPPED, sweep_engines.ENDED)
     assert engine.lost == 2  # once among others, once alone
 
 
 def test_workers_that_all_end_are_reported_and_nothing_is_made_up(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = plan(6)
-    monkeypatch.setattr(engines, "MOST_POOLS", 1)
+    monkeypatch.setattr(sweep_engines, "MOST_POOLS", 1)
     points = PointsWith(asked.points, tuple(range(6)))
     found: list[sweep_table.PointRow] = []
-    with engines.local(2) as engine, pytest.raises(engines.WorkersLost, match="the points from 0, 1, 2"):
+    with (
+        sweep_engines.local(2) as engine,
+        pytest.raises(sweep_engines.WorkersLost, match="the points from 0, 1, 2"),
+    ):
         found.extend(
-            itertools.chain.from_iterable(engines.rows(engine, asked.task, points, asked.rows.numbers))
+            itertools.chain.from_iterable(sweep_engines.rows(engine, asked.task, points, asked.rows.numbers))
         )
     assert found == []
 
@@ -105,8 +110,10 @@ def test_other_processes_of_the_caller_are_left_alone() -> None:
     other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
     other.start()
     try:
-        with engines.local(2) as engine:
-            assert sum(map(len, engines.rows(engine, asked.task, asked.points, asked.rows.numbers))) == 2
+        with sweep_engines.local(2) as engine:
+            assert (
+                sum(map(len, sweep_engines.rows(engine, asked.task, asked.points, asked.rows.numbers))) == 2
+            )
         workers = [one for one in multiprocessing.active_children() if one.pid != other.pid]
         # The pool's own thread waits for them too: for an instant neither of the two knows that a worker has ended.
         end = time.monotonic() + 60

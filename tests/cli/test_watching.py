@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from lagcli.cli.terminal import exits, watching
+from lagcli.cli.commands import options
+from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -48,7 +49,7 @@ def runs(model: pathlib.Path, steps: Iterable[Callable[[], object] | None], quie
         seen.append(model.read_text(encoding="utf-8") if model.exists() else "nothing")
 
     with pytest.raises(Over):
-        watching.follow([str(model)], run, quiet, scripted(steps))
+        options.follow([str(model)], run, quiet, scripted(steps))
     return seen
 
 
@@ -94,7 +95,7 @@ def test_a_change_while_the_command_runs_is_not_lost(model: pathlib.Path) -> Non
             model.write_text("changed", encoding="utf-8")
 
     with pytest.raises(Over):
-        watching.follow([str(model)], run, True, scripted([None, None]))
+        options.follow([str(model)], run, True, scripted([None, None]))
     assert seen == ["one", "changed"]
 
 
@@ -114,7 +115,7 @@ def test_what_a_command_may_end_with_does_not_end_the_watch(
 
     steps = [write(model, "2"), None, write(model, "33"), None]
     with pytest.raises(Over):
-        watching.follow([str(model)], run, False, scripted(steps))
+        options.follow([str(model)], run, False, scripted(steps))
     told = capsys.readouterr().err
     assert "no such thing" in told
     assert "m.yaml:1:1: error[unknown-key]" in told
@@ -131,13 +132,13 @@ def test_any_of_several_files_counts(model: pathlib.Path) -> None:
         count += 1
 
     with pytest.raises(Over):
-        watching.follow([str(model), str(second)], run, True, scripted([write(second, "cc"), None, None]))
+        options.follow([str(model), str(second)], run, True, scripted([write(second, "cc"), None, None]))
     assert count == 2
 
 
 def test_standard_input_is_refused() -> None:
     with pytest.raises(exits.UsageError, match="standard input"):
-        watching.follow(["-"], lambda: None)
+        options.follow(["-"], lambda: None)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.model import dimension_facts
 from lagcli.output.figures import panels
 from lagcli.running import table_columns

@@ -29,7 +29,7 @@ from hypothesis import HealthCheck, Phase, configuration, event, given, seed, se
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.errors import catalogue, diagnostics
 from lagcli.expression import evaluate, facts, integers, parser, tree
 from lagcli.running import simulation_run

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.statistics import Incident
 from tests.helpers.motion_legs import Instant, Recorded

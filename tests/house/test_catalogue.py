@@ -14,7 +14,7 @@ from lagcli.errors import catalogue, diagnostics
 from lagcli.errors.catalogue import Page
 from lagcli.expression import facts
 from lagcli.input import document
-from lagcli.running import energy_warning, run_account
+from lagcli.running import run_account, run_remarks
 from lagcli.simulation.run_state import run_stop
 from tests.house.test_architecture import FILES, nodes
 
@@ -51,7 +51,7 @@ def _codes_in_source() -> set[str]:
         run_stop.STICKS,
         run_account.INTERRUPTED,
         run_account.NOT_WRITTEN,
-        energy_warning.CODE,
+        run_remarks.CODE,
     }
     return found | stops | {code for code, _ in facts.FLAG_ERRORS.values()}
 

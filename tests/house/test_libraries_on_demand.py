@@ -88,9 +88,8 @@ def test_a_plain_command_loads_nothing_of_checkpoints_and_random_numbers(
         "numpy.random",
         "numpy.polynomial",
         "lagcli.output.tables.row_file",
-        "lagcli.running.checkpoint_file",
-        "lagcli.simulation.run_state.saved_form",
         "lagcli.running.rows_before",
+        "lagcli.simulation.run_state.saved_form",
     }
     # With JSON come the numbers of a table.
     assert ("lagcli.simulation.loop" in loaded) == ("json" in loaded) == (arguments[0] == "simulate")

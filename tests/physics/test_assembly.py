@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.output.files import interrupts
 from lagcli.start import assembly, conflict, initial, projection

@@ -13,8 +13,7 @@ import lagcli
 from lagcli import memory
 from lagcli.analysis.classification import classify, verdict
 from lagcli.analysis.classification.case import Case
-from lagcli.api.models import cache
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import cache, prepare_run, run_settings
 from lagcli.cli.commands import simulate_command as telling
 from lagcli.compiled import NumericSystem, numeric
 from lagcli.equations.system import System

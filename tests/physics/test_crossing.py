@@ -12,8 +12,7 @@ import pytest
 import scipy.integrate
 
 import lagcli
-from lagcli.api.models import cache
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import cache, prepare_run, run_settings
 from lagcli.compiled import dop853_tableau, numeric
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint, run_stop

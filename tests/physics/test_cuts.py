@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.api import prepare_run
 from lagcli.api.find_modes import NoEquilibriumError
-from lagcli.api.runs import prepare_run
 from lagcli.compiled import row_block
 from lagcli.equations import system
 from lagcli.errors import diagnostics

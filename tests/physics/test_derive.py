@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import lagcli
 from lagcli import derivation
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.cli.app import app
 from lagcli.derivation.sections import derivation_page, page_sections
 from lagcli.derivation.symbolic import multiplier_equations, symbolic_system, tidy

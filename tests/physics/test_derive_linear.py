@@ -8,8 +8,7 @@ import sympy
 from scipy import linalg
 
 import lagcli
-from lagcli.api import linear_point
-from lagcli.api.models import cache
+from lagcli.api import cache, find_modes
 from lagcli.derivation.sections import linear_section
 from lagcli.derivation.sections.linear_section import TITLE
 from lagcli.linearization import reference
@@ -71,7 +70,7 @@ def notes(text: str) -> str:
 def numbers(text: str) -> dict[str, np.ndarray]:
     """The symbolic matrices with the values of parameters and of the start put in."""
     model = lagcli.loads(HEAD + text)
-    point = linear_point.of_start(model)
+    point = find_modes.of_start(model)
     assert point.kind != "general"
     assert not point.reason
     page = lagcli.derive(model)
@@ -94,7 +93,7 @@ def numbers(text: str) -> dict[str, np.ndarray]:
 def test_the_matrices_are_those_of_modes(name: str) -> None:
     model = lagcli.loads(HEAD + MODELS[name])
     ready = cache.compiled(model)
-    here, closed, _ = linear_point.start(ready, 1.0)
+    here, closed, _ = find_modes.start(ready, 1.0)
     there = reference.classified(LinearizedFunctions(ready.system, closed), ready.numeric, here, 1.0)
     assert there is not None
     linear, whole = there.linear, ready.system.holonomic_count

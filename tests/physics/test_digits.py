@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.simulation import error_estimate, loop, reference_run
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.start import initial
 from tests.helpers.in_process import command  # noqa: F401 - a fixture
 

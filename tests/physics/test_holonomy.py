@@ -13,8 +13,8 @@ import pytest
 import lagcli
 from lagcli import progress
 from lagcli.analysis.holonomy import controlled_paths, local_system, witness, witness_search
-from lagcli.api.models import cache
-from lagcli.cli.commands import witness_text as telling
+from lagcli.api import cache
+from lagcli.cli.commands import check_command as telling
 from lagcli.start import initial
 from tests.helpers import in_process, reference_models
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 
 TWO = """
 lagcli: 1

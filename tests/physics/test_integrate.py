@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.runs import run_settings
+from lagcli.api import run_settings
 from lagcli.compiled import dop853_tableau
 from lagcli.model.settings import Simulation
 from lagcli.simulation.scheme import dop853, step_tolerance

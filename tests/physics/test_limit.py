@@ -12,8 +12,8 @@ from scipy import integrate
 
 import lagcli
 from lagcli.analysis.classification.verdict import KnownIntegrals
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.runs import prepare_run
+from lagcli.api import prepare_run
+from lagcli.api.cache import CompiledModel
 from lagcli.formulations import stiff_ladder, stiff_system
 from tests.helpers import in_process
 

@@ -76,14 +76,13 @@ def test_damping_is_constant() -> None:
 
 
 def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
-    from lagcli.api import find_modes, linear_point
-    from lagcli.api.models import cache
+    from lagcli.api import cache, find_modes
     from lagcli.linearization import reference
 
     text = RODS.replace("N: 250", "N: 12") + "  again: 2*norm(p[1]) = 2*l\n"
     model = lagcli.loads(text)
     ready = cache.compiled(model)
-    here, closed, _ = linear_point.start(ready, 1.0)
+    here, closed, _ = find_modes.start(ready, 1.0)
     found = reference.classified(find_modes._functions(ready, closed, 1.0), ready.numeric, here, 1.0)
     assert found is not None
     linear: Linear = found.linear

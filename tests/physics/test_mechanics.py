@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.simulation.scheme import method
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"

@@ -18,7 +18,7 @@ import lagcli
 from lagcli.compiled import narrow_arguments
 from lagcli.equations import narrow_functions, operation_rules
 from lagcli.input import document
-from lagcli.running.energy_warning import EnergyError
+from lagcli.running.run_remarks import EnergyError
 from tests.helpers import in_process
 
 Floats = npt.NDArray[np.float64]

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lagcli
-from lagcli.api.runs import prepare_run
+from lagcli.api import prepare_run
 from lagcli.compiled import selection
 from lagcli.compiled.selection import Selection
 from lagcli.linear import independent_rows

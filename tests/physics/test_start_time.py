@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.runs import prepare_run, run_settings
+from lagcli.api import prepare_run, run_settings
 from lagcli.simulation.run_state import checkpoint
 from tests.helpers.parallelogram import LINKAGE
 

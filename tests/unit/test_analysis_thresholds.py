@@ -8,7 +8,7 @@ import pytest
 import lagcli
 from lagcli.analysis import displacement_set, internal_forces
 from lagcli.analysis.codimension import manifold, scaled_equations
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.start import initial
 
 

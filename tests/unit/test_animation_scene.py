@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import animate, animate_modes
+from lagcli.api import animate
 from lagcli.model.model import Model
 from lagcli.output.animation import builder, links, nets, page, quadratic_algebra, quadratic_form
 from lagcli.output.animation.scene import DrawnSurface, Scene
@@ -565,7 +565,7 @@ def test_a_model_of_too_many_particles_is_refused() -> None:
 
 def shapes_of(name: str) -> tuple[Model, Scene]:
     model = lagcli.load(MODELS / f"{name}.yaml")
-    return model, animate_modes.of_modes(model, lagcli.modes(model))
+    return model, animate.of_modes(model, lagcli.modes(model))
 
 
 def test_modes_swing_along_their_shapes() -> None:

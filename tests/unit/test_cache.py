@@ -10,7 +10,7 @@ import pytest
 
 import lagcli
 from lagcli import memory
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.model.model import Model
 
 MODELS = Path(__file__).parents[2] / "models"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.output.animation import links, nets, quadratic_form, rounds, row_pictures, scene
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.compiled import factorization
 from lagcli.compiled.selection import Selection
 from lagcli.equations import row_parameters

@@ -1,13 +1,13 @@
-"""The words of other programs in `meant.toml` lead to what is there."""
+"""The words of other programs in `diagnostics.toml` lead to what is there."""
 
 from __future__ import annotations
 
 import pytest
 
-from lagcli.errors import meant
+from lagcli.errors import diagnostics
 from lagcli.input import keys
 
-TABLES = meant._tables()
+TABLES = diagnostics._tables()
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -20,11 +20,11 @@ def test_a_word_has_one_meaning(table: str) -> None:
 def test_words_for_keys_lead_to_keys_and_are_none(table: str) -> None:
     owner = keys.FORMAT.key(table.removeprefix("keys of "))
     assert set(TABLES[table]) <= set(owner.names)
-    assert not set(meant.words(table)) & set(owner.names)
+    assert not set(diagnostics.meant(table)) & set(owner.names)
 
 
 def test_every_table_of_keys_and_sentences_is_of_a_section() -> None:
     owners = {name.rpartition(" of ")[2] for name in TABLES if name.startswith(("keys of ", "sentences of "))}
     assert owners <= set(keys.FORMAT.names)
-    assert set(meant.words("examples")) <= set(keys.FORMAT.names)
-    assert not meant.words("no table of this name")
+    assert set(diagnostics.meant("examples")) <= set(keys.FORMAT.names)
+    assert not diagnostics.meant("no table of this name")

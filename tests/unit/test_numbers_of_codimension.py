@@ -10,7 +10,7 @@ import lagcli
 from lagcli import doubles
 from lagcli.analysis.codimension import manifold, scaled_equations, second_order
 from lagcli.analysis.codimension.manifold import Manifold
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
 

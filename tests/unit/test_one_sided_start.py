@@ -7,7 +7,7 @@ import pytest
 
 import lagcli
 from lagcli.analysis.check_report import Report
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.cli.commands import check_command
 from lagcli.errors import diagnostics
 from lagcli.smoothness import time_functions

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.errors import diagnostics
 from lagcli.linear import rank
 from lagcli.start import assembly, initial, precise_rows, sample_points

@@ -12,7 +12,7 @@ import pytest
 
 import lagcli
 from lagcli import __main__ as entry
-from lagcli.api.runs import run_settings
+from lagcli.api import run_settings
 from lagcli.equations import system as mechanics
 from lagcli.errors import catalogue
 from lagcli.model import settings

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api import rest_point
-from lagcli.api.models import cache
+from lagcli.api import cache, static_points
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 
 HEAD = "lagcli: 1\n"
@@ -13,13 +12,13 @@ WEIGHT = "forces:\n  weight: {to: all, force: [0, 0, -9.81*m]}\n"
 
 
 def nearest(text: str) -> EquilibriumPoint:
-    found = rest_point.RestPoints(cache.compiled(lagcli.loads(HEAD + text))).nearest()
+    found = static_points.RestPoints(cache.compiled(lagcli.loads(HEAD + text))).nearest()
     assert isinstance(found, EquilibriumPoint), found
     return found
 
 
 def none(text: str) -> NoEquilibrium:
-    found = rest_point.RestPoints(cache.compiled(lagcli.loads(HEAD + text))).nearest()
+    found = static_points.RestPoints(cache.compiled(lagcli.loads(HEAD + text))).nearest()
     assert isinstance(found, NoEquilibrium), found
     return found
 
@@ -145,8 +144,8 @@ def test_modes_about_the_nearest_point_of_rest_look_for_a_consistent_start_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     starts: list[object] = []
-    begin = rest_point.begin
-    monkeypatch.setattr(rest_point, "begin", lambda *given: starts.append(given) or begin(*given))
+    begin = static_points.begin
+    monkeypatch.setattr(static_points, "begin", lambda *given: starts.append(given) or begin(*given))
     text = "particles:\n  a: {mass: 1, position: [0.6, 0, -0.8]}\nholonomic:\n  rod: norm(a) = 1\n" + WEIGHT
     assert lagcli.modes(lagcli.loads(HEAD + text)).notes
     assert len(starts) == 1

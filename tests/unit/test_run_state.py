@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli.api.runs import prepare_run
+from lagcli.api import prepare_run
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.run_state.statistics import Counts, RankDrop, RunStatistics, Tally
 

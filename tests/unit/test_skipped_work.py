@@ -5,8 +5,7 @@ import pytest
 
 import lagcli
 from lagcli import memory
-from lagcli.api.models import cache
-from lagcli.api.runs import prepare_run
+from lagcli.api import cache, prepare_run
 from lagcli.linear import metric_rows
 from lagcli.simulation.stepping import timetable
 from lagcli.smoothness import time_functions

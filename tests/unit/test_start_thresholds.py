@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.api.models import cache
+from lagcli.api import cache
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import assembly, conflict, gaps, initial, lipschitz, projection, singular_inertia

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.commands import model_reading, options
+from lagcli.cli.commands import options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.model.settings import RunSettings
@@ -16,7 +16,6 @@ from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit, Check
-
 
 LEAST_WHERE = 12  # columns of the terminal for the location of the worst entry
 
@@ -51,20 +50,36 @@ def audit(
 
     Exit 1 where a check fails, 3 where the new run stops before its end.
     """
-    _require(model, run, events, plot, run_settings)
-    read = model_reading.read(model, changes, as_json)
+    write_guard.require_endings((plot, formats.FIGURES), (run, formats.TABLES))
+    if run is not None and not os.path.exists(run):
+        raise exits.UsageError(f"--run: there is no file {run}")
+    if events is not None:
+        write_guard.require_endings((events, formats.TABLES))
+        if run is None:
+            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
+        if not os.path.exists(events):
+            raise exits.UsageError(f"--events: there is no file {events}")
+    if plot is not None:
+        files = [("MODEL", model), ("--run", run), ("--events", events)]
+        write_guard.require(files, ("--plot", plot, formats.FIGURES))
+    rows_given = (run_settings.get(name) for name in ("duration", "samples", "output_step"))
+    if run is not None and any(value is not None for value in rows_given):
+        raise exits.UsageError(
+            "--run: the table has its own rows; --duration, --samples and --output-step are of a new run"
+        )
+    read = options.read(model, changes, as_json)
     from lagcli.api import audit as auditing
     from lagcli.auditing.evidence.table_input import TableError
     from lagcli.output.tables import incident_table
 
     incidents = None
     if events is not None:
-        with model_reading.reading(events, "--events"):
+        with options.reading(events, "--events"):
             incidents = incident_table.read(events)
     with (
-        model_reading.refusals(as_json),
-        model_reading.stops("audit"),
-        model_reading.reading(str(run), "--run"),
+        options.refusals(as_json),
+        options.stops("audit"),
+        options.reading(str(run), "--run"),
     ):
         try:
             found = auditing.audit(read, run, digits=digits, events=incidents, **run_settings)
@@ -86,27 +101,6 @@ def audit(
         raise exits.Exit(exits.STOPPED)
 
 
-def _require(model: str, run: str | None, events: str | None, plot: str | None, given: RunSettings) -> None:
-    """Refuse what cannot be done with this MODEL. Raises `exits.UsageError`, `write_guard.WriteError`."""
-    write_guard.require_endings((plot, formats.FIGURES), (run, formats.TABLES))
-    if run is not None and not os.path.exists(run):
-        raise exits.UsageError(f"--run: there is no file {run}")
-    if events is not None:
-        write_guard.require_endings((events, formats.TABLES))
-        if run is None:
-            raise exits.UsageError("--events: the incidents are of the table of --run, which is missing")
-        if not os.path.exists(events):
-            raise exits.UsageError(f"--events: there is no file {events}")
-    if plot is not None:
-        read = [("MODEL", model), ("--run", run), ("--events", events)]
-        write_guard.require(read, ("--plot", plot, formats.FIGURES))
-    has_rows = any(given.get(name) is not None for name in ("duration", "samples", "output_step"))
-    if run is not None and has_rows:
-        raise exits.UsageError(
-            "--run: the table has its own rows; --duration, --samples and --output-step are of a new run"
-        )
-
-
 def _print_report(found: Audit, verbose: bool) -> None:
     """The report: a table of checks, what fails by name, and what the rows determine uniquely."""
     from lagcli.auditing import audit_lines
@@ -118,11 +112,8 @@ def _print_report(found: Audit, verbose: bool) -> None:
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",
         "",
     )
-    print(
-        "\n"
-        + "\n".join(diagnostics.printable(line) for line in _table_of(found.checks, report.rows, verbose))
-        + "\n"
-    )
+    table = _table_of(found.checks, report.rows, verbose)
+    print("", *map(diagnostics.printable, table), "", sep="\n")
     for head, faults, others in report.failures:
         console.paragraph(head, "  ")
         for fault in faults:
@@ -135,13 +126,11 @@ def _print_report(found: Audit, verbose: bool) -> None:
 
 def _table_of(checks: tuple[Check, ...], lines: list[tuple[str, ...]], verbose: bool) -> list[str]:
     """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     if sum(widths) + 2 * (len(widths) - 1) > console.width():
-        lines = [
-            (line[0], law, *line[2:])
-            for line, law in zip(lines, ["law", *(c.law for c in checks)], strict=True)
-        ]
-        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+        laws = ["law", *(check.law for check in checks)]
+        lines = [(line[0], law, *line[2:]) for line, law in zip(lines, laws, strict=True)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
         widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
     table_lines = []
@@ -149,7 +138,7 @@ def _table_of(checks: tuple[Check, ...], lines: list[tuple[str, ...]], verbose: 
         last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
         cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
         table_lines.append("  ".join([*cells, last[0]]).rstrip())
-        table_lines += [" " * (sum(widths[:-1]) + 2 * len(widths[:-1])) + part for part in last[1:]]
+        table_lines += [" " * (sum(widths[:-1]) + 2 * len(cells)) + part for part in last[1:]]
         if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
             for part in checks[number - 1].note.split("; "):
                 table_lines += textwrap.wrap(

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats, write_guard
-
-if TYPE_CHECKING:
-    from lagcli.formulations.comparison import Comparison
 
 OtherArgument = Annotated[
     str | None,
@@ -81,7 +77,7 @@ def compare(
     formulations disagree, 3 where a run stops before its end.
     """
     paths = [model] if other is None else [model, other]
-    model_reading.require_models(paths)
+    options.require_models(paths)
     if vakonomic:
         if other is not None:
             raise exits.UsageError("--vakonomic compares the two principles of one MODEL")
@@ -89,43 +85,32 @@ def compare(
     for option, value in (("--mu", mu), ("--output", output), ("--plot", plot)):
         if value and not vakonomic:
             raise exits.UsageError(f"{option} is of the vakonomic motion; give --vakonomic too")
-    with model_reading.json_errors(as_json):
-        read = [model_reading.load(path, changes) for path in paths]
+    with options.json_errors(as_json):
+        read = [options.load(path, changes) for path in paths]
     if verbose:
         exits.print_warnings(warning for one in read for warning in one.warnings)
     given: options.Keywords = {"columns": columns or "*", "tolerance": tolerance, "vakonomic": vakonomic}
-    given |= {**run_settings, "mu": _initial_multipliers(mu or ())}
-    from lagcli.api import compare as comparing
-
-    with model_reading.refusals(as_json):
-        found, lines = comparing.compare_to_files(read, given, output, plot)
-    exits.print_err_all(lines)
-    _print_report(found, output == "-", as_json, quiet)
-
-
-def _initial_multipliers(given: Sequence[str]) -> dict[str, str]:
-    """The values of `--mu NAME=VALUE` by their names. Raises `exits.UsageError`."""
-    found: dict[str, str] = {}
-    for text in given:
+    multipliers: dict[str, str] = {}
+    for text in mu or ():
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name:
             raise exits.UsageError(
                 f"--mu {text}: write NAME=VALUE, the initial multiplier of a differential row"
             )
-        if name in found:
+        if name in multipliers:
             raise exits.UsageError(f"--mu {name}: given twice")
-        found[name] = value
-    return found
-
-
-def _print_report(found: Comparison, is_stdout_taken: bool, as_json: bool, quiet: bool) -> None:
-    """Print the answer. Raises `exits.Exit` where formulations disagree or a run stopped."""
+        multipliers[name] = value
+    given |= {**run_settings, "mu": multipliers}
+    from lagcli.api import compare as comparing
     from lagcli.formulations import comparison
 
+    with options.refusals(as_json):
+        found, told = comparing.compare_to_files(read, given, output, plot)
+    exits.print_err_all(told)
     lines = comparison.lines(found)
     if as_json:
         print(formats.json_line(found.as_json()))
-    elif is_stdout_taken:
+    elif output == "-":
         exits.print_err_all([lines.principles] if lines.principles else [])
     else:
         console.table(lines.headers, lines.rows, COLOURS)

@@ -48,7 +48,12 @@ def run_files(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def columns(ctx: typer.Context, incomplete: str) -> list[str]:
     """Columns of the table that is named, or of a table of the model, after the last comma."""
-    return _listed(_header(ctx) or (*_outline(ctx).columns(), "lambda.*", "R.*"), incomplete)
+    for path in _paths(ctx, tuple(_PLAIN_TABLES)):
+        with contextlib.suppress(OSError, ValueError), open(path, encoding="utf-8", newline="") as file:
+            separator = _PLAIN_TABLES[os.path.splitext(path)[1].lower()]
+            names = file.readline(MOST_HEADER).strip().split(separator)
+            return _listed((name.strip('"') for name in names), incomplete)
+    return _listed((*_outline(ctx).columns(), "lambda.*", "R.*"), incomplete)
 
 
 def constraints(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -123,17 +128,6 @@ def _named(names: Iterable[str], incomplete: str) -> list[str]:
     return _shown(name for name in names if name.startswith(incomplete) and "[" not in name)
 
 
-def _header(ctx: typer.Context) -> tuple[str, ...]:
-    """The columns in the first line of the first table among the files, where it is one of text."""
-    for path in _paths(ctx, tuple(_PLAIN_TABLES)):
-        with contextlib.suppress(OSError, ValueError), open(path, encoding="utf-8", newline="") as file:
-            line = file.readline(MOST_HEADER).strip()
-            return tuple(
-                name.strip('"') for name in line.split(_PLAIN_TABLES[os.path.splitext(path)[1].lower()])
-            )
-    return ()
-
-
 def _outline(ctx: typer.Context) -> Outline:
     """The names in the model of the command line, no names where there is none to read."""
     from lagcli.input.starting import model_outline
@@ -151,16 +145,17 @@ def _paths(ctx: typer.Context, endings: tuple[str, ...]) -> Iterator[str]:
         given = ctx.params.get(key)
         named = given if isinstance(given, (list, tuple)) else (given,)
         words = [str(name) for name in named if name]
-        # A model may have any ending, a table is known by its own.
-        yield from (word for word in words if os.path.isfile(word) and _fits(word, endings))
+        for word in words:
+            # A model may have any ending, a table is known by its own.
+            fits = word.lower().endswith(endings) or (
+                endings == ENDINGS and not word.lower().endswith(TABLES)
+            )
+            if fits and os.path.isfile(word):
+                yield word
     for variable in _TYPED:
         for word in os.environ.get(variable, "").split():
             if word.lower().endswith(endings) and os.path.isfile(word):
                 yield word
-
-
-def _fits(path: str, endings: tuple[str, ...]) -> bool:
-    return path.lower().endswith(endings) or (endings == ENDINGS and not path.lower().endswith(TABLES))
 
 
 def _reached(incomplete: str, endings: tuple[str, ...]) -> list[str]:

@@ -9,15 +9,13 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.output.files import formats
 
 # Text is at least and at most so wide on a terminal, and WIDTH where there is none.
 NARROW, WIDE, WIDTH = 60, 140, 100
-
-
 DERIVE_FORMATS = ("text", "latex", "markdown", "html", "json")
 
 
@@ -63,11 +61,11 @@ def derive(
     if fragment and form != "latex":
         raise exits.UsageError("--fragment is of --format latex; the other formats are pages")
     names = [name.strip() for name in values.split(",") if name.strip()]
-    read = model_reading.read(model, changes, form == "json")
+    read = options.read(model, changes, form == "json")
     began = time.perf_counter()
     from lagcli.api import derive as deriving
 
-    with model_reading.refusals(form == "json", "--values: {}".format):
+    with options.refusals(form == "json", "--values: {}".format):
         page = deriving.derive(read, solve=solve, everything=everything, values=names, limit=limit)
     match form:
         case "latex":
@@ -79,13 +77,8 @@ def derive(
         case "json":
             print(formats.json_line(page.as_json()))
         case _:
-            print(page.text(_width()))
+            columns = shutil.get_terminal_size().columns - 1
+            print(page.text(min(WIDE, max(NARROW, columns)) if sys.stdout.isatty() else WIDTH))
     if verbose:
         exits.print_warnings(() if quiet else read.warnings)
         exits.print_err(f"{read.path}: derived in {time.perf_counter() - began:.3f} s")
-
-
-def _width() -> int:
-    if not sys.stdout.isatty():
-        return WIDTH
-    return min(WIDE, max(NARROW, shutil.get_terminal_size().columns - 1))

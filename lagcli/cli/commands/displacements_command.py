@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.commands import model_reading, options
+from lagcli.cli.commands import options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats
 
 if TYPE_CHECKING:
-    from lagcli.analysis.contact_directions import ContactCondition
-    from lagcli.analysis.displacement_set import Components, Displacements
+    from lagcli.analysis.displacement_set import Displacements
     from lagcli.analysis.internal_forces import Internal
-
 
 MOST_COLUMNS, MOST_LINES = 8, 40  # of a basis, as fit a terminal; and its lines
 METRICS = {
@@ -45,12 +43,12 @@ def displacements(
 
     Exit 3 where the motion stops before T.
     """
-    read = model_reading.read(model, changes, as_json)
+    read = options.read(model, changes, as_json)
     from lagcli.api import find_displacements
 
     with (
-        model_reading.refusals(as_json, lambda text: f"--{text}" if text.startswith("at: ") else text),
-        model_reading.stops(),
+        options.refusals(as_json, lambda text: f"--{text}" if text.startswith("at: ") else text),
+        options.stops(),
     ):
         found = find_displacements.displacements(read, at, **run_settings)
     if as_json:
@@ -82,7 +80,21 @@ def _print_report(found: Displacements) -> None:
     console.paragraph(
         f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
     )
-    console.paragraph(_allowed(found), "    ")
+    if found.contacts.allowed is None or found.allowed_r is None:
+        allowed = "allowed: none is told; a note says why"
+    elif found.contacts.are_closed:
+        allowed = (
+            "allowed: the shortest displacement over dt = 1 that rows (D.6) and closed contacts, G dr + g_t dt >= 0,"
+            " leave; adding free and one-sided ones gives others"
+        )
+    elif found.contacts.allowed.any() or found.allowed_r.any():
+        allowed = (
+            "allowed: a displacement over dt = 1, the shortest in that metric; adding virtual ones gives all allowed"
+            " displacements (D.6)"
+        )
+    else:
+        allowed = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
+    console.paragraph(allowed, "    ")
     console.paragraph(
         f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
         "    ",
@@ -93,37 +105,37 @@ def _print_report(found: Displacements) -> None:
     if found.contacts.contacts:
         _contacts(found)
         print()
-    _components(parts)
+    # The independent components, and the others by them
+    for kind, indices in (("independent", parts.independent), ("dependent", parts.dependent)):
+        names = []
+        for i in indices[:MOST_LINES]:
+            number = parts.numbers[i]
+            names.append(parts.names[i] if number is None else f"x_{number} = {parts.names[i]}")
+        more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
+        console.paragraph(f"{kind}: {', '.join(names) or 'none'}{more}", "    ")
+    for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
+        terms = [
+            (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
+        ]
+        line = f"    d{parts.names[index]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
+        console.paragraph(line, "        ")
     print()
-    _internal(found.internal)
-
-
-def _allowed(found: Displacements) -> str:
-    """The sentence about the allowed displacement."""
-    if found.contacts.allowed is None or found.allowed_r is None:
-        return "allowed: none is told; a note says why"
-    is_driven = found.contacts.allowed.any() or found.allowed_r.any()
-    if not found.contacts.are_closed:
-        shortest = "the shortest in that metric; adding virtual ones gives all allowed displacements (D.6)"
-        at_rest = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
-        return f"allowed: a displacement over dt = 1, {shortest}" if is_driven else at_rest
-    both = "that rows (D.6) and closed contacts, G dr + g_t dt >= 0, leave"
-    return (
-        f"allowed: the shortest displacement over dt = 1 {both}; adding free and one-sided ones gives others"
-    )
+    _forces(found.internal)
 
 
 def _contacts(found: Displacements) -> None:
     """The contacts with their sides, and the directions that the closed ones leave."""
     contacts, names = found.contacts.contacts, found.components.names
-    closed = [one for one in contacts if one.state == "closed"]
-    shown = sorted(contacts, key=lambda one: one.state == "open")[:MOST_LINES]
-    rows = [[one.name, one.state, _condition(one, names) if one.state == "closed" else ""] for one in shown]
+    rows = []
+    for one in sorted(contacts, key=lambda one: one.state == "open")[:MOST_LINES]:
+        terms = [(float(value), f"d{name}") for value, name in zip(one.gradient, names, strict=True)]
+        condition = f"{_sum([*terms, (one.rate, 'dt')])} >= 0" if one.state == "closed" else ""
+        rows.append([one.name, one.state, condition])
     console.table(["contact", "state", "leaves"], rows, {})
     if len(contacts) > MOST_LINES:
         print(f"{len(contacts) - MOST_LINES} more are given with --json")
     directions = found.contacts.directions
-    if not closed or directions is None:
+    if directions is None or not any(one.state == "closed" for one in contacts):
         return
     print()
     console.paragraph(
@@ -141,56 +153,22 @@ def _contacts(found: Displacements) -> None:
         print(f"{told}: {len(directions) - MOST_COLUMNS} more are given with --json")
 
 
-def _condition(one: ContactCondition, names: tuple[str, ...]) -> str:
-    terms = [(float(value), f"d{name}") for value, name in zip(one.gradient, names, strict=True)]
-    return f"{_sum([*terms, (one.rate, 'dt')])} >= 0"
-
-
 def _table(found: Displacements) -> None:
     """Displacements of the coordinates, and of particles that have none of their own."""
-    bases, names, allowed, allowed_r = (
-        found.bases,
-        found.components.names,
-        found.contacts.allowed,
-        found.allowed_r,
-    )
+    bases, names = found.bases, found.components.names
+    allowed, allowed_r = found.contacts.allowed, found.allowed_r
     shown = min(bases.dimension, MOST_COLUMNS)
-    rows = [
-        [
-            names[i],
-            *(_entry(x) for x in bases.virtual[i, :shown]),
-            "-" if allowed is None else _entry(allowed[i]),
-        ]
-        for i in range(len(names))
-    ]
+    rows = []
+    for i, name in enumerate(names):
+        last = "-" if allowed is None else _entry(allowed[i])
+        rows.append([name, *map(_entry, bases.virtual[i, :shown]), last])
     own = {name.rpartition(".")[0] for name in names}
     for k, particle in enumerate(found.particles):
         if particle not in own:
             for j, axis in enumerate("xyz"):
-                values = (_entry(x) for x in found.virtual_r[k, j, :shown])
                 last = "-" if allowed_r is None else _entry(allowed_r[k, j])
-                rows.append([f"{particle}.{axis}", *values, last])
+                rows.append([f"{particle}.{axis}", *map(_entry, found.virtual_r[k, j, :shown]), last])
     console.table(["", *(f"δ{i}" for i in range(1, shown + 1)), "allowed"], rows, {})
-
-
-def _components(parts: Components) -> None:
-    """The independent components, and the others by them."""
-    for label, indices in (("independent", parts.independent), ("dependent", parts.dependent)):
-        names = [_component(parts, i) for i in indices[:MOST_LINES]]
-        more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
-        console.paragraph(f"{label}: {', '.join(names) or 'none'}{more}", "    ")
-    for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
-        terms = [
-            (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
-        ]
-        line = f"    d{parts.names[index]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
-        console.paragraph(line, "        ")
-
-
-def _component(parts: Components, index: int) -> str:
-    """`x_3 = a.z`, or the name of a generalized coordinate."""
-    number = parts.numbers[index]
-    return parts.names[index] if number is None else f"x_{number} = {parts.names[index]}"
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:
@@ -203,22 +181,18 @@ def _sum(terms: list[tuple[float, str]]) -> str:
     return text or "0"
 
 
-def _internal(found: tuple[Internal, ...]) -> None:
+def _forces(found: tuple[Internal, ...]) -> None:
     """The forces between particles."""
     if not found:
         print("no forces between particles are declared")
         return
-    rows = [
-        [
-            ", ".join(one.laws),
-            ", ".join(one.particles),
-            f"{one.force / 2 if one.is_pair else one.force:.6g}",
-            f"{one.unbalanced:.1e}",
-            f"{one.off_line:.1e}",
-            _verdict(one),
-        ]
-        for one in found[:MOST_LINES]
-    ]
+    rows = []
+    for one in found[:MOST_LINES]:
+        force, verdict = one.force, "of several; balanced" if one.is_central else "of several; not balanced"
+        if one.is_pair:
+            force, verdict = one.force / 2, "central" if one.is_central else "not central"
+        names = [", ".join(one.laws), ", ".join(one.particles)]
+        rows.append([*names, f"{force:.6g}", f"{one.unbalanced:.1e}", f"{one.off_line:.1e}", verdict])
     headers = ["internal force", "between", "size", "F_ij + F_ji", "off the line", "verdict"]
     console.table(headers, rows, {})
     if len(found) > MOST_LINES:
@@ -230,12 +204,6 @@ def _internal(found: tuple[Internal, ...]) -> None:
             " apply to them",
             "    ",
         )
-
-
-def _verdict(one: Internal) -> str:
-    if one.is_pair:
-        return "central" if one.is_central else "not central"
-    return "of several; balanced" if one.is_central else "of several; not balanced"
 
 
 def _entry(value: float) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.commands import model_reading, options
+from lagcli.cli.commands import options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.output.files import formats
@@ -32,8 +32,8 @@ def dof(
     """
     from lagcli.api import count_dof
 
-    read = model_reading.read(model, changes, as_json)
-    with model_reading.json_errors(as_json):
+    read = options.read(model, changes, as_json)
+    with options.json_errors(as_json):
         counted = count_dof.dof(read, limit=limit)
     if as_json:
         print(formats.json_line(counted.as_json()))

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from lagcli.cli.commands import model_reading, options, static_points_text
-from lagcli.cli.terminal import exits
+import sys
+from typing import TYPE_CHECKING
+
+from lagcli.cli.commands import options
+from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
-from lagcli.output.files import write_guard
+from lagcli.output.files import formats, write_guard
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+    from lagcli.statics.static_report import StaticReport
 
 
 @exits.command
@@ -28,7 +35,72 @@ def equilibrium(
     from lagcli.api import static_points
 
     write_guard.require_outputs(model, output, None, as_json)
-    read = model_reading.read(model, changes, as_json, verbose)
-    with model_reading.refusals(as_json, "--{}".format):
+    read = options.read(model, changes, as_json, verbose)
+    with options.refusals(as_json, "--{}".format):
         found = static_points.equilibrium(read, starts=starts, seed=seed, limit=limit)
-    static_points_text.print_report(read, found, output, as_json, quiet)
+    print_report(read, found, output, as_json, quiet)
+
+
+MOST_COLUMNS, MOST_ROWS = 12, 60  # what fits a screen; -o has all
+
+
+def print_report(model: Model, found: StaticReport, output: str | None, as_json: bool, quiet: bool) -> None:
+    """Write the points where they are asked for. Raises `exits.Exit` with 4 where there are none."""
+    if output is not None and found.points:
+        from lagcli.output.tables import provenance, sinks
+
+        numbers, types = found.table()
+        target = sys.stdout.buffer if output == "-" else output
+        name = "standard output" if output == "-" else output
+        whence = provenance.of(model).as_json()
+        with (
+            write_guard.writing(name),
+            sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
+        ):
+            sink.write(numbers, [types])
+    if as_json:
+        print(formats.json_line(found.as_json()))
+    elif output != "-":
+        _print_report(found)
+    exits.print_notes(found.notes, quiet)
+    if not found.points:
+        best = ""
+        if found.complete:
+            best = "; it is proved that there is none"
+        elif found.best_residual is not None and found.best_residual != float("inf"):
+            best = f"; the least residual met is {found.best_residual:.6g}"
+        what = "stationary point" if found.called == "value" else "point of rest"
+        exits.print_err(f"lagcli: no {what} was found from {_starts(found)}{best}")
+        raise exits.Exit(exits.UNDECIDED)
+
+
+def _starts(found: StaticReport) -> str:
+    return "1 start" if found.starts == 1 else f"{found.starts} starts"
+
+
+def _print_report(found: StaticReport) -> None:
+    if not found.points:
+        return
+    first = found.points[0]
+    names = [*first.at, *(f"lambda.{name}" for name in first.multipliers)]
+    shown = names[:MOST_COLUMNS]
+    rows = []
+    for number, point in enumerate(found.points[:MOST_ROWS]):
+        values = [*point.at.values(), *point.multipliers.values()][: len(shown)]
+        kind = point.type or "-"
+        if point.dimension:
+            kind += f", continuum of dimension {point.dimension}"
+        index = "-" if point.index is None else str(point.index)
+        value = "-" if point.value is None else _entry(point.value)
+        rows.append([str(number), value, kind, index, *map(_entry, values), f"{point.residual:.1e}"])
+    console.table(["", found.called, "type", "index", *shown, "residual"], rows, {})
+    hidden = len(names) - len(shown)
+    if hidden or len(found.points) > MOST_ROWS:
+        console.paragraph("more columns and rows are given with --json and -o FILE", "    ")
+    count = "1 point" if len(found.points) == 1 else f"{len(found.points)} points"
+    proved = "; it is proved that there are no others" if found.complete else "; there may be others"
+    console.paragraph(f"{count} from {_starts(found)}{proved}", "    ")
+
+
+def _entry(value: float) -> str:
+    return "0" if abs(value) < 1e-14 else f"{value:.9g}"

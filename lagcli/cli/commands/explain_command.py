@@ -25,7 +25,7 @@ def explain(
     debug: options.DebugOption = False,
 ) -> None:
     """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
-    from lagcli.errors import catalogue, equation_list
+    from lagcli.errors import catalogue
 
     if code is None:
         print("\n".join(catalogue.lines(console.width() if sys.stdout.isatty() else None)))
@@ -33,11 +33,11 @@ def explain(
             exits.print_err("`lagcli explain CODE` explains one at length, `lagcli explain D.24` an equation")
         return
     try:
-        equation = equation_list.line(code)
+        equation = catalogue.line(code)
     except ValueError:
-        raise exits.UsageError(f"the equations are D.1 to D.{equation_list.LAST}") from None
+        raise exits.UsageError(f"the equations are D.1 to D.{catalogue.LAST}") from None
     if equation is not None:
-        print(textwrap.fill(equation, 80), textwrap.fill(equation_list.TEXT, 80), sep="\n\n")
+        print(textwrap.fill(equation, 80), textwrap.fill(catalogue.TEXT, 80), sep="\n\n")
         return
     page = catalogue.page(code)
     if page is None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats, write_guard
@@ -58,9 +58,9 @@ def limit(
     Runs start on the slow motion, where the spring pulls as the row does, and the error goes as 1/k. Exit 3 where a run
     stops before its end.
     """
-    model_reading.require_models([model])
+    options.require_models([model])
     write_guard.require_outputs(model, output, plot, as_json)
-    read = model_reading.read(model, changes, as_json, verbose)
+    read = options.read(model, changes, as_json, verbose)
     given: options.Keywords = {"constraint": constraint, "unprestressed": unprestressed, "ramp": ramp}
     given |= run_settings
     if stiffness:
@@ -69,39 +69,32 @@ def limit(
         given["told"] = lambda sentence: exits.print_err(f"note: {sentence}")
     from lagcli.api import limit as limiting
 
-    with model_reading.refusals(as_json, lambda text: f"--{text}" if text.startswith("constraint") else text):
+    with options.refusals(as_json, lambda text: f"--{text}" if text.startswith("constraint") else text):
         found, lines = limiting.limit_to_files(read, given, output, plot)
     exits.print_err_all(lines)
     if as_json:
         print(formats.json_line(found.as_json()))
     elif output != "-":
-        _print_report(found)
+        is_weighted = found.rate_of == "weighted_mean"
+        rows = []
+        for one in found.rungs:
+            mean = "" if one.mean_error is None else f"{one.mean_error:.6g}"
+            apart = "" if one.mean_uncertainty is None else f"{one.mean_uncertainty:.2g}"
+            weighted = "" if one.weighted_mean is None else f"{one.weighted_mean:.6g}"
+            row = [f"{one.stiffness:.6g}", f"{one.max_error:.6g}", mean, apart]
+            row += [weighted] if is_weighted else []
+            rows.append([*row, f"{one.uncertainty:.2g}", "" if one.steps is None else str(one.steps)])
+        if rows:
+            headers = ["k", "largest error", "mean error", "±"]
+            headers += ["mean without swings"] if is_weighted else []
+            console.table([*headers, "tolerance", "steps"], rows, {})
+            print()
+        console.paragraph(sentence(found), "    ")
     ended = (f"the ladder ends there: {found.ended}",) if found.ended else ()
     exits.print_notes((*found.notes, *ended), quiet)
     if found.stopped:
         exits.print_err(f"lagcli: {found.stopped}")
         raise exits.Exit(exits.STOPPED)
-
-
-def _print_report(found: StiffLimit) -> None:
-    is_weighted = found.rate_of == "weighted_mean"
-    rows = [
-        [
-            f"{one.stiffness:.6g}",
-            f"{one.max_error:.6g}",
-            "" if one.mean_error is None else f"{one.mean_error:.6g}",
-            "" if one.mean_uncertainty is None else f"{one.mean_uncertainty:.2g}",
-            *(["" if one.weighted_mean is None else f"{one.weighted_mean:.6g}"] if is_weighted else []),
-            f"{one.uncertainty:.2g}",
-            "" if one.steps is None else str(one.steps),
-        ]
-        for one in found.rungs
-    ]
-    if rows:
-        weighted = ["mean without swings"] if is_weighted else []
-        console.table(["k", "largest error", "mean error", "±", *weighted, "tolerance", "steps"], rows, {})
-        print()
-    console.paragraph(sentence(found), "    ")
 
 
 def sentence(found: StiffLimit) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.commands import completing, new_files, options
+from lagcli.cli.commands import completing, new_command, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 from lagcli.input.starting import gallery_models
@@ -39,19 +39,38 @@ def models(
     """List the models of the gallery by subject, print one, or copy it with -o."""
     if name is None and output is not None:
         raise exits.UsageError("-o copies one model: give its NAME; `lagcli models` lists them")
+    gallery = gallery_models.models()
+    if not gallery:
+        raise exits.UsageError(
+            "this installation holds no gallery: install the wheel, or run from a checkout"
+        )
     if name is None:
-        listed(as_json, quiet)
+        _list(gallery, as_json, quiet)
         return
-    chosen = found(name)
-    if output is None:
-        printed(chosen, as_json)
+    model = gallery_models.find(name)
+    if model is None:
+        hint = diagnostics.nearest(name, [one.name for one in gallery]) or "`lagcli models` lists them"
+        raise exits.UsageError(f"there is no model `{name}` in the gallery; {hint}")
+    if output is None and as_json:
+        print(formats.json_line({**_described(model), "text": model.text()}))
+    elif output is None or output == new_command.STDOUT:
+        print(model.text(), end="")
     else:
-        copied(chosen, output, not no_schema, force, quiet)
+        # A copy, with its line for editors and the schema beside it
+        from lagcli.input import format_schema  # here, as help and lists need none of it
+
+        if os.path.isdir(output):
+            output = os.path.join(output, f"{model.name}.yaml")
+        head = "" if no_schema else f"{format_schema.EDITOR_LINE}\n"
+        is_new = new_command.write(output, head + model.text(), force=force)
+        messages = [f"wrote {output}" if is_new else f"{output} is this model already"]
+        if not no_schema:
+            messages.append(new_command.schema_beside(output))
+        exits.print_err_all(() if quiet else filter(None, messages))
 
 
-def listed(as_json: bool, quiet: bool) -> None:
-    """Print all models by subject. Raises `exits.UsageError` where there is no gallery."""
-    models = _models()
+def _list(models: tuple[GalleryModel, ...], as_json: bool, quiet: bool) -> None:
+    """Print all models by subject."""
     if as_json:
         print(formats.json_line({"models": [_described(model) for model in models]}))
         return
@@ -65,50 +84,6 @@ def listed(as_json: bool, quiet: bool) -> None:
         print(textwrap.fill(line, console.width(), subsequent_indent=" " * width, break_long_words=False))
     if not quiet:
         exits.print_err("`lagcli models NAME` prints a model, `lagcli models NAME -o FILE` copies it")
-
-
-def found(name: str) -> GalleryModel:
-    """The model of this name. Raises `exits.UsageError` with the nearest name."""
-    models = _models()
-    one = gallery_models.find(name)
-    if one is None:
-        hint = diagnostics.nearest(name, [model.name for model in models]) or "`lagcli models` lists them"
-        raise exits.UsageError(f"there is no model `{name}` in the gallery; {hint}")
-    return one
-
-
-def printed(model: GalleryModel, as_json: bool) -> None:
-    """Print the text of a model."""
-    if as_json:
-        print(formats.json_line({**_described(model), "text": model.text()}))
-    else:
-        print(model.text(), end="")
-
-
-def copied(model: GalleryModel, output: str, with_schema: bool, force: bool, quiet: bool) -> None:
-    """Copy a model, with its line for editors and the schema beside it."""
-    from lagcli.input import format_schema  # here, as help and lists need none of it
-
-    if output == new_files.STDOUT:
-        printed(model, as_json=False)
-        return
-    if os.path.isdir(output):
-        output = os.path.join(output, f"{model.name}.yaml")
-    head = f"{format_schema.EDITOR_LINE}\n" if with_schema else ""
-    is_new = new_files.write(output, head + model.text(), force=force)
-    messages = [f"wrote {output}" if is_new else f"{output} is this model already"]
-    if with_schema:
-        messages.append(new_files.schema_beside(output))
-    exits.print_err_all(() if quiet else filter(None, messages))
-
-
-def _models() -> tuple[GalleryModel, ...]:
-    models = gallery_models.models()
-    if not models:
-        raise exits.UsageError(
-            "this installation holds no gallery: install the wheel, or run from a checkout"
-        )
-    return models
 
 
 def _described(model: GalleryModel) -> dict[str, object]:

@@ -1,23 +1,29 @@
-"""`lagcli new`: a commented start for a model."""
+"""`lagcli new`: a commented start for a model; and files that a command makes for the user to go on with, never over
+another one in silence."""
 
 from __future__ import annotations
 
 import os
 import shlex
 import sys
+from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from lagcli.cli.commands import completing, new_files, options
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
 from lagcli.input.starting import model_templates
-from lagcli.output.files import formats
+from lagcli.output.files import atomic_file, formats, write_guard
 
 FIRST = next(iter(model_templates.TEMPLATES))
 ENDINGS = (".yaml", ".yml")
 ANSWERS = 5  # wrong ones that are taken before the questions end
+STDOUT = "-"
+# More than any model or schema; a file of this size is another one without looking.
+MOST = 2**25
 
 
 @exits.command
@@ -56,48 +62,36 @@ def new(
     if name is None:
         if not asks:
             raise exits.UsageError("a NAME is missing: `lagcli new NAME` writes NAME.yaml")
-        name = _asked_name()
+        for _ in range(ANSWERS):
+            if name := _answer("name of the model: "):
+                break
+        else:
+            raise exits.UsageError("a NAME is missing: `lagcli new NAME` writes NAME.yaml")
     if not name.strip() or os.path.basename(name) in ENDINGS:
         raise exits.UsageError("a model needs a name: `lagcli new NAME` writes NAME.yaml")
     if template is None:
-        template = _asked_template() if asks and name != new_files.STDOUT else FIRST
-    if name == new_files.STDOUT:
+        template = _asked_template() if asks and name != STDOUT else FIRST
+    if name == STDOUT:
         print(model_templates.text(template, "A new model", for_editors=False), end="")
         return
-    _write(name, template, not no_schema, force, as_json, quiet)
-
-
-def _write(name: str, template: str, with_schema: bool, force: bool, as_json: bool, quiet: bool) -> None:
-    """Write NAME.yaml, and the schema beside it. Raises `exits.UsageError`, `write_guard.WriteError`."""
     stem, ending = os.path.splitext(name)
     path = name if ending.lower() in ENDINGS else f"{name}.yaml"
     title = os.path.basename(stem if ending.lower() in ENDINGS else name)
     if title != title.encode("utf-8", "replace").decode("utf-8"):
         raise exits.UsageError("the name of a model is text in UTF-8")
-    text = model_templates.text(template, title, for_editors=with_schema)
-    is_new = new_files.write(path, text, force=force)
-    schema_message = new_files.schema_beside(path) if with_schema else ""
+    text = model_templates.text(template, title, for_editors=not no_schema)
+    is_new = write(path, text, force=force)
+    schema_message = "" if no_schema else schema_beside(path)
     if as_json:
         print(formats.json_line({"path": path, "template": template, "written": is_new}))
     if quiet:
         return
-    exits.print_err(
-        f"wrote {path}, from the template `{template}`"
-        if is_new
-        else f"{path} is there already, as it would be"
-    )
+    written = f"wrote {path}, from the template `{template}`"
+    exits.print_err(written if is_new else f"{path} is there already, as it would be")
     if schema_message:
         exits.print_err(schema_message)
     if is_new:
         exits.print_err(f"next: lagcli check {shlex.quote(path)}")
-
-
-def _asked_name() -> str:
-    for _ in range(ANSWERS):
-        answer = _answer("name of the model: ")
-        if answer:
-            return answer
-    raise exits.UsageError("a NAME is missing: `lagcli new NAME` writes NAME.yaml")
 
 
 def _asked_template() -> str:
@@ -125,3 +119,52 @@ def _answer(question: str) -> str:
         exits.print_err("")
         raise exits.UsageError("no answer; nothing was written")
     return line.strip()
+
+
+def write(
+    name: str, text: str, *, force: bool = False, may_replace: Callable[[str], bool] = lambda old: False
+) -> bool:
+    """Write a text to a file, or to standard output for `-`; False where the file holds this text already.
+
+    may_replace: whether a file with this text may be written over without `force`. Raises `exits.UsageError` where
+    another file is there, `write_guard.WriteError` where the file cannot be written.
+    """
+    if name == STDOUT:
+        print(text, end="")
+        return True
+    target = Path(name)
+    with write_guard.writing(name):
+        old = _old(target)
+        if old == text:
+            return False
+        if old is not None and not force and not may_replace(old):
+            raise exits.UsageError(f"{name} is there already, and another file; --force writes over it")
+        pending = atomic_file.PendingFile(target)
+        with atomic_file.undone_by(pending.discard):
+            pending.path.write_bytes(text.encode())
+            pending.commit()
+    return True
+
+
+def schema_beside(model: str) -> str:
+    """Write the schema into the folder of a model, where none is; the message about it, or nothing.
+
+    Raises `write_guard.WriteError`.
+    """
+    from lagcli.input import format_schema
+
+    name = os.path.join(os.path.dirname(model), format_schema.FILE)
+    if os.path.lexists(name):
+        with write_guard.writing(name):
+            same = _old(Path(name)) == format_schema.text()
+        return "" if same else f"{name} is of another version; `lagcli schema -o {name}` writes it anew"
+    write(name, format_schema.text())
+    return f"wrote {name}, by which editors complete and check models"
+
+
+def _old(target: Path) -> str | None:
+    """The text of a file there is; None where there is none, or what is no file to replace."""
+    if not target.is_file():
+        return None
+    with target.open("rb") as file:
+        return file.read(MOST).decode("utf-8", "replace")

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 import math
+import os
+import sys
+import time
 import typing
-from collections.abc import Callable
-from typing import Annotated, Any, TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
 from lagcli.cli.commands import completing
+from lagcli.cli.terminal import console, exits, status_line
+from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.output.files import formats
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
 
 
 def _seconds(context: typer.Context, option: typer.CallbackParam, value: float) -> float:
@@ -117,3 +126,163 @@ NoSchemaOption = Annotated[
 WatchOption = Annotated[
     bool, typer.Option("--watch", help="run again at each change of the file, until Ctrl-C")
 ]
+
+
+def missing(path: str) -> exits.UsageError:
+    """The error of a MODEL that does not exist, with the file or the model of the gallery that may be meant."""
+    from lagcli.input.starting import gallery_models
+
+    for ending in (".yaml", ".yml"):
+        if os.path.isfile(path + ending):
+            return exits.UsageError(f"there is no file {path}; did you mean {path}{ending}?")
+    found = gallery_models.find(os.path.basename(path))
+    if found is None:
+        return exits.UsageError(f"there is no file {path}")
+    copy = f"lagcli models {found.name} -o {found.name}.yaml"
+    return exits.UsageError(f"there is no file {path}; the gallery has a model of this name: `{copy}`")
+
+
+def require_models(paths: Sequence[str]) -> None:
+    """Report a MODEL that does not exist before the others are worked on. Raises `exits.UsageError`."""
+    for path in paths:
+        if path != "-" and not os.path.exists(path):
+            raise missing(path)
+    if paths.count("-") > 1:
+        raise exits.UsageError("standard input can be read once only")
+
+
+def load(path: str, changes: list[str] | None) -> Model:
+    """The model with the values of `--set`. Raises `exits.UsageError`, `diagnostics.ModelError`."""
+    # The reader of models is no part of what --help needs.
+    from lagcli.api import load as reading
+
+    given: dict[str, object] = {}
+    for change in changes or ():
+        name, sign, value = change.partition("=")
+        if not sign or not name.strip():
+            raise exits.UsageError(f"--set {change}: write NAME=EXPR")
+        given[name.strip()] = value
+    try:
+        return reading.load(path, given)
+    except FileNotFoundError:
+        raise missing(path) from None
+    except OSError as error:
+        raise exits.UsageError(f"cannot read {path}: {error.strerror}") from None
+
+
+def read(path: str, changes: list[str] | None, as_json: bool, verbose: bool = False) -> Model:
+    """The model as `load` gives it; its errors are JSON where that is asked for, its warnings printed if `verbose`."""
+    with json_errors(as_json):
+        model = load(path, changes)
+    if verbose:
+        exits.print_warnings(model.warnings)
+    return model
+
+
+@contextlib.contextmanager
+def json_errors(as_json: bool) -> Iterator[None]:
+    """Inside the block an invalid model is reported on stdout where JSON was asked for."""
+    try:
+        yield
+    except diagnostics.ModelError as error:
+        if as_json:
+            print(formats.json_line(errors(error)))
+            raise exits.Exit(exits.of(error)) from None
+        raise
+
+
+@contextlib.contextmanager
+def refusals(as_json: bool = False, worded: Callable[[str], str] = str) -> Iterator[None]:
+    """Around a function of the Python interface: what it refuses is wrong on the command line, with exit 2.
+
+    worded: makes the message for the command line of its own; as_json: as of `json_errors`.
+    """
+    with json_errors(as_json):
+        try:
+            yield
+        except ValueError as error:
+            raise exits.UsageError(worded(str(error))) from None
+
+
+@contextlib.contextmanager
+def stops(rows_are_for: str = "") -> Iterator[None]:
+    """Around what needs rows: a run that stopped without them ends the command with exit 3, and says for what."""
+    from lagcli.running.trajectory import SimulationStopped
+
+    try:
+        yield
+    except SimulationStopped as stopped:
+        end = f"; there is no row to {rows_are_for}" if rows_are_for else ""
+        exits.print_err(f"lagcli: {stopped.reason}{end}")
+        raise exits.Exit(exits.STOPPED) from None
+
+
+@contextlib.contextmanager
+def reading(name: str, option: str = "") -> Iterator[None]:
+    """Around what reads the table `name`: one that cannot be read, or is none, is refused; option: what named it."""
+    from lagcli.output.tables import table_format
+
+    label = f"{option}: " if option else ""
+    try:
+        yield
+    except OSError as error:
+        raise exits.UsageError(f"{label}cannot read {name}: {error.strerror or error}") from None
+    except table_format.UNREADABLE as error:
+        raise exits.UsageError(f"{label}{error}") from None
+
+
+def errors(error: diagnostics.ModelError) -> dict[str, object]:
+    """The JSON of an invalid model."""
+    return {"errors": [diagnostic.as_json() for diagnostic in error.diagnostics]}
+
+
+def follow(
+    paths: Sequence[str],
+    run: Callable[[], None],
+    quiet: bool = False,
+    pause: Callable[[], None] | None = None,
+) -> None:
+    """Run a command, and again whenever one of the files is another one; it ends by an interrupt, or by `pause`.
+
+    The files are looked at several times a second: that works on every platform and file system, over a network, and
+    where an editor puts a new file into the place of the old one. What a run raises as commands may is printed, and the
+    next change is waited for. pause: waits for a moment; whatever it raises ends the watch. Raises `exits.UsageError`
+    for standard input.
+    """
+    if "-" in paths:
+        raise exits.UsageError("--watch needs a file: standard input is read once")
+    pause = pause or _pause
+
+    def stamps() -> list[tuple[int, int, int] | None]:
+        """Time of change, size and number of each file, by which it is known again; None where it is not there."""
+        marks: list[tuple[int, int, int] | None] = []
+        for path in paths:
+            try:
+                found = os.stat(path)
+            except OSError:
+                marks.append(None)
+            else:
+                marks.append((found.st_mtime_ns, found.st_size, found.st_ino))
+        return marks
+
+    while True:
+        # Taken before the run: a change while it goes on is one to run again for.
+        seen = stamps()
+        console.clear()
+        with status_line.showing(quiet):
+            exits.outcome(run)
+        if not quiet:
+            names = os.path.basename(paths[0]) if len(paths) == 1 else f"{len(paths)} files"
+            exits.print_err(f"watching {names}; Ctrl-C ends")
+        sys.stdout.flush()
+        while (now := stamps()) == seen:
+            pause()
+        # An editor may write in several steps, or take the old file away first: wait until nothing changes.
+        settled = None
+        while settled != now:
+            pause()
+            settled, now = now, stamps()
+
+
+def _pause() -> None:
+    time.sleep(status_line.TICK)

@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
-from lagcli.cli.commands import completing, model_reading
-from lagcli.cli.commands.options import (
-    DebugOption,
-    FromOption,
-    QuietOption,
-    SetOption,
-    WatchOption,
-    with_run_settings,
-)
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats, write_guard
@@ -26,7 +18,6 @@ if TYPE_CHECKING:
     from lagcli.api.plot import DrawnRuns
     from lagcli.model.model import Model
     from lagcli.output.charts.compose import ChartChoice
-
 
 FilesArgument = Annotated[
     list[str],
@@ -63,7 +54,7 @@ PathOption = Annotated[
 
 
 @exits.command
-@with_run_settings()
+@options.with_run_settings()
 def plot(
     files: FilesArgument,
     y: YOption = None,
@@ -85,28 +76,29 @@ def plot(
     ] = False,
     *,
     run_settings: RunSettings,
-    begin: FromOption = None,
-    changes: SetOption = None,
-    watch: WatchOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
+    begin: options.FromOption = None,
+    changes: options.SetOption = None,
+    watch: options.WatchOption = False,
+    quiet: options.QuietOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Draw columns of tables and models: over t or another column, as paths, several runs overlaid.
 
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn; without one no figure is made.
     """
-    from lagcli.cli.terminal import watching
     from lagcli.output.charts import compose
 
     choice = compose.chosen(y or (), x=x, xy=xy or (), is_log=log, title=title)
-    options = PlotOptions(
+    asked = PlotOptions(
         tuple(files), choice, events, run_settings, begin, output, show, tuple(changes or ()), quiet
     )
-    options.require()
+    asked.require()
     if watch:
-        watching.follow(options.read, lambda: carry_out(options), quiet)
-    carry_out(options)
+        options.follow(
+            [*asked.files, *([events] if events is not None else [])], lambda: carry_out(asked), quiet
+        )
+    carry_out(asked)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -124,19 +116,9 @@ class PlotOptions:
     changes: tuple[str, ...]
     quiet: bool
 
-    @property
-    def read(self) -> tuple[str, ...]:
-        """The files that are read, but that of `--from`, which is where a run begins."""
-        return (*self.files, *([self.events] if self.events is not None else []))
-
-    @property
-    def is_shown(self) -> bool:
-        """True if the terminal is drawn on."""
-        return self.show or self.output is None
-
     def require(self) -> None:
         """Refuse what cannot be done for these files."""
-        model_reading.require_models(list(self.files))
+        options.require_models(list(self.files))
         if self.output is not None:
             write_guard.require_endings((self.output, formats.FIGURES))
         elif not self.show and not sys.stdout.isatty():
@@ -146,10 +128,10 @@ class PlotOptions:
             if not os.path.exists(self.events):
                 raise exits.UsageError(f"--events: there is no file {self.events}")
         given = {**self.run, "from": self.begin, "set": self.changes or None}
-        options = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
-        if options and not any(map(_is_model, self.files)):
+        given_options = [f"--{name.replace('_', '-')}" for name, value in given.items() if value is not None]
+        if given_options and not any(map(_is_model, self.files)):
             raise exits.UsageError(
-                f"{options[0]} is for a MODEL that is simulated, and there are tables alone"
+                f"{given_options[0]} is for a MODEL that is simulated, and there are tables alone"
             )
         if self.output is not None:
             read = [*(("MODEL", name) for name in self.files), ("--events", self.events)]
@@ -160,23 +142,37 @@ def _is_model(name: str) -> bool:
     return name != "-" and not formats.is_table(name)
 
 
-def carry_out(options: PlotOptions) -> None:
+def carry_out(asked: PlotOptions) -> None:
     """Read, simulate, draw; nothing is kept, so that it may be called again when a file has changed.
 
     Raises `exits.UsageError`, `write_guard.WriteError`, `diagnostics.ModelError`, and `exits.Exit` with 3 where a run
     stopped before its end, after its rows have been drawn, if there are any.
     """
-    drawn = _drawn(options)
+    from lagcli.api import plot as plotting
+
+    def source(name: str) -> BinaryIO | str | Model:
+        if _is_model(name):
+            return options.load(name, list(asked.changes))
+        return sys.stdin.buffer if name == "-" else name
+
+    drawn: DrawnRuns | None = None
+    sources = map(source, asked.files)
+    for step in plotting.steps(sources, asked.choice, asked.events, asked.run, asked.begin):
+        if not isinstance(step, str):
+            drawn = step
+        elif not asked.quiet:
+            exits.print_err(f"note: {step}")
+    assert drawn is not None
     if drawn.is_empty:
         exits.print_err_all(f"lagcli: {reason}; there is no row to draw" for reason in drawn.stopped)
         raise exits.Exit(exits.STOPPED)
-    if options.output is not None:
-        with write_guard.drawing(options.output):
+    if asked.output is not None:
+        with write_guard.drawing(asked.output):
             from lagcli.output.charts import chart_figure
             from lagcli.output.figures import figure_page
 
-            figure_page.write(options.output, chart_figure.compose(drawn.chart))
-    if options.is_shown:
+            figure_page.write(asked.output, chart_figure.compose(drawn.chart))
+    if asked.show or asked.output is None:
         from lagcli.output.charts import chart_terminal
 
         columns = console.width() if sys.stdout.isatty() else console.USUAL
@@ -185,23 +181,3 @@ def carry_out(options: PlotOptions) -> None:
     if drawn.stopped:
         exits.print_err_all(f"lagcli: {reason}" for reason in drawn.stopped)
         raise exits.Exit(exits.STOPPED)
-
-
-def _drawn(options: PlotOptions) -> DrawnRuns:
-    """The chart, made with notes on the runs of models on the way."""
-    from lagcli.api import plot as plotting
-
-    def source(name: str) -> BinaryIO | str | Model:
-        if _is_model(name):
-            return model_reading.load(name, list(options.changes))
-        return sys.stdin.buffer if name == "-" else name
-
-    found: DrawnRuns | None = None
-    sources = map(source, options.files)
-    for step in plotting.steps(sources, options.choice, options.events, options.run, options.begin):
-        if not isinstance(step, str):
-            found = step
-        elif not options.quiet:
-            exits.print_err(f"note: {step}")
-    assert found is not None
-    return found

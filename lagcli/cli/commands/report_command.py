@@ -8,16 +8,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.commands import model_reading
-from lagcli.cli.commands.options import (
-    DebugOption,
-    LimitOption,
-    ModelArgument,
-    QuietOption,
-    SetOption,
-    VerboseOption,
-    with_run_settings,
-)
+from lagcli.cli.commands import options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.model.settings import RunSettings
@@ -25,9 +16,9 @@ from lagcli.output.files import write_guard
 
 
 @exits.command
-@with_run_settings()
+@options.with_run_settings()
 def report(
-    model: ModelArgument,
+    model: options.ModelArgument,
     output: Annotated[
         str,
         typer.Option(
@@ -49,11 +40,11 @@ def report(
             autocompletion=lambda: ["browser", "latex"],
         ),
     ] = None,
-    limit: LimitOption = settings.LIMIT,
-    changes: SetOption = None,
-    quiet: QuietOption = False,
-    verbose: VerboseOption = False,
-    debug: DebugOption = False,
+    limit: options.LimitOption = settings.LIMIT,
+    changes: options.SetOption = None,
+    quiet: options.QuietOption = False,
+    verbose: options.VerboseOption = False,
+    debug: options.DebugOption = False,
 ) -> None:
     """Write one page about a model: verdicts with proofs, count, equations, motion, audit, provenance.
 
@@ -61,12 +52,27 @@ def report(
     """
     from lagcli.reporting import report_page
 
-    model_reading.require_models([model])
-    _require(model, output, pdf)
-    read = model_reading.read(model, changes, False, verbose)
+    options.require_models([model])
+    target = pathlib.Path(output)
+    if pdf is not None and target.suffix.lower() != ".pdf":
+        raise exits.UsageError(f"--pdf {pdf}: the page is no PDF; write -o report.pdf")
+    if output != "-":
+        write_guard.require([("MODEL", model)], ("--output", output, report_page.FORMATS))
+    if target.suffix.lower() == ".md":
+        folder = report_page.figure_folder(target)
+        if folder.exists() and not folder.is_dir():
+            raise exits.UsageError(f"--output {output}: {folder} is needed for figures, and is no folder")
+    if target.suffix.lower() == ".pdf":
+        try:
+            report_page.require(pdf)
+        except report_page.NoPdf as error:
+            raise exits.UsageError(f"--output {output}: {error}") from None
+        except ValueError as error:
+            raise exits.UsageError(f"--pdf: {error}") from None
+    read = options.read(model, changes, False, verbose)
     from lagcli.api import report as reporting
 
-    with model_reading.refusals(), model_reading.stops("report"):
+    with options.refusals(), options.stops("report"):
         page = reporting.report(read, title=title, digits=digits, limit=limit, **run_settings)
     if output == "-":
         print(page.html(), end="")
@@ -85,27 +91,3 @@ def report(
         raise exits.Exit(exits.INVALID)
     if page.stopped is not None:
         raise exits.Exit(exits.STOPPED)
-
-
-def _require(model: str, output: str, pdf: str | None) -> None:
-    """Refuse what cannot be done with this MODEL, before any work."""
-    from lagcli.reporting import report_page
-
-    is_pdf = pathlib.Path(output).suffix.lower() == ".pdf"
-    if pdf is not None and not is_pdf:
-        raise exits.UsageError(f"--pdf {pdf}: the page is no PDF; write -o report.pdf")
-    if output == "-":
-        return
-    write_guard.require([("MODEL", model)], ("--output", output, report_page.FORMATS))
-    target = pathlib.Path(output)
-    if target.suffix.lower() == ".md":
-        folder = report_page.figure_folder(target)
-        if folder.exists() and not folder.is_dir():
-            raise exits.UsageError(f"--output {output}: {folder} is needed for figures, and is no folder")
-    if is_pdf:
-        try:
-            report_page.require(pdf)
-        except report_page.NoPdf as error:
-            raise exits.UsageError(f"--output {output}: {error}") from None
-        except ValueError as error:
-            raise exits.UsageError(f"--pdf: {error}") from None

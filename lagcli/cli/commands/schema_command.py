@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated
 
 import typer
@@ -26,10 +27,19 @@ def schema(
 
     New models name lagcli.schema.json, in their own folder, on their first line.
     """
-    from lagcli.cli.commands import new_files
+    from lagcli.cli.commands import new_command
     from lagcli.input import format_schema
 
-    name = output or new_files.STDOUT
-    new_files.write(name, format_schema.text(), force=force, may_replace=new_files.is_schema)
-    if name != new_files.STDOUT and not quiet:
+    name = output or new_command.STDOUT
+    new_command.write(name, format_schema.text(), force=force, may_replace=_is_schema)
+    if name != new_command.STDOUT and not quiet:
         exits.print_err(f"wrote {name}")
+
+
+def _is_schema(old: str) -> bool:
+    """True for a schema of the model format, of whatever version."""
+    try:
+        found = json.loads(old)
+    except ValueError:
+        return False
+    return isinstance(found, dict) and str(found.get("title", "")).startswith("lagcli model")

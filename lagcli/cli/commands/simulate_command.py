@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
 from lagcli.model.settings import RunSettings
@@ -16,7 +16,6 @@ from lagcli.output.files import formats
 if TYPE_CHECKING:
     from lagcli.running.run_request import RunRequest
     from lagcli.running.written_run import RunEnding, WrittenRun
-
 
 OutputOption = Annotated[
     str | None,
@@ -80,7 +79,7 @@ def simulate(
     CSV on standard output without -o and --plot. Exit 3 where the integration stops before its end: the rows
     so far are in FILE.partial, and FILE is as it was.
     """
-    from lagcli.api import simulate_to_files
+    from lagcli.api import simulate
     from lagcli.running import run_request
 
     asked = run_request.RunRequest(
@@ -88,9 +87,9 @@ def simulate(
         checkpoint, resume, limit, digits, events, event_rows,
     )  # fmt: skip
     asked.require(model)
-    read = model_reading.read(model, changes, as_json)
-    with model_reading.json_errors(as_json):
-        written = simulate_to_files.begin(read, run_settings, asked, begin)
+    read = options.read(model, changes, as_json)
+    with options.json_errors(as_json):
+        written = simulate.to_files(read, run_settings, asked, begin)
     carry_out(written, asked)
 
 
@@ -107,18 +106,14 @@ def carry_out(written: WrittenRun, request: RunRequest) -> None:
             bar.close()
             if isinstance(step, str):
                 exits.print_err(step)
-            else:
-                _print_end(step, request.quiet)
-
-
-def _print_end(end: RunEnding, quiet: bool) -> None:
-    exits.print_err_all(warning.text for warning in end.stats.warnings)
-    exits.print_notes(end.notes, quiet)
-    if not quiet:
-        _print_account(end)
-    if end.reason:
-        exits.print_err(f"lagcli: {end.reason}")
-        raise exits.Exit(exits.STOPPED)
+                continue
+            exits.print_err_all(warning.text for warning in step.stats.warnings)
+            exits.print_notes(step.notes, request.quiet)
+            if not request.quiet:
+                _print_account(step)
+            if step.reason:
+                exits.print_err(f"lagcli: {step.reason}")
+                raise exits.Exit(exits.STOPPED)
 
 
 def _print_account(end: RunEnding) -> None:

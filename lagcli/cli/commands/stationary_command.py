@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.commands import model_reading, options, static_points_text
+from lagcli.cli.commands import equilibrium_command, options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.output.files import write_guard
@@ -33,7 +33,7 @@ def stationary(
     from lagcli.api import static_points
 
     write_guard.require_outputs(model, output, None, as_json)
-    read = model_reading.read(model, changes, as_json, verbose)
-    with model_reading.refusals(as_json, "--{}".format):
+    read = options.read(model, changes, as_json, verbose)
+    with options.refusals(as_json, "--{}".format):
         found = static_points.stationary(read, of, starts=starts, seed=seed, limit=limit)
-    static_points_text.print_report(read, found, output, as_json, quiet)
+    equilibrium_command.print_report(read, found, output, as_json, quiet)

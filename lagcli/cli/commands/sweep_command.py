@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from lagcli.cli.commands import completing, model_reading, options
+from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
 from lagcli.model.settings import RunSettings
@@ -15,8 +14,6 @@ from lagcli.output.files import formats
 
 if TYPE_CHECKING:
     from lagcli.output.sweeps.sweep_table import SweepEnding
-    from lagcli.output.sweeps.written_sweep import SweepStep
-
 
 ModelsArgument = Annotated[
     list[str],
@@ -74,7 +71,6 @@ LimitEachOption = Annotated[
     typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
 ]
 YesOption = Annotated[bool, typer.Option("--yes", help="also for more than ten million points")]
-SamplesOption = Annotated[int | None, typer.Option(help="number of rows of a run, both ends counted")]
 
 
 @exits.command
@@ -111,7 +107,7 @@ def sweep(
     draw. Each row is that of `simulate --set`, to the last bit, whatever computes it. Exit 1 where a point is invalid,
     else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
     """
-    from lagcli.api import sweep_to_files
+    from lagcli.api import sweep as sweeping
     from lagcli.output.sweeps import shard_merge, written_sweep
 
     request = written_sweep.SweepRequest(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
@@ -125,22 +121,14 @@ def sweep(
             "a sweep is of one MODEL; with --merge the arguments are the tables of its shards"
         )
     request.require(models[0], points)
-    computed = sweep_to_files.AskedSweep(
+    computed = sweeping.AskedSweep(
         tuple(over or ()), points, tuple(uncertain or ()), draws, seed, sampling, yes,
         tuple(reduce or ()), run_settings, limit, limit_each,
     )  # fmt: skip
-    read = model_reading.read(models[0], changes, as_json)
-    steps = sweep_to_files.steps(read, computed, request)
-    with model_reading.json_errors(as_json):
-        ending = _followed(steps, quiet)
-    _end(ending, quiet)
-
-
-def _followed(steps: Iterator[SweepStep], quiet: bool) -> SweepEnding:
-    """The ending of a sweep that is carried out, with a bar on the terminal."""
+    read = options.read(models[0], changes, as_json)
     ending: SweepEnding | None = None
-    with console.progress(0.0, 1.0, quiet) as bar:
-        for step in steps:
+    with options.json_errors(as_json), console.progress(0.0, 1.0, quiet) as bar:
+        for step in sweeping.steps(read, computed, request):
             if isinstance(step, float):
                 bar.at(step)
             elif isinstance(step, str):
@@ -148,7 +136,7 @@ def _followed(steps: Iterator[SweepStep], quiet: bool) -> SweepEnding:
             else:
                 ending = step
     assert ending is not None
-    return ending
+    _end(ending, quiet)
 
 
 def _end(ending: SweepEnding, quiet: bool) -> NoReturn:

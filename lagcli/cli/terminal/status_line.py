@@ -71,8 +71,9 @@ class Status:
         """The innermost phase has ended; after the last one others may write on the terminal."""
         with self._lock:
             self._names.pop()
-            if not self._names:
-                self._erase()
+            if self._is_shown and not self._names:
+                self._write(ERASE)
+                self._is_shown, self._text = False, ""
 
     def close(self) -> None:
         """Nothing more is shown."""
@@ -90,19 +91,13 @@ class Status:
         while not self._closed.wait(TICK):
             with self._lock:
                 seconds = time.monotonic() - self._began
-                if self._names and seconds >= DELAY:
-                    self._draw(f"{self._names[-1]} ... {seconds:.0f} s")
-
-    def _draw(self, text: str) -> None:
-        if text != self._text:
-            self._is_shown, self._text = True, text
-            # A line that is folded could not be erased.
-            self._write(ERASE + text[: console.stderr_width() - 1])
-
-    def _erase(self) -> None:
-        if self._is_shown:
-            self._write(ERASE)
-            self._is_shown, self._text = False, ""
+                if not self._names or seconds < DELAY:
+                    continue
+                text = f"{self._names[-1]} ... {seconds:.0f} s"
+                if text != self._text:
+                    self._is_shown, self._text = True, text
+                    # A line that is folded could not be erased.
+                    self._write(ERASE + text[: console.stderr_width() - 1])
 
     def _write(self, text: str) -> None:
         with contextlib.suppress(OSError, ValueError):  # a closed stderr is no reason to fail

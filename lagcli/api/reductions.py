@@ -130,8 +130,10 @@ def _evaluated(
         return node, evaluate.scalar(node, algebra, REDUCERS)
 
 
-def _marked(text: str, known: frozenset[str]) -> tuple[str, dict[int, str]]:
-    """The text with every column put as a plain word of its length, and the columns by the indices of these words."""
+@memory.remembered(256)
+def _tree(text: str, known: frozenset[str]) -> tuple[tree.Node, dict[int, str]]:
+    """The tree of a text in which every column is put as a plain word of its length, and the columns by the indices of
+    these words."""
     by_letter: dict[str, list[str]] = {}
     for name in sorted(known, key=len, reverse=True):
         by_letter.setdefault(name[:1], []).append(name)
@@ -139,7 +141,12 @@ def _marked(text: str, known: frozenset[str]) -> tuple[str, dict[int, str]]:
     parts, at, is_inside = [], 0, False
     while at < len(text):
         names = () if is_inside else by_letter.get(text[at], ())
-        name = next((one for one in names if _stands_at(one, text, at)), "")
+        name = ""
+        for one in names:
+            after = text[at + len(one) : at + len(one) + 1]
+            if text.startswith(one, at) and after != "(" and not _PART_OF_NAME.match(after):
+                name = one
+                break
         if not name:
             is_inside = bool(re.match(r"[\w.]", text[at]))
             parts.append(text[at])
@@ -148,26 +155,7 @@ def _marked(text: str, known: frozenset[str]) -> tuple[str, dict[int, str]]:
         found[at] = name
         parts.append("c" * len(name))
         at += len(name)
-    return "".join(parts), found
-
-
-def _stands_at(name: str, text: str, at: int) -> bool:
-    after = text[at + len(name) : at + len(name) + 1]
-    return text.startswith(name, at) and after != "(" and not _PART_OF_NAME.match(after)
-
-
-@memory.remembered(256)
-def _tree(text: str, known: frozenset[str]) -> tuple[tree.Node, dict[int, str]]:
-    marked, found = _marked(text, known)
-    return parser.parse(marked), found
-
-
-def _rms(x: Array, t: Array) -> float:
-    return float(np.sqrt(np.mean(x * x)))
-
-
-def _integral(x: Array, t: Array) -> float:
-    return float(np.sum((x[1:] + x[:-1]) * np.diff(t)) / 2)
+    return parser.parse("".join(parts)), found
 
 
 def _time_of(pick: Callable[[Array], np.intp], x: Array, t: Array) -> float:
@@ -179,12 +167,12 @@ _OF_ROWS: dict[str, Callable[[Array, Array], float]] = {
     "max": lambda x, t: float(x.max()),
     "min": lambda x, t: float(x.min()),
     "mean": lambda x, t: float(x.mean()),
-    "rms": _rms,
+    "rms": lambda x, t: float(np.sqrt(np.mean(x * x))),
     "first": lambda x, t: float(x[0]),
     "last": lambda x, t: float(x[-1]),
     "argmax": functools.partial(_time_of, np.argmax),
     "argmin": functools.partial(_time_of, np.argmin),
-    "integral": _integral,
+    "integral": lambda x, t: float(np.sum((x[1:] + x[:-1]) * np.diff(t)) / 2),
 }
 REDUCERS = frozenset(_OF_ROWS) - {"max", "min"}
 

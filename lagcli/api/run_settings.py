@@ -5,21 +5,39 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import os
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
+import numpy as np
+
+from lagcli.equations import system
+from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
 from lagcli.output.files.write_guard import BadRequest
 
 Changes: TypeAlias = Mapping[str, Any]  # settings by their names; what is None is as the model says
+# Columns of the initial values of a model.
+_COLUMNS = {
+    "value": ("{}",),
+    "rate": ("rate({})",),
+    "position": ("{}.x", "{}.y", "{}.z"),
+    "velocity": ("{}.vx", "{}.vy", "{}.vz"),
+}
+_ROW = re.compile(r"(.+):([+-]?\d+)", re.DOTALL)
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 class BadSetting(ValueError):
     """Settings that no run can have; the message says which."""
+
+
+class NoSuchRow(ValueError):
+    """A row of a table, or a column of it, is not there."""
 
 
 def keywords(*left_out: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -73,13 +91,20 @@ def chosen(model: Model, changes: Changes) -> Simulation:
 def of_options(model: Model, changes: Changes, row: str | None = None) -> Model:
     """The model with the settings of a command and, where a row of a table is given, `FILE` or `FILE:ROW`, its start.
 
-    Raises `BadRequest`, worded for the options, in place of what `chosen` and `start_row.at` raise.
+    Raises `BadRequest`, worded for the options, in place of what `chosen` and `at_row` raise.
     """
     if row is not None:
         # Other runs read no tables.
-        from lagcli.api.runs import start_row
+        from lagcli.output.tables import table_format
 
-        model = start_row.of_option(model, row)
+        try:
+            model = at_row(model, row)
+        except FileNotFoundError as error:
+            raise BadRequest(f"--from: there is no file {error.filename}") from None
+        except OSError as error:
+            raise BadRequest(f"--from: cannot read {row}: {error.strerror}") from None
+        except (NoSuchRow, *table_format.UNREADABLE) as error:
+            raise BadRequest(f"--from {error}") from None
     try:
         return dataclasses.replace(model, simulation=chosen(model, changes))
     except ValueError as error:
@@ -93,3 +118,50 @@ def seconds(limit: float | None) -> float:
     if not limit >= 0:  # nan neither
         raise ValueError("limit: a number of seconds is needed, 0 or more")
     return limit
+
+
+def at_row(model: Model, text: str) -> Model:
+    """The model with the positions of a row, `FILE` or `FILE:ROW`, and its velocities, zero where there are none.
+
+    Initial values that were set by name are put on top of the row: a push to a point of rest.
+    Raises `NoSuchRow`, and what `table_format.opened` raises; the messages name the file.
+    """
+    from lagcli.output.tables import table_format
+    from lagcli.running import table_columns
+
+    path, row, given = text, -1, _ROW.fullmatch(text)
+    # A drive letter is no file.
+    if given is not None and not os.path.exists(text) and not re.fullmatch(r"[A-Za-z]", given[1]):
+        path, row = given[1], int(given[2])
+    table = table_format.opened(path)
+    names = model.coordinate_names
+    rates = table_columns.rate_names(model)
+    known = set(table.columns)
+    missing = [name for name in names if name not in known]
+    if missing:
+        hint = diagnostics.nearest(missing[0], table.columns)
+        raise NoSuchRow(f"{path}: it has no column `{missing[0]}`{'; ' + hint if hint else ''}")
+    there = [name for name in rates if name in known]
+    rows = table.take([*names, *there])
+    if not -len(rows) <= row < len(rows):
+        raise NoSuchRow(f"{path}:{row}: it has {len(rows)} rows, from 0 to {len(rows) - 1}; -1 is the last")
+    values = dict(zip([*names, *there], rows[row].tolist(), strict=True))
+    # The initial values that were changed by name, by their columns
+    declared = dict(zip([*names, *rates], np.concatenate(system.start(model)).tolist(), strict=True))
+    found: dict[str, float] = {}
+    for name, _ in model.changes:
+        owner, dot, field = name.rpartition(".")
+        if not dot:
+            continue
+        columns = [column.format(owner) for column in _COLUMNS.get(field, (f"{{}}.{field}",))]
+        if any(column not in declared for column in columns):
+            raise NoSuchRow(f"--set {name} is of a whole family: with --from only single members can be set")
+        found |= {column: declared[column] for column in columns}
+    values |= found
+    q = np.array([values[name] for name in names])
+    v = np.array([values.get(name, 0.0) for name in rates])
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise NoSuchRow(f"{path}:{row}: the column `{name}` has no number there")
+    changes = (*model.changes, ("from", f"{path}:{row}"))
+    return dataclasses.replace(system.started_at(model, q, v), changes=changes)

@@ -9,17 +9,16 @@ import time
 from lagcli import progress
 from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.analysis.examined_start import ExaminedStart
-from lagcli.api.models import cache
-from lagcli.api.models.cache import CompiledModel
-from lagcli.api.models.load import Path
-from lagcli.api.runs import run_settings
+from lagcli.api import cache, run_settings
+from lagcli.api.cache import CompiledModel
+from lagcli.api.load import Path
 from lagcli.model import settings
 from lagcli.model.model import Model
 from lagcli.model.settings import Simulation
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation import run_entry
 from lagcli.simulation.run_state import checkpoint as checkpoints
-from lagcli.start import initial
+from lagcli.start import consistent_start, initial
 
 
 @progress.phase("preparing the run")
@@ -111,3 +110,11 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
     known, selection = KnownIntegrals(point.integrals), point.run_state.selection
     start = ExaminedStart(initial.declared(ready.system), None, selection, False, known)
     return SimulationRun(ready.system, ready.numeric, start, run, time.perf_counter() - began, point)
+
+
+def moves_of(run: SimulationRun) -> tuple[str, ...]:
+    """Sentences on how far the start of a run was moved onto its rows; none where it was not."""
+    if run.assembly is None:
+        return ()
+    moved = consistent_start.moves(run.model, run.assembly)
+    return tuple(moved.lines(run.model.units)) if moved.positions or moved.velocities else ()

@@ -1,4 +1,5 @@
-"""Systems with their functions, ready to be integrated, and those that stay for another run."""
+"""Systems with their functions, ready to be integrated, those that stay for another run, and models with their start
+moved."""
 
 from __future__ import annotations
 
@@ -11,12 +12,15 @@ from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.compiled import NumericSystem
 from lagcli.equations import size_limits, system
+from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model
+from lagcli.start import consistent_start, initial
 
 if TYPE_CHECKING:
     # Counts and verdicts come without a run.
     from lagcli.simulation.run_entry import CachedFunctions
+    from lagcli.start.assembly import Assembly
 
 MOST_CACHED = 8  # compiled systems that stay for another run with other parameters
 
@@ -69,3 +73,30 @@ def compiled(model: Model) -> CompiledModel:
     result = same or CompiledModel(system.build(model))
     _compiled.keep(key, result)
     return result
+
+
+def assembled(model: Model) -> tuple[Model, Assembly]:
+    """The model with its start moved to the nearest consistent state, and how far. Raises `diagnostics.ModelError`."""
+    from lagcli.analysis.classification import classify  # most models are never moved
+
+    ready = compiled(model)
+    built, numeric = ready.system, ready.numeric
+    try:
+        found = consistent_start.nearest(built, numeric)
+    except diagnostics.ModelError as error:
+        if not classify.is_conflict(error):
+            raise
+        case = classify.classified(built, numeric).case
+        found = consistent_start.nearest(case.system, case.numeric)
+    return system.started_at(model, found.state.q, found.state.v), found
+
+
+def violation_notes(ready: CompiledModel, done: str) -> tuple[str, ...]:
+    """The note where the declared positions violate the rows, and what is `done` at the nearest ones that do not."""
+    residuals = initial.residuals(ready.system, ready.numeric, initial.declared(ready.system))
+    if not any(residuals.in_position(i) for i in residuals.violated):
+        return ()
+    off = residuals.of_positions
+    return (
+        f"the initial positions violate the rows by {off:.3g}: {done} the nearest consistent configuration",
+    )

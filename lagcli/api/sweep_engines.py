@@ -18,14 +18,15 @@ from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING
 
-from lagcli.api.sweeps import point_task
-from lagcli.api.sweeps.point_sources import SweepPoints
-from lagcli.api.sweeps.point_task import PointTask
+from lagcli.api import point_task
+from lagcli.api.point_task import PointTask
+from lagcli.api.sweep_points import SweepPoints
 from lagcli.errors import diagnostics
 from lagcli.output.sweeps.sweep_table import PointRow
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
+
 
 # Seconds of work of a part, long beside its way to another process and short beside the wait of a person.
 PART_SECONDS = 0.5
@@ -37,15 +38,20 @@ PAUSE = 0.2  # seconds between looks at interrupts while parts are under way
 # point goes alone, to find the one that is the reason. Points that end their process one after the other, with no other
 # point between them, say that it is not the points.
 MOST_POOLS, MOST_ENDINGS = 3, 3
+PATIENCE = 10.0  # seconds for the scheduler of a cluster to answer
+# Workers that may die over one part before it is taken to be the part that ends them.
+MOST_DEATHS = 10
 
 Finished = tuple[list[PointRow], float]
-
-
 ENDED = "the process that ran it was ended by the system, for want of memory perhaps"
 
 
 class WorkersLost(RuntimeError):
     """Processes of the engine were ended again and again; the message names the points that were under way."""
+
+
+class NoCluster(RuntimeError):
+    """There is no cluster at the address, or no Dask here; the message says which."""
 
 
 @dataclasses.dataclass(slots=True)
@@ -75,8 +81,16 @@ def local(jobs: int) -> Iterator[Engine]:
 
     # Spawned on every system: what is forked from a process with threads may wait for ever.
     import multiprocessing
+    from multiprocessing import resource_tracker
 
-    _begin_tracker()
+    if sys.platform != "win32":
+        # The process with which Python watches over the semaphores of workers ends with this one: a terminal that hangs
+        # up must not end it before the semaphores are gone, as it would print tracebacks.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+        try:
+            resource_tracker.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
     context = multiprocessing.get_context("spawn")
     # Workers end when the other end of this pipe is closed: what they still compute then is not wanted.
     wanted, end = context.Pipe(duplex=False)
@@ -95,25 +109,32 @@ def local(jobs: int) -> Iterator[Engine]:
         wanted.close()
 
 
-def _begin_tracker() -> None:
-    """Start the process with which Python watches over the semaphores of workers, such that a terminal that hangs up
-    does not end it before the semaphores are gone: then it would print tracebacks. It ends with this process."""
-    if sys.platform == "win32":
-        return
-    from multiprocessing import resource_tracker
-
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
-    try:
-        resource_tracker.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def given(executor: Executor) -> contextlib.AbstractContextManager[Engine]:
+    """An executor of the caller. One that does not say how many workers it has is taken to have one a processor."""
+    workers = getattr(executor, "_max_workers", None)
+    return contextlib.nullcontext(
+        Engine(executor, workers if isinstance(workers, int) else os.cpu_count() or 1)
+    )
 
 
 @contextlib.contextmanager
-def given(executor: Executor) -> Iterator[Engine]:
-    """An executor of the caller. One that does not say how many workers it has is taken to have one a processor."""
-    workers = getattr(executor, "_max_workers", None)
-    yield Engine(executor, workers if isinstance(workers, int) else os.cpu_count() or 1)
+def cluster(address: str) -> Iterator[Engine]:
+    """The cluster whose scheduler has this address, `tcp://HOST:PORT`. Raises `NoCluster`."""
+    try:
+        import dask
+        import distributed
+    except ModuleNotFoundError as error:
+        raise NoCluster('a cluster needs Dask, which is not installed: pip install "lagcli[dask]"') from error
+    dask.config.set({"distributed.scheduler.allowed-failures": MOST_DEATHS})
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise NoCluster(f"no Dask scheduler answers at {address}: {error}") from None
+    with client:
+        workers = sum(client.ncores().values())
+        # Workers may come later; the scheduler hands out what waits.
+        executor = client.get_executor(pure=False, retries=MOST_DEATHS)
+        yield Engine(executor, max(1, workers), deadly=(distributed.KilledWorker,))
 
 
 def rows(engine: Engine, task: PointTask, points: SweepPoints, numbers: range) -> Iterator[list[PointRow]]:
@@ -158,9 +179,12 @@ class _Stream:
     def rows(self) -> Iterator[list[PointRow]]:
         """See the function `rows`."""
         while self._sent < len(self._numbers) or self._parts:
-            if not self._alone:
-                self._send_more()
-            elif not self._under_way:
+            most = PARTS_EACH * self._engine.workers
+            while not self._alone and self._sent < len(self._numbers) and len(self._parts) < most:
+                first, self._sent = self._sent, min(self._sent + self._size, len(self._numbers))
+                self._parts[first] = self._numbers[first : self._sent]
+                self._send(first)
+            if self._alone and not self._under_way:
                 self._send(self._alone[0])
             done, _ = concurrent.futures.wait(self._under_way, PAUSE, concurrent.futures.FIRST_COMPLETED)
             for future in done:
@@ -171,14 +195,6 @@ class _Stream:
                 ready += self._come.pop(first)
                 del self._parts[first]
             yield ready
-
-    def _send_more(self) -> None:
-        most = PARTS_EACH * self._engine.workers
-        while self._sent < len(self._numbers) and len(self._parts) < most and not self._alone:
-            part = self._numbers[self._sent : self._sent + self._size]
-            first, self._sent = self._sent, self._sent + len(part)
-            self._parts[first] = part
-            self._send(first)
 
     def _send(self, first: int) -> None:
         part = self._parts[first]
