@@ -232,7 +232,7 @@ def _vakonomic(
             " equations are not written"
         )
         hint = "write the condition under `holonomic` in its place"
-        raise diagnostics.ModelError([diagnostics.Diagnostic("not-of-an-action", message, where, hint)])
+        raise diagnostics.error("not-of-an-action", message, where, hint)
     if not names:
         return dataclasses.replace(first, name="vakonomic"), Principles({}, (), (), (), 0.0), []
     values = np.array([mu[name] for name in names])
@@ -247,8 +247,7 @@ def _vakonomic(
         where = differential[0].location
         message = "the vakonomic equations are too large: the rows are too many to be solved for mu'"
         message += " in written-out form"
-        refusal = diagnostics.Diagnostic("too-large-to-build", message, where, "model fewer members")
-        raise diagnostics.ModelError([refusal]) from None
+        raise diagnostics.error("too-large-to-build", message, where, "model fewer members") from None
     vakonomic = _table("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
     columns, indices = vakonomic_system.table(vakonomic.columns, model, differential)
     vakonomic = dataclasses.replace(

@@ -86,7 +86,8 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
     not."""
     for law in model.inequality:
         if law.members.count:
-            raise _without_limit(
+            raise diagnostics.error(
+                "no-stiff-limit",
                 "no limit is taken of models with inequalities: a blow on a spring goes on swinging, and is not that"
                 " on a constraint, however stiff it is",
                 law.equation.location,
@@ -138,7 +139,8 @@ def _row(first: SimulationRun, name: str) -> int:
         )
         raise ValueError(f"constraint: there is no holonomic row `{name}`; {hint}")
     if named[0] >= s:
-        raise _without_limit(
+        raise diagnostics.error(
+            "no-stiff-limit",
             f"`{name}` is a differential row: it is no surface f = 0 from which a spring could be stretched",
             rows[named[0]].location,
             "if `check` finds it integrable, write its integral under `holonomic`",
@@ -148,23 +150,21 @@ def _row(first: SimulationRun, name: str) -> int:
         raise ValueError(f"constraint: `{name}` is {len(named)} rows, and one becomes a spring; {hint}")
     (index,) = named
     if index in first.report.selection.indeterminate:
-        raise _without_limit(
+        raise diagnostics.error(
+            "no-stiff-limit",
             f"the row `{rows[index].name}` is redundant: others hold it when it becomes a spring, which then has no"
             " force, and its multiplier is not unique",
             rows[index].location,
             "take the rows out that repeat it",
         )
     if stiff_system.has_cut(built, index):
-        raise _without_limit(
+        raise diagnostics.error(
+            "no-stiff-limit",
             f"f of the row `{rows[index].name}` has the cut of an angle, where the potential k f^2/2 would jump",
             rows[index].location,
             "write the row without `atan2`, or name the angle as a coordinate",
         )
     return index
-
-
-def _without_limit(message: str, where: diagnostics.Location, hint: str) -> diagnostics.ModelError:
-    return diagnostics.ModelError([diagnostics.Diagnostic("no-stiff-limit", message, where, hint)])
 
 
 def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) -> Constrained:

@@ -203,7 +203,25 @@ def _plan(model: Model, asked: AskedSweep, request: SweepRequest) -> SweepPlan:
         raise BadRequest("--over and --points both say which points there are; give one of them")
     parts = [point_task.require_names(model, sweep_points.over(model, text), "--over") for text in asked.over]
     if asked.points is not None:
-        table = _table_of_points(asked.points)
+        # The points of a table. Raises `BadRequest`, `BadPoints`
+        if os.path.isdir(asked.points):
+            raise BadRequest(f"--points: {asked.points} is a folder, and a table of points is needed")
+        with contextlib.ExitStack() as stack:
+            path = asked.points
+            if asked.points == "-":
+                # Tables are read twice, first their names: what comes through a pipe is put aside.
+                folder = stack.enter_context(tempfile.TemporaryDirectory())
+                path = os.path.join(folder, "points.csv")
+                pathlib.Path(path).write_bytes(sys.stdin.buffer.read())
+            try:
+                names, rows = table_format.read(path)
+            except FileNotFoundError:
+                raise BadRequest(f"--points: there is no file {asked.points}") from None
+            except OSError as error:
+                raise BadRequest(f"--points: cannot read {asked.points}: {error.strerror}") from None
+            except table_format.UNREADABLE as error:
+                raise BadRequest(f"--points {str(error).replace(path, _shown(asked.points))}") from None
+        table = TableOfPoints(names, rows, f"--points {_shown(asked.points)}")
         parts.append(point_task.require_names(model, table, f"--points {_shown(asked.points)}:"))
     if asked.uncertain:
         laws = [sweep_points.read_law(model, text) for text in asked.uncertain]
@@ -225,25 +243,3 @@ def _plan(model: Model, asked: AskedSweep, request: SweepRequest) -> SweepPlan:
 
 def _shown(points: str) -> str:
     return "<stdin>" if points == "-" else points
-
-
-def _table_of_points(points: str) -> TableOfPoints:
-    """The points of a table. Raises `BadRequest`, `BadPoints`."""
-    if os.path.isdir(points):
-        raise BadRequest(f"--points: {points} is a folder, and a table of points is needed")
-    with contextlib.ExitStack() as stack:
-        path = points
-        if points == "-":
-            # Tables are read twice, first their names: what comes through a pipe is put aside.
-            folder = stack.enter_context(tempfile.TemporaryDirectory())
-            path = os.path.join(folder, "points.csv")
-            pathlib.Path(path).write_bytes(sys.stdin.buffer.read())
-        try:
-            names, rows = table_format.read(path)
-        except FileNotFoundError:
-            raise BadRequest(f"--points: there is no file {points}") from None
-        except OSError as error:
-            raise BadRequest(f"--points: cannot read {points}: {error.strerror}") from None
-        except table_format.UNREADABLE as error:
-            raise BadRequest(f"--points {str(error).replace(path, _shown(points))}") from None
-    return TableOfPoints(names, rows, f"--points {_shown(points)}")

@@ -41,7 +41,7 @@ class SyncedRows:
 
     rows: RowFile
     target: Path
-    step: float = 0.0
+    step: float
     has_event_rows: bool = False
 
     def record(self, path: Path) -> checkpoint.CheckpointTable:

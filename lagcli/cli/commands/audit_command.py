@@ -15,7 +15,7 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats, write_guard
 
 if TYPE_CHECKING:
-    from lagcli.auditing.checks.audit_report import Audit, Check
+    from lagcli.auditing.checks.audit_report import Audit
 
 LEAST_WHERE = 12  # columns of the terminal for the location of the worst entry
 
@@ -112,7 +112,30 @@ def _print_report(found: Audit, verbose: bool) -> None:
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",
         "",
     )
-    table = _table_of(found.checks, report.rows, verbose)
+    # The lines of the table; on a narrow terminal laws are named by their numbers alone
+    lines = report.rows
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    if sum(widths) + 2 * (len(widths) - 1) > console.width():
+        laws = ["law", *(check.law for check in found.checks)]
+        lines = [(line[0], law, *line[2:]) for line, law in zip(lines, laws, strict=True)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
+        widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
+    table = []
+    for number, line in enumerate(lines):
+        last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
+        cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
+        table.append("  ".join([*cells, last[0]]).rstrip())
+        table += [" " * (sum(widths[:-1]) + 2 * len(cells)) + part for part in last[1:]]
+        if (
+            number
+            and found.checks[number - 1].note
+            and (verbose or found.checks[number - 1].name == "momenta")
+        ):
+            for part in found.checks[number - 1].note.split("; "):
+                table += textwrap.wrap(
+                    part, console.width(), initial_indent="    ", subsequent_indent="      "
+                )
     print("", *map(diagnostics.printable, table), "", sep="\n")
     for head, faults, others in report.failures:
         console.paragraph(head, "  ")
@@ -122,26 +145,3 @@ def _print_report(found: Audit, verbose: bool) -> None:
             print(f"  and {others} others")
     for sentence in report.sentences:
         console.paragraph(sentence, "")
-
-
-def _table_of(checks: tuple[Check, ...], lines: list[tuple[str, ...]], verbose: bool) -> list[str]:
-    """The lines of the table; on a narrow terminal laws are named by their numbers alone."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    if sum(widths) + 2 * (len(widths) - 1) > console.width():
-        laws = ["law", *(check.law for check in checks)]
-        lines = [(line[0], law, *line[2:]) for line, law in zip(lines, laws, strict=True)]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
-        widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
-    table_lines = []
-    for number, line in enumerate(lines):
-        last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
-        cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
-        table_lines.append("  ".join([*cells, last[0]]).rstrip())
-        table_lines += [" " * (sum(widths[:-1]) + 2 * len(cells)) + part for part in last[1:]]
-        if number and checks[number - 1].note and (verbose or checks[number - 1].name == "momenta"):
-            for part in checks[number - 1].note.split("; "):
-                table_lines += textwrap.wrap(
-                    part, console.width(), initial_indent="    ", subsequent_indent="      "
-                )
-    return table_lines

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 UNCUT = 10_000  # columns of a "terminal" that is none
 NARROWEST = 20  # columns: in fewer a table is unreadable however it is cut
 USUAL = 80  # of a terminal that does not say
+DELAY = 1.0  # seconds before anything is shown on the way: most commands have ended by then
 HEIGHT = 25  # rich takes a width only together with a height; nothing here depends on it
 
 Rows = Sequence[Sequence[str]]
@@ -158,8 +159,6 @@ def progress(start: float, end: float, quiet: bool) -> Iterator[Progress]:
 
 
 class _Bar(Progress):
-    DELAY = 1.0
-
     def __init__(self, start: float, end: float) -> None:
         self._start, self._span = start, (end - start) or 1.0
         self._began = time.monotonic()
@@ -167,7 +166,7 @@ class _Bar(Progress):
         self._task: rich_progress.TaskID | None = None
 
     def at(self, t: float) -> None:
-        if self._shown is None and time.monotonic() - self._began > self.DELAY:
+        if self._shown is None and time.monotonic() - self._began > DELAY:
             from rich import progress as rich_progress
             from rich.console import Console
 

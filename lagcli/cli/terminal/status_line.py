@@ -16,7 +16,6 @@ from lagcli import progress
 from lagcli.cli.terminal import console
 from lagcli.output.files import interrupts
 
-DELAY = 1.0  # seconds before anything is shown: most commands have ended by then
 TICK = 0.25  # seconds between looks at what is going on
 ERASE = "\r\x1b[2K"
 
@@ -91,7 +90,7 @@ class Status:
         while not self._closed.wait(TICK):
             with self._lock:
                 seconds = time.monotonic() - self._began
-                if not self._names or seconds < DELAY:
+                if not self._names or seconds < console.DELAY:
                     continue
                 text = f"{self._names[-1]} ... {seconds:.0f} s"
                 if text != self._text:
