@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from lagcli import progress
 from lagcli.api import prepare_run, run_settings
@@ -14,10 +14,12 @@ from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.running import trajectory
-from lagcli.running.run_request import RunRequest
 from lagcli.running.trajectory import SimulationStopped, Trajectory
-from lagcli.running.written_run import WrittenRun
 from lagcli.simulation.run_state import checkpoint
+
+if TYPE_CHECKING:
+    from lagcli.running.run_request import RunRequest
+    from lagcli.running.written_run import WrittenRun
 
 
 @progress.phase("simulating")
@@ -78,6 +80,8 @@ def to_files(
     settings: what is None is as the model says; row: `FILE` or `FILE:ROW`. Raises `BadRequest`, worded for the options
     of the command, `WriteError` for a file that another run or sweep is writing, and `diagnostics.ModelError`.
     """
+    from lagcli.running.written_run import WrittenRun  # other runs go into no files
+
     if row is not None and request.resume is not None:
         raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
     model = run_settings.of_options(model, settings, row)
