@@ -336,10 +336,14 @@ class WrittenRun:
         with interrupts.shielded(interrupts.PATIENCE):
             if request.stats is not None:
                 with write_guard.writing(request.stats):
-                    file = atomic_file.PendingFile(pathlib.Path(request.stats))
-                    with atomic_file.undone_by(file.discard):
-                        text = json.dumps(stats.as_json(), indent=2, allow_nan=False)
-                        file.path.write_text(text + "\n", encoding="utf-8")
-                    file.commit()
+                    _write_json(request.stats, stats.as_json())
             if request.as_json and not request.is_stdout_taken:
                 print(formats.json_line(stats.as_json()), flush=True)
+
+
+def _write_json(path: str, value: dict[str, object]) -> None:
+    file = atomic_file.PendingFile(pathlib.Path(path))
+    with atomic_file.undone_by(file.discard):
+        text = json.dumps(value, indent=2, allow_nan=False)
+        file.path.write_text(text + "\n", encoding="utf-8")
+    file.commit()
