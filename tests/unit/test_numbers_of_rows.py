@@ -140,7 +140,7 @@ def test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_on
     monkeypatch.setattr(independent_rows, "dependence", lambda *_: SimpleNamespace(independent=(1,)))
     monkeypatch.setattr(independent_rows, "rebased", lambda *_: "others")
     selection = SimpleNamespace(dependencies=((1, 0),), independent=(0,))
-    rows = SimpleNamespace(is_large=False, dense=np.array([[1.0], [times]]))
+    rows = SimpleNamespace(is_large=False, dense=np.array([[0.1], [0.1 * times]]))
     found = independent_rows.elsewhere(selection, rows, 0)
     assert (found == "others") is are_taken
 
