@@ -24,7 +24,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.contact import complementarity, least_distance
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
 from lagcli.equations import kinks
-from lagcli.equations.rows import ConstraintRows, Row
+from lagcli.equations.rows import ConstraintRows
 from lagcli.equations.system import System
 from lagcli.linear import decompositions, rank
 from lagcli.linear.metric import Metric
@@ -156,17 +156,20 @@ def directions(
     cone, against = _cone(left, G, g_t, closed)
     try:
         found, more = _of_cone(cone, names)
-        allowed, reason = _allowed(left, cone, names)
+        allowed: Floats | None = None
+        try:
+            allowed = left.allowed + left.Z @ least_distance.shortest(cone.A, cone.least).x
+        except ContradictoryRows as error:
+            closing = initial.quoted([names[cone.numbers[i]] for i in error.rows])
+            reason = f"no displacement over dt > 0 is allowed: {closing} close on each other"
     except UndecidedRows:
         named = initial.quoted([names[j] for j in closed])
         reason = f"the directions beside {named} are not decided: their gradients are too near dependent ones"
         return ContactDirections(contacts, None, None, (*notes, reason))
     if against:
         named = initial.quoted([names[j] for j in against])
-        allowed, reason = (
-            None,
-            f"no displacement over dt > 0 is allowed: the rows would have {named} violated",
-        )
+        allowed = None
+        reason = f"no displacement over dt > 0 is allowed: the rows would have {named} violated"
     moved = tuple(dataclasses.replace(one, displacement=left.Z @ one.displacement + 0.0) for one in found)
     return ContactDirections(contacts, moved, allowed, (*notes, *more, *([reason] if reason else ())))
 
@@ -186,27 +189,26 @@ def _without_direction(
                 f"no directions are told: the gradient of `{system.contacts.rows[j].name}` vanishes or has no value"
                 " here (write the condition with a slope at its surface, as `x >= 0` in place of `x**3 >= 0`)"
             )
-    edge = _edge(system, state, closed)
+    kinked, contacts = named_functions.switching_contacts(system.model), system.contacts
+    switching = [j for j in closed if kinked[j]]
+    if not switching:
+        return ""
+    names = tuple(contacts.rows[j] for j in switching)
+    some = ConstraintRows(
+        names,
+        contacts.g[switching],
+        contacts.G[switching, :],
+        contacts.g_t[switching],
+        contacts.gamma[switching],
+    )
+    switches = kinks.find(system.symbols, system.p, some)
+    edge = None if switches is None else switches.at(state.t, state.q, state.p)
     if edge is None:
         return ""
     return (
         f"no directions are told: the gradient of `{edge.name}` jumps here, at an edge or in a corner of one condition"
         " (declare each side as an inequality of its own)"
     )
-
-
-def _edge(system: System, state: State, closed: list[int]) -> Row | None:
-    """A closed contact whose gradient jumps at a state, or None."""
-    kinked, rows = named_functions.switching_contacts(system.model), system.contacts
-    switching = [j for j in closed if kinked[j]]
-    if not switching:
-        return None
-    names = tuple(rows.rows[j] for j in switching)
-    some = ConstraintRows(
-        names, rows.g[switching], rows.G[switching, :], rows.g_t[switching], rows.gamma[switching]
-    )
-    switches = kinks.find(system.symbols, system.p, some)
-    return None if switches is None else switches.at(state.t, state.q, state.p)
 
 
 def _cone(left: RowDisplacements, G: LocalRows, g_t: Floats, closed: list[int]) -> tuple[_Cone, list[int]]:
@@ -224,15 +226,6 @@ def _cone(left: RowDisplacements, G: LocalRows, g_t: Floats, closed: list[int]) 
         [closed[i] for i in taken], over[taken] / sizes[taken, None], -rate[taken] / (lengths * sizes)[taken]
     )
     return cone, [closed[i] for i in np.flatnonzero(~moves & (rate < 0.0))]
-
-
-def _allowed(left: RowDisplacements, cone: _Cone, names: list[str]) -> tuple[Floats | None, str]:
-    """The shortest allowed displacement (n,) over dt = 1, or None and why."""
-    try:
-        return left.allowed + left.Z @ least_distance.shortest(cone.A, cone.least).x, ""
-    except ContradictoryRows as error:
-        named = initial.quoted([names[cone.numbers[i]] for i in error.rows])
-        return None, f"no displacement over dt > 0 is allowed: {named} close on each other"
 
 
 def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]:
@@ -312,7 +305,14 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
     """
     A = A[A.any(axis=1)]
     basis = rank.row_basis(A)
-    needed = A if len(basis) == len(A) else A[_needed(A)]
+    numbers = list(range(len(A)))
+    if len(basis) < len(A):  # others imply rows that are a sum of them with positive weights
+        for i in range(len(A)):
+            others = [j for j in numbers if j != i]
+            left = least_distance.residual(A[others].T, A[i])
+            if left is not None and np.linalg.norm(left) <= rank.PARAMETERS.small:
+                numbers = others
+    needed = A[numbers]
     if len(needed) == len(basis):
         return [ray / np.linalg.norm(ray) for ray in decompositions.pseudo_inverse(needed).T], True
     if math.comb(len(needed), len(basis) - 1) > PARAMETERS.most_edges:
@@ -327,17 +327,6 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
         if beside.low == len(edge) and (over @ ray >= -rank.PARAMETERS.large).all():
             found[tuple(np.flatnonzero(np.abs(opened) <= rank.PARAMETERS.large).tolist())] = ray @ basis
     return list(found.values()), True
-
-
-def _needed(A: Floats) -> list[int]:
-    """Numbers of rows (k, d) that no others imply: such as are no sum of others with positive weights."""
-    needed = list(range(len(A)))
-    for i in range(len(A)):
-        others = [j for j in needed if j != i]
-        left = least_distance.residual(A[others].T, A[i])
-        if left is not None and np.linalg.norm(left) <= rank.PARAMETERS.small:
-            needed = others
-    return needed
 
 
 def _signed(u: Floats) -> Floats:

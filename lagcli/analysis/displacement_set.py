@@ -149,7 +149,10 @@ class Displacements:
 
 def displacements(system: System, numeric: NumericSystem, state: State) -> Displacements:
     """The displacements at a state whose configuration satisfies the rows; its velocities enter forces alone."""
-    metric, name = _metric(numeric, state)
+    try:  # the metric of `sample_points.rows`, and its name
+        metric, name = Metric(numeric.inertia(state.t, state.q, state.v, state.p)), "mass"
+    except NotDefiniteError:
+        metric, name = initial.metric_at(numeric, state), "plain"
     found = _bases(numeric, state, metric, name)
     left = contact_directions.RowDisplacements(metric, found.virtual, found.allowed)
     contacts = contact_directions.directions(system, numeric, state, left)
@@ -210,14 +213,6 @@ def _bases(numeric: NumericSystem, state: State, metric: Metric, name: str) -> B
     )
 
 
-def _metric(numeric: NumericSystem, state: State) -> tuple[Metric, str]:
-    """The metric of `sample_points.rows`, and its name."""
-    try:
-        return Metric(numeric.inertia(state.t, state.q, state.v, state.p)), "mass"
-    except NotDefiniteError:
-        return initial.metric_at(numeric, state), "plain"
-
-
 def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Floats) -> Components:
     """The components for rows B (C, n) and b (C,) of this rank; sizes (n,): a length of each coordinate, to compare
     them by."""
@@ -230,15 +225,14 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     solved = decompositions.least_squares(B[:, dependent] * sizes[dependent], right)
     solved = np.where(np.abs(solved) < doubles.VALUE * np.abs(solved).max(initial=0.0), 0.0, solved)
     solved = solved * sizes[dependent][:, None]
-    # n = 3(k - 1) + j of each coordinate, with k among all particles of the file
+    # n = 3(k - 1) + j of each coordinate, with k among all particles of the file.
     flags = [p.is_dependent for p in model.particles for _ in range(p.members.count)]
     found: list[int | None] = [
         3 * k + j for k, is_dependent in enumerate(flags) if not is_dependent for j in (1, 2, 3)
     ]
-    numbers = (*found, *(None for _ in model.generalized_names))
     return Components(
         model.coordinate_names,
-        numbers,
+        (*found, *(None for _ in model.generalized_names)),
         tuple(dependent),
         tuple(independent),
         solved[:, :-1] / sizes[independent] + 0.0,

@@ -78,17 +78,8 @@ class DofCount:
 
     def as_json(self) -> dict[str, Any]:
         """The object of `dof --json`."""
-        return {
-            "particles": self.particles,
-            "coordinates": self.coordinates,
-            "holonomic": self.holonomic,
-            "nonholonomic": self.nonholonomic,
-            "redundant": self.redundant,
-            "configuration_dof": self.configuration_dof,
-            "velocity_dof": self.velocity_dof,
-            "proof": self.proof,
-            "notes": list(self.notes),
-        }
+        names = "particles coordinates holonomic nonholonomic redundant configuration_dof velocity_dof proof".split()
+        return {**{name: getattr(self, name) for name in names}, "notes": list(self.notes)}
 
 
 @frozen_value

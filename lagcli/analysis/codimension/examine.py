@@ -33,6 +33,9 @@ TOGETHER = 30  # rows of small groups that are looked at together
 # The proof that rows follow from others looks at all rows of the model, again and again: of more than so many it
 # takes minutes.
 MOST_DEPENDENCIES = 3000
+POINTS = 3  # points beside the start at which rows are compared
+# A fixed one: the advice must not change from run to run.
+SEED = 20061
 
 
 @frozen_value
@@ -105,7 +108,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
 
     chosen = independent_rows.dependence(rows, found.value).selection
     later = initial.later(system)
-    case = _Case(system, numeric, state, ((state.t + later / 10, state.t + later) if later else ()))
+    case = _Case(system, numeric, state, (state.t + later / 10, state.t + later) if later else ())
     independent = set(chosen.independent)
     parts = [among for among in _around(B, set()) if not independent.issuperset(among)]
     follow, failing = _followed(case, [parts] if rows.is_large else _batches(parts), independent)
@@ -252,30 +255,21 @@ def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Cod
         if one.kind == "deficient"
     )
     if kind == "undecided":
+        alone, others = [i for i in rows if i in flat], [i for i in rows if i not in flat]
+        sentences = []
+        if alone:
+            what = "the gradient of {} vanishes" if len(alone) == 1 else "the gradients of {} vanish"
+            sentences.append(what.format(initial.names_of(system, alone)) + " at the start")
+        if others:
+            names = initial.names_of(system, others)
+            sentences.append(f"the rows {names} depend on one another at the start")
         reason = (
-            f"{_trouble(system, rows, flat)}, and neither the rank nor second derivatives prove the dimension of the"
+            f"{', and '.join(sentences)}, and neither the rank nor second derivatives prove the dimension of the"
             " surface"
         )
         return Codimension(kind, found, None, rows, coordinates, follow, reason, notes)
     codimension = found + sum(one.codimension - one.rank for one in sets)
     return Codimension(kind, found, codimension, rows, coordinates, follow, "", notes)
-
-
-def _trouble(system: System, rows: Sequence[int], flat: set[int]) -> str:
-    """The trouble with the gradients of rows where they are looked at."""
-    alone, others = [i for i in rows if i in flat], [i for i in rows if i not in flat]
-    sentences = []
-    if alone:
-        what = "the gradient of {} vanishes" if len(alone) == 1 else "the gradients of {} vanish"
-        sentences.append(what.format(initial.names_of(system, alone)) + " at the start")
-    if others:
-        sentences.append(f"the rows {initial.names_of(system, others)} depend on one another at the start")
-    return ", and ".join(sentences)
-
-
-POINTS = 3  # points beside the start at which rows are compared
-# A fixed one: the advice must not change from run to run.
-SEED = 20061
 
 
 def multiplier_rule(system: System, found: Codimension) -> diagnostics.ModelError:
@@ -286,44 +280,28 @@ def multiplier_rule(system: System, found: Codimension) -> diagnostics.ModelErro
         f" {found.codimension} freedoms, and their gradients span only {found.rank} directions wherever they hold, so"
         " that no finite multipliers give the true motion"
     )
-    particles = _particles(system, rows)
-    hint = (
-        f"declare {_listed(particles)} under `rigid` in place of these rows: the rows of a body are independent"
-        if len(particles) > 1
-        else "write the constraint so that its gradient does not vanish where it holds"
-    )
+    hint = "write the constraint so that its gradient does not vanish where it holds"
+    names = system.model.coordinate_names
+    held = [names[i] for i in sorted(set(system.rows.B[rows, :].sparsity().get_col()))]
+    particles = list(dict.fromkeys(name.rpartition(".")[0] for name in held))
+    if len(particles) > 1 and not any(name in system.model.generalized_names for name in held):
+        most = initial.PARAMETERS.most_listed
+        shown = ", ".join([f"`{name}`" for name in particles[:most]] + ["..."] * (len(particles) > most))
+        hint = f"declare {shown} under `rigid` in place of these rows: the rows of a body are independent"
     location = system.rows.rows[rows[-1]].location
     return diagnostics.error("multiplier-rule-fails", message, location, hint)
-
-
-def _particles(system: System, rows: Rows) -> list[str]:
-    """The particles that rows hold, or none where they hold generalized coordinates."""
-    names = system.model.coordinate_names
-    columns = sorted(set(system.rows.B[rows, :].sparsity().get_col()))
-    if any(names[i] in system.model.generalized_names for i in columns):
-        return []
-    return list(dict.fromkeys(names[i].rpartition(".")[0] for i in columns))
-
-
-def _listed(names: list[str]) -> str:
-    shown = ", ".join(f"`{name}`" for name in names[: initial.PARAMETERS.most_listed])
-    return shown + (", ..." if len(names) > initial.PARAMETERS.most_listed else "")
 
 
 def undecided_start(
     system: System, numeric: NumericSystem, state: State, surface: Codimension
 ) -> diagnostics.ModelError:
-    """The error for a start at which the dimension of the surface is undecided_start."""
+    """The error for a start at which the dimension of the surface is undecided."""
     rows = list(surface.rows)
     location = system.rows.rows[rows[-1]].location
-    hint = _hint(system, numeric, state, rows)
-    return diagnostics.error("dependent-constraints", surface.reason, location, hint)
-
-
-def _hint(system: System, numeric: NumericSystem, state: State, rows: list[int]) -> str:
     if len(rows) == 1:
-        return "start where the gradient of this row does not vanish, or write the row so that it vanishes nowhere"
-    # The rows that depend on the others of them at points beside the surface, where most are independent
+        hint = "start where the gradient of this row does not vanish, or write the row so that it vanishes nowhere"
+        return diagnostics.error("dependent-constraints", surface.reason, location, hint)
+    # The rows that depend on the others at points beside the surface, where most are independent.
     random = np.random.default_rng(SEED)
     follow: list[int] = rows
     for _ in range(POINTS):
@@ -338,13 +316,13 @@ def _hint(system: System, numeric: NumericSystem, state: State, rows: list[int])
         chosen = independent_rows.dependence(beside, rank.estimate(beside).high)
         if len(chosen.rest) < len(follow):
             follow = [rows[i] for i in chosen.rest]
-    if not follow:
-        return (
-            "beside the start these rows are independent, so none of them can be left out: this is a singular"
-            " configuration, where branches of the motion may meet; start at a configuration aside of it"
-        )
-    verb = "depends" if len(follow) == 1 else "depend"
-    return (
-        f"{initial.names_of(system, follow)} {verb} on the others beside the start too: leave out what follows from"
-        " the others"
+    hint = (
+        "beside the start these rows are independent, so none of them can be left out: this is a singular"
+        " configuration, where branches of the motion may meet; start at a configuration aside of it"
     )
+    if follow:
+        hint = (
+            f"{initial.names_of(system, follow)} {'depends' if len(follow) == 1 else 'depend'} on the others beside the"
+            " start too: leave out what follows from the others"
+        )
+    return diagnostics.error("dependent-constraints", surface.reason, location, hint)

@@ -10,7 +10,6 @@ B is lower than on the surface around it.
 
 from __future__ import annotations
 
-import abc
 from collections.abc import Sequence
 
 import numpy as np
@@ -79,14 +78,18 @@ class Look:
         return direction + self.chosen.rows.correction(self.chosen.local.times(direction))
 
 
-class Walked(abc.ABC):
-    """A F = 0 near z0, a manifold to walk on."""
+class Manifold:
+    """A F = 0 near z0, with a matrix `chosen` A (r, E): a manifold to walk on."""
 
-    rounding: float
+    def __init__(self, equations: Equations, chosen: Floats) -> None:
+        self._equations, self._matrix, self.rounding = equations, chosen, equations.rounding
 
-    @abc.abstractmethod
     def look(self, z: Floats, t: float) -> Look:
         """The equations at a point."""
+        F, J = self._equations.at(z, t)
+        B = metric_rows.of_dense(self._matrix @ J)
+        chosen = Linearized(self._matrix @ F, B, Metric.unit(z.size), rounding=self.rounding)
+        return Look(F, np.asarray(np.linalg.norm(J, axis=1)), chosen)
 
     def left(self, look: Look) -> float:
         """What Newton's method leaves of the equations that cut out the manifold, where others are sums of many."""
@@ -136,26 +139,7 @@ class Walked(abc.ABC):
         return False
 
 
-class Manifold(Walked):
-    """A F = 0 with a matrix `chosen` A (r, E)."""
-
-    def __init__(self, equations: Equations, chosen: Floats) -> None:
-        self._equations, self._chosen = equations, chosen
-
-    @property
-    def rounding(self) -> float:  # type: ignore[override]
-        """The amount by which rounding moves values of F near zero."""
-        return self._equations.rounding
-
-    def look(self, z: Floats, t: float) -> Look:
-        """The equations at a point."""
-        F, J = self._equations.at(z, t)
-        B = metric_rows.of_dense(self._chosen @ J)
-        chosen = Linearized(self._chosen @ F, B, Metric.unit(z.size), rounding=self.rounding)
-        return Look(F, np.asarray(np.linalg.norm(J, axis=1)), chosen)
-
-
-class LargeManifold(Walked):
+class LargeManifold(Manifold):
     """Some of the rows of a large part, by their numbers there."""
 
     def __init__(self, part: ScaledPart, chosen: list[int]) -> None:
@@ -181,19 +165,7 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
     return Manifold(equations, found.combinations) if found.value == count else None
 
 
-def _of_many(part: ScaledPart, chosen: list[int]) -> LargeManifold | None:
-    """The manifold of those rows of a large part, or None where no gap shows its rank to be their number."""
-    F, J = part.entries_at(part.begin, part.state.t)
-    if not np.isfinite(J.values).all():
-        return None
-    rows = MetricRows(J.B, Metric.unit(int(J.B.shape[1])))
-    found = rank.estimate(rows).value
-    if found is None:
-        found = precise_rows.rank_of_many(rows, list(range(rows.count)), F, initial.size(part.begin))
-    return LargeManifold(part, chosen) if found == len(chosen) else None
-
-
-def satisfies_all(found: Walked, z: Floats, t: float, times: Sequence[float]) -> bool:
+def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
     """True if all equations vanish on the manifold around a point of it, and at other times.
 
     Where a step cannot be made, or rounding is too large to see it, that is not shown.
@@ -223,8 +195,18 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent
     t = part.state.t
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
-    found = _of_many(part, list(independent)) if part.is_large else along(part, part.begin, t, count)
-    return found is not None and satisfies_all(found, part.begin, t, times)
+    if not part.is_large:
+        found = along(part, part.begin, t, count)
+        return found is not None and satisfies_all(found, part.begin, t, times)
+    F, J = part.entries_at(part.begin, t)
+    if not np.isfinite(J.values).all():
+        return False
+    rows = MetricRows(J.B, Metric.unit(int(J.B.shape[1])))
+    known = rank.estimate(rows).value
+    if known is None:
+        known = precise_rows.rank_of_many(rows, list(range(rows.count)), F, initial.size(part.begin))
+    chosen = list(independent)
+    return known == len(chosen) and satisfies_all(LargeManifold(part, chosen), part.begin, t, times)
 
 
 # Of random directions: a fixed one, so that the verdict does not change.

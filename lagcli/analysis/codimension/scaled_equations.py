@@ -81,9 +81,8 @@ class ScaledPart:
 
     def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
         """F (k,) and its derivatives (k, m) at x = z."""
-        f, B = self.numeric.holonomic(t, self.configuration(z), self.state.p)
-        gradient = np.array(B[self.rows, self.coordinates]) * self.unit
-        return np.array(f).ravel()[self.rows] / self.weight, gradient / self.weight[:, None]
+        F, rows = self.entries_at(z, t)
+        return F, np.array(rows.B)
 
     def entries_at(self, z: Floats, t: float) -> tuple[Floats, LocalRows]:
         """F (k,) as of `at`, and the derivatives by their entries."""

@@ -64,7 +64,9 @@ class BracketValues:
         self._length = DOUBLES * point.block.size if self.exact is None else self.exact.length
         self.digits = 16 if self.exact is None else DIGITS
         usual = Limits(ROUGH_ZERO, ROUGH_SURE) if self.exact is None else Limits(ZERO, SURE)
-        self._limits = _beyond(limits or usual, evaluation_point.PARAMETERS.off * point.error)
+        # A point may be off the orbit, where a value that should vanish may be so large.
+        off = Decimal(evaluation_point.PARAMETERS.off * point.error)
+        self._limits = Limits((limits or usual).zero, max((limits or usual).sure, off))
 
     def at(self, point: EvaluationPoint, limits: Limits) -> BracketValues:
         """The brackets at another point."""
@@ -153,7 +155,9 @@ def derived(values: BracketValues, found: Growth) -> tuple[tuple[int, ...], Span
         level = (LEAF, level)
         added = [span.add(sample) for sample in found.levels[len(extra) - 1]]
         fresh: list[Shape] = [level] if any(added) else []
-        for shape in _pairs(shapes, new):
+        # Brackets of two shapes of which one is new, short ones first.
+        pairs = {(a, b) for i, b in enumerate(shapes) for a in shapes[: i + 1] if a in new or b in new}
+        for shape in sorted(pairs, key=lambda shape: (lie_brackets.leaves(shape), str(shape))):
             if shape not in (level, (LEAF, LEAF)) and span.rank < end and values.extend(span, shape, end):
                 fresh.append(shape)
         extra.append(values.count - span.rank)
@@ -161,17 +165,6 @@ def derived(values: BracketValues, found: Growth) -> tuple[tuple[int, ...], Span
     if extra[-1] > 0:
         extra.append(extra[-1])
     return tuple(extra), span
-
-
-def _pairs(shapes: list[Shape], new: list[Shape]) -> list[Shape]:
-    """Brackets of two shapes of which one is new, short ones first."""
-    found = {(a, b) for i, b in enumerate(shapes) for a in shapes[: i + 1] if a in new or b in new}
-    return sorted(found, key=lambda shape: (lie_brackets.leaves(shape), str(shape)))
-
-
-def _beyond(limits: Limits, off: float) -> Limits:
-    """Limits at a point that may be off the orbit, where a value that should vanish may be so large."""
-    return Limits(limits.zero, max(limits.sure, Decimal(off)))
 
 
 def in_digits(point: EvaluationPoint, is_decimal: bool) -> Exact | None:
@@ -231,11 +224,12 @@ class Exact:
 
     def rows_along(self, u: list[int], w: list[Decimal]) -> DigitSample:
         """All rows (s + m,) along the field of scaled components u (N,) and of values w."""
-        return self._sampled(lambda one: one._rows(self._plain(u), w))
 
-    def _rows(self, u: list[Decimal], w: list[Decimal]) -> list[Decimal]:
-        field = self._run(self._field, [self._x, self._p, u, w])
-        return self._run(self._along, [self._x, self._p, field])
+        def rows(one: Exact) -> list[Decimal]:
+            field = one._run(one._field, [one._x, one._p, self._plain(u), w])
+            return one._run(one._along, [one._x, one._p, field])
+
+        return self._sampled(rows)
 
     @cached_property
     def _perturbed(self) -> Exact:

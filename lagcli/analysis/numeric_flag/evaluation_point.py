@@ -19,6 +19,7 @@ from lagcli.expression import term_sizes
 from lagcli.linear import decompositions, independent_rows, metric_rows, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
+from lagcli.linear.rank import Rank
 from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
@@ -60,25 +61,41 @@ class EvaluationPoint:
             A = _without_rounding(block, A, x, p)
             self.sizes = row_block.variable_sizes(A, block.kinds)
             self.plain, self.A = A, row_block.scaled(A, self.sizes)
-            self.rows = MetricRows(self.A, Metric.unit(block.size), _RowsAsKnown(self))
+            self.rows = MetricRows(self.A, Metric.unit(block.size), self)
+
+    def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
+        """The rank of rows with these numbers, None where it is not known better, for those that the usual limits leave
+        open: they are for points that may lie on a surface that is singular. Beside it rows are known to rounding, and
+        what is a hundred times as large counts."""
+        holonomic = [k for k, i in enumerate(numbers) if i < len(self.block.holonomic)]
+        if len(holonomic) == rows.count or not rows.take(holonomic).are_independent:
+            return None
+        sigma = decompositions.singular_values(rows.dense)
+        if not ((sigma > doubles.VALUE) & (sigma <= rank.PARAMETERS.large)).any():
+            return None
+        nothing = self.roundoff
+        sure = PARAMETERS.off * nothing
+        if ((sigma > nothing) & (sigma <= sure)).any() or not np.isfinite(nothing):
+            return None
+        return int((sigma > sure).sum())
 
     @cached_property
-    def all(self) -> rank.Rank:
+    def all(self) -> Rank:
         """The rank of all rows."""
         return rank.estimate(self.rows)
 
     @cached_property
-    def surface(self) -> rank.Rank:
+    def surface(self) -> Rank:
         """The rank of the holonomic rows."""
         return rank.estimate(self.rows.take(list(range(len(self.block.holonomic)))))
 
     @cached_property
-    def still(self) -> rank.Rank:
+    def still(self) -> Rank:
         """The rank of all rows without time."""
         n = len(self.block.columns)
         if not self.block.has_time:
             return self.all
-        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n), _RowsAsKnown(self)))
+        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n), self))
 
     @cached_property
     def independent(self) -> list[int]:
@@ -149,13 +166,8 @@ class EvaluationPoint:
         free = random.standard_normal((2 * len(differential) + 2, self.block.size))
         projected = np.array([self.in_kernel(u) for u in free]) * self.sizes
         pairs = [(a, b) for i, a in enumerate(projected) for b in projected[:i]]
-        # A function (x, p, Y, Z) -> (m,) of pairs of fields, (m, pairs)
-        values, size = (
-            np.array([np.array(self.block.curl(self.x, self.p, *pair)).ravel() for pair in pairs]).T[
-                differential
-            ],
-            self.terms[differential],
-        )
+        brackets = np.array([np.array(self.block.curl(self.x, self.p, *pair)).ravel() for pair in pairs])
+        values, size = brackets.T[differential], self.terms[differential]
         with np.errstate(invalid="ignore"):  # looked for in the next line
             values = values / np.where(size > 0, size, 1.0)[:, None]
         if not np.isfinite(values).all():
@@ -169,28 +181,6 @@ class EvaluationPoint:
         fields = random.standard_normal((PARAMETERS.looked_at, 2, self.block.size)) * self.sizes
         sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
         return np.asarray(np.max(sizes, axis=0))
-
-
-class _RowsAsKnown:
-    """The rows at a point, for a rank that the usual limits leave open: those are for points that may lie on a surface
-    that is singular. Beside it rows are known to rounding, and what is a hundred times as large counts."""
-
-    def __init__(self, point: EvaluationPoint) -> None:
-        self._point = point
-
-    def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
-        """The rank of rows with these numbers, None where it is not known better."""
-        holonomic = [k for k, i in enumerate(numbers) if i < len(self._point.block.holonomic)]
-        if len(holonomic) == rows.count or not rows.take(holonomic).are_independent:
-            return None
-        sigma = decompositions.singular_values(rows.dense)
-        if not ((sigma > doubles.VALUE) & (sigma <= rank.PARAMETERS.large)).any():
-            return None
-        nothing = self._point.roundoff
-        sure = PARAMETERS.off * nothing
-        if ((sigma > nothing) & (sigma <= sure)).any() or not np.isfinite(nothing):
-            return None
-        return int((sigma > sure).sum())
 
 
 def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Sparse:

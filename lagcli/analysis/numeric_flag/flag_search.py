@@ -37,8 +37,8 @@ ROUNDED = Limits(Decimal("1e-10"), Decimal("1e-6"))
 ATTEMPTS: tuple[tuple[bool, Limits | None], ...] = ((True, None), (False, None), (True, ROUNDED))
 # Constants of the rows are doubles: what is smaller is their rounding.
 WEIGHT_ROUNDOFF = Decimal("1e-13")
-# The same for weights that come from doubles, with all that nearly dependent rows lose.
-ROUGH_WEIGHT_ROUNDOFF, ROUGH_SURE = Decimal("1e-13"), Decimal("1e-5")
+# Weights that come from doubles, with all that nearly dependent rows lose, are none or larger than this.
+ROUGH_SURE = Decimal("1e-5")
 SEED = 20063
 NEARLY = "whether rows depend on each other or only nearly do is not certain"
 
@@ -112,7 +112,6 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         surface=generic.surface.low,
         is_certain=True,
     )
-    # Raise `undecided.Undecided` where what holds at a point need not hold elsewhere around the start
     if start.surface.low < generic.surface.low:
         raise spans.Undecided("the surface is singular at the start, and its branches may differ")
     if known.contradiction:
@@ -120,7 +119,7 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
     if generic.first == len(generic.differential):
         if not points.both_sides_turn():
             raise spans.Undecided(SIDES_DIFFER)
-        # The flag where brackets of two fields, in doubles, certainly show that no combination stays
+        # Brackets of two fields, in doubles, certainly show that no combination stays.
         m = len(generic.differential)
         exact = None if generic.are_independent else bracket_values.in_digits(generic, is_decimal=True)
         return dataclasses.replace(
@@ -137,11 +136,10 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
     for is_decimal, limits in ATTEMPTS:
         try:
             given = BracketValues(generic, deadline, is_decimal, limits)
-            # The flag, with what kinks (abs, sign, min, max) mean for combinations that stay
             found = _searched(known, start, given)
             if not found.is_certain or not found.extra[-1] or not points.has_switches:
                 return found
-            if generic.block.has_kinks:
+            if generic.block.has_kinks:  # combinations that stay on one side of these
                 raise spans.Undecided(SIDES_DIFFER)
             return dataclasses.replace(found, on_piece=True)
         except spans.AmbiguousRank as why:
@@ -207,7 +205,11 @@ def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
     found = {row: unit(len(differential), k) for k, row in enumerate(differential)}
     others = [i for i in range(s + m) if i not in set(point.independent)]
     if others and exact is not None:
-        _require_dependence(exact, others, point)
+        # A row that does not vanish on the kernel of the independent ones depends on them only nearly.
+        u = np.random.default_rng(SEED).integers(-(10**6), 10**6, point.block.size).tolist()
+        rest = exact.rows_along(u, [Decimal(0)] * len(differential)).relative
+        if any(rest[i] > WEIGHT_ROUNDOFF for i in others):
+            raise spans.Undecided(NEARLY)
         found |= {i - s: [] for i in others if i >= s}
         for k in range(len(differential)):
             along = exact.rows_along([0] * point.block.size, unit(len(differential), k))
@@ -222,14 +224,6 @@ def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
     return [found[i] for i in range(m)]
 
 
-def _require_dependence(exact: Exact, others: list[int], point: EvaluationPoint) -> None:
-    """Raise `undecided.Undecided` where a row does not vanish on the kernel of the independent ones."""
-    u = np.random.default_rng(SEED).integers(-(10**6), 10**6, point.block.size).tolist()
-    along = exact.rows_along(u, [Decimal(0)] * len(point.differential))
-    if any(along.relative[i] > WEIGHT_ROUNDOFF for i in others):
-        raise spans.Undecided(NEARLY)
-
-
 def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
     """The weights of a row by least squares."""
     dense, differential = point.rows.dense, len(point.differential)
@@ -237,14 +231,11 @@ def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
     found = decompositions.least_squares(dense[point.independent].T, dense[row])
     scale = Decimal(float(np.abs(found).max(initial=0.0)))
     weights = []
-    for k, value in zip(
-        point.independent[-differential:] if differential else [],
-        found[-differential:].tolist(),
-        strict=False,
-    ):
+    independent = point.independent[-differential:] if differential else []
+    for k, value in zip(independent, found[-differential:].tolist(), strict=False):
         weight = Decimal(value)
-        if ROUGH_WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
+        if WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
             raise spans.Undecided(NEARLY)
-        is_zero = abs(weight) <= ROUGH_WEIGHT_ROUNDOFF * scale
+        is_zero = abs(weight) <= WEIGHT_ROUNDOFF * scale
         weights.append(Decimal(0) if is_zero else weight * Decimal(lengths[row] / lengths[k]))
     return weights
