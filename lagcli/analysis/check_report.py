@@ -14,7 +14,7 @@ from lagcli.model import notebook_html
 if TYPE_CHECKING:
     from lagcli.analysis.classification.verdict import Classification, Verdict
     from lagcli.analysis.dof import DofCount
-    from lagcli.analysis.uniqueness import NullVector
+    from lagcli.analysis.redundancy import NullVector
     from lagcli.model.invariant import FirstIntegral
     from lagcli.model.model import Model
     from lagcli.start.consistent_start import Moves

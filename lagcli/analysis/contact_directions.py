@@ -30,7 +30,7 @@ from lagcli.linear import decompositions, rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.smoothness import named_functions
-from lagcli.start import gaps, initial, sample_points
+from lagcli.start import gaps, initial, projection
 from lagcli.start.gaps import Gaps, Side
 from lagcli.start.initial import State
 
@@ -182,7 +182,7 @@ def _without_direction(
     def rows_at(q: Floats) -> LocalRows:
         return LocalRows(numeric.contacts(state.t, q, state.v, state.p)[1])
 
-    vanishing = sides.flat | sample_points.vanishing(rows_at, state) | ~rows_at(state.q).are_finite()
+    vanishing = sides.flat | projection.vanishing(rows_at, state) | ~rows_at(state.q).are_finite()
     for j in closed:
         if vanishing[j]:
             return (

@@ -30,7 +30,7 @@ from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
 from lagcli.smoothness.sized_function import SizedFunction
-from lagcli.start import initial, sample_points
+from lagcli.start import initial, projection
 from lagcli.start.consistent_start import Moves
 from lagcli.start.initial import State
 
@@ -149,7 +149,7 @@ class Displacements:
 
 def displacements(system: System, numeric: NumericSystem, state: State) -> Displacements:
     """The displacements at a state whose configuration satisfies the rows; its velocities enter forces alone."""
-    try:  # the metric of `sample_points.rows`, and its name
+    try:  # the metric of `projection.rows`, and its name
         metric, name = Metric(numeric.inertia(state.t, state.q, state.v, state.p)), "mass"
     except NotDefiniteError:
         metric, name = initial.metric_at(numeric, state), "plain"
@@ -181,7 +181,7 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
 
 def _bases(numeric: NumericSystem, state: State, metric: Metric, name: str) -> Bases:
     """The bases at a state that satisfies the rows, in a metric of that name."""
-    rows = sample_points.rows(numeric, state)
+    rows = projection.rows(numeric, state)
     found = rank.estimate(rows)
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     # In the metric the rest of an orthonormal basis belongs to displacements M^-1/2 z.

@@ -23,10 +23,10 @@ from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations import kinks, size_limits
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
-from lagcli.linear import generic_direction, metric_rows, rank
+from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.model.model import Model, ParticleForce
 from lagcli.smoothness import sides
-from lagcli.start import initial, sample_points
+from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -221,8 +221,8 @@ def _generic(
     block = RowBlock(system, range(len(system.rows.rows)))
     for shorter in range(SHORTER):
         part = 0.5 ** (2 * shorter)
-        found = sample_points.along(
-            numeric, begin, holonomic_rows, part * later, step=part * sample_points.PARAMETERS.step
+        found = projection.along(
+            numeric, begin, holonomic_rows, part * later, step=part * projection.PARAMETERS.step
         )
         points = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
         for k, (one, other) in enumerate(itertools.pairwise(points), start=1):
@@ -238,7 +238,7 @@ def _redundant(numeric: NumericSystem, point: State, effective: list[int], surfa
     """The rows, in their order, that follow from rows before them, at a generic point."""
     from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
 
-    rows = sample_points.plain_rows(numeric, point)
+    rows = projection.plain_rows(numeric, point)
     flags, among = np.ones(rows.count, dtype=bool), rows.take(effective)
     found = rank.estimate(among).value if among.is_large else None
     if found is None:
@@ -310,11 +310,11 @@ def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...
 def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[int]) -> str:
     """Say that gradients turn within next to nothing, as at the tip of a cone (`norm(u) = 0`) or where they nearly
     vanish, or nothing."""
-    direction = generic_direction.direction(state.q.size, SEED)
+    direction = decompositions.generic_direction(state.q.size, SEED)
     # Where a gradient vanishes second derivatives have been looked at (`codimension`).
     gradients = metric_rows.LocalRows(numeric.holonomic(state.t, state.q, state.p)[1])
     holonomic_rows = [i for i in holonomic_rows if gradients.norms[i] > 0]
-    here = sample_points.plain_rows(numeric, state).take(holonomic_rows)
+    here = projection.plain_rows(numeric, state).take(holonomic_rows)
     far = sides.PARAMETERS.farther * doubles.VALUE
     sizes = kinks.coordinate_sizes(state.q, gradients.row, gradients.column, gradients.count)
     beside = [
@@ -322,9 +322,9 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
         for side in (-far, -doubles.VALUE, doubles.VALUE, far)
     ]
     for there in beside[1:3]:
-        if not sample_points.is_finite(numeric, there):
+        if not projection.is_finite(numeric, there):
             continue
-        turned = sample_points.plain_rows(numeric, there).take(holonomic_rows).unit - here.unit
+        turned = projection.plain_rows(numeric, there).take(holonomic_rows).unit - here.unit
         if np.abs(metric_rows.LocalRows(turned).values).max(initial=0.0) > TURN:
             rows = [metric_rows.LocalRows(numeric.holonomic(at.t, at.q, at.p)[1]) for at in beside]
             what = "jumps at the start"
@@ -367,8 +367,8 @@ def _ranks(
     finite, and rows that are lost vanish there, though doubles leave rounding of them."""
     found = _Ranks([], [])
     for k, point in enumerate(points):
-        if sample_points.is_finite(numeric, point):
-            rows = sample_points.plain_rows(numeric, point)
+        if projection.is_finite(numeric, point):
+            rows = projection.plain_rows(numeric, point)
             some = [i for i in effective if k or i not in lost]
             rows = rows if len(some) == rows.count else rows.take(some)
             found.everything.append(rank.estimate(rows))

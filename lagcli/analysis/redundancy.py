@@ -1,16 +1,22 @@
-"""The independent rows that a run is stepped with.
+"""The independent rows that a run is stepped with, and the multipliers that are unique.
 
-Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever
-independent rows are taken, and the multipliers of all rows are split by a rule (`compiled.selection`). Where it is
-below, no finite multipliers give the true motion, and there is no run.
+Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever independent
+rows are taken, and the multipliers of all rows are split by a rule (`compiled.selection`). Where it is below, no finite
+multipliers give the true motion, and there is no run.
+
+lambda_i is unique if and only if no null vector of B^T has a weight on row i (D.13-D.22: B^T lambda is given, and a
+null vector makes no force). That is asked at generic points: a weight may vanish at the start, and rows may be
+dependent there alone.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis.classification.verdict import Orbit
@@ -19,10 +25,13 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen_value
-from lagcli.linear import generic_direction, rank
+from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
-from lagcli.start import initial, sample_points
+from lagcli.start import initial, projection
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    from lagcli.analysis.codimension import Codimension
 
 # Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the
 # start may do so there alone.
@@ -52,7 +61,7 @@ def begin(
     """
     if not system.rows.rows:
         return StartSelection(numeric.selection)
-    rows = sample_points.rows(numeric, state)
+    rows = projection.rows(numeric, state)
     found = rank.estimate(rows)
     if found.value == rows.count:
         _require_far(system, rows, range(rows.count))
@@ -63,7 +72,7 @@ def begin(
     from lagcli.analysis import codimension
     from lagcli.analysis.codimension.examine import multiplier_rule, undecided_start
     from lagcli.linear import independent_rows
-    from lagcli.start import conflict, projection
+    from lagcli.start import conflict
 
     if rows.rank_in_digits is not None:
         _require_far(system, rows, independent_rows.dependence(rows, found.value).independent)
@@ -74,7 +83,7 @@ def begin(
     lower_rank = _states_of_lower_rank(numeric, found, orbits)
     # Rows that are dependent at the start alone are looked at where the motion leads.
     ahead = [] if lower_rank else _ahead(whole[1], state)
-    along = {rank.estimate(sample_points.rows(numeric, point)).low: point for point in reversed(ahead)}
+    along = {rank.estimate(projection.rows(numeric, point)).low: point for point in reversed(ahead)}
     count = max([found.value, *along])
     there = along[count] if count > found.value else state
     surface = codimension.examine(system, numeric, there)
@@ -82,16 +91,19 @@ def begin(
         raise multiplier_rule(system, surface)
     if surface.kind == "undecided":
         raise undecided_start(system, numeric, there, surface)
-    around = [sample_points.rows(numeric, point) for point in lower_rank or _around(*whole, there)]
+    # Generic points of the surface around, later ones where time enters: at the start a weight may vanish.
+    holonomic, later = list(range(whole[0].holonomic_count)), initial.later(whole[0])
+    generic = lower_rank or projection.along(whole[1], there, holonomic, later)[1:]
+    around = [projection.rows(numeric, point) for point in generic]
     if surface.kind == "singular" or max((rank.estimate(each).low for each in around), default=0) > count:
         raise _at_rest(system, found)
-    chosen = independent_rows.dependence(sample_points.rows(numeric, there), count, system.holonomic_count)
-    generic = (
+    chosen = independent_rows.dependence(projection.rows(numeric, there), count, system.holonomic_count)
+    others = (
         independent_rows.over(each, chosen.independent).selection
         for each in around
         if rank.estimate(each).value == count
     )
-    return StartSelection(independent_rows.joined(chosen.selection, generic), count > found.value)
+    return StartSelection(independent_rows.joined(chosen.selection, others), count > found.value)
 
 
 def require_clear(system: System, numeric: NumericSystem, state: State) -> None:
@@ -99,13 +111,13 @@ def require_clear(system: System, numeric: NumericSystem, state: State) -> None:
     wherever they are looked at: no point that they lead to is known to any digit."""
     if not system.rows.rows:
         return
-    rows = sample_points.rows(numeric, state)
+    rows = projection.rows(numeric, state)
     if rows.are_independent or rank.estimate(rows).value != rows.count:
         return
-    direction = generic_direction.direction(state.q.size, sample_points.SEED)
-    aside = state.q + sample_points.PARAMETERS.offset * initial.size(state.q) * direction
+    direction = decompositions.generic_direction(state.q.size, projection.SEED)
+    aside = state.q + projection.PARAMETERS.offset * initial.size(state.q) * direction
     beside = dataclasses.replace(state, q=aside)
-    if sample_points.is_finite(numeric, beside) and not rank.is_near(sample_points.rows(numeric, beside)):
+    if projection.is_finite(numeric, beside) and not rank.is_near(projection.rows(numeric, beside)):
         return
     _require_far(system, rows, range(rows.count))
 
@@ -137,15 +149,9 @@ def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequ
     states = [state for orbit in followed for state in orbit.states]
     return (
         states
-        if all(rank.estimate(sample_points.rows(numeric, each)).value == found.value for each in states)
+        if all(rank.estimate(projection.rows(numeric, each)).value == found.value for each in states)
         else []
     )
-
-
-def _around(system: System, numeric: NumericSystem, state: State) -> list[State]:
-    """Generic points of the surface around, later ones where time enters: at the start a weight may vanish."""
-    rows = list(range(system.holonomic_count))
-    return sample_points.along(numeric, state, rows, initial.later(system))[1:]
 
 
 def _ahead(numeric: NumericSystem, state: State) -> list[State]:
@@ -157,8 +163,8 @@ def _ahead(numeric: NumericSystem, state: State) -> list[State]:
     for part in AHEAD:
         tau = part * initial.size(state.q) / speed
         later = dataclasses.replace(state, t=state.t + tau)
-        q = sample_points.surface(numeric, later).nearby(state.q + tau * state.v)
-        if q is not None and sample_points.is_finite(numeric, dataclasses.replace(later, q=q)):
+        q = projection.surface_at(numeric, later).nearby(state.q + tau * state.v)
+        if q is not None and projection.is_finite(numeric, dataclasses.replace(later, q=q)):
             found.append(dataclasses.replace(later, q=q))
     return found
 
@@ -188,3 +194,85 @@ def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
         )
         for null_vector in found.dependences
     )
+
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class NullVector:
+    """Rows of which sum weights_i B_i = 0, as few as can be; weights of the rows as they are written, the largest 1
+    in size, at the start, or where that is special at a generic point. One that vanishes there does not elsewhere."""
+
+    rows: tuple[str, ...]
+    weights: tuple[float, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """An entry of `dependences`."""
+        return {"rows": list(self.rows), "weights": list(self.weights)}
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Multipliers:
+    """For each row whether its multiplier is unique, None where that is undecided; a basis of null vectors."""
+
+    unique: tuple[bool | None, ...]
+    null_vectors: tuple[NullVector, ...]
+
+
+@progress.phase("looking for multipliers that are not unique")
+def multipliers(
+    system: System, numeric: NumericSystem, points: Sequence[State], surface: Codimension
+) -> Multipliers:
+    """The multipliers of all rows; `points` of the surface, the start first, `surface` what is known of it there."""
+    from lagcli.linear import independent_rows
+
+    count, holonomic = len(system.rows.rows), list(range(system.holonomic_count))
+    found = _ranks(numeric, points)
+    if max(one.low for one, _ in found) < count and len(points) == 1:
+        # Of many rows a walk takes long.
+        most = 1 if count > metric_rows.PARAMETERS.dense else projection.PARAMETERS.points
+        later = initial.later(system)
+        found = _ranks(numeric, projection.along(numeric, points[0], holonomic, later, most))
+    best, rows = max(found, key=lambda one: one[0].low)
+    # Rows of which no null vector is known, and none excluded.
+    unsure: set[int] = set()
+    if best.value is None:
+        unsure.update(i for vector in best.dependences for i in rank.participants(vector))
+    is_special = surface.kind == "singular" and rank.estimate(rows.take(holonomic)).low < (
+        surface.codimension or 0
+    )
+    if surface.kind == "undecided" or is_special:  # no walk came to a generic point
+        unsure.update(surface.rows)
+    if best.value is None or best.value == count:
+        return Multipliers(tuple(None if i in unsure else True for i in range(count)), ())
+    chosen = independent_rows.dependence(rows, best.value)
+    independent = chosen.independent
+    # Dependencies over the same rows at other points too, where these are independent.
+    others = (
+        independent_rows.over(there, independent).selection
+        for one, there in found
+        if one.value == len(independent)
+        and rank.estimate(there.take(list(independent))).value == len(independent)
+    )
+    dependencies = independent_rows.joined(chosen.selection, others).dependencies
+    shared = {row for dependency in dependencies for row in dependency}
+    flags = tuple(False if i in shared else None if i in unsure else True for i in range(count))
+    vectors = {}
+    for dependency, weights in zip(dependencies, chosen.weights, strict=True):
+        least = rows.lengths[list(dependency)].min()  # 1 / length may be beyond the range of numbers
+        of = {dependency[0]: -least / rows.lengths[dependency[0]]}
+        of |= {row: weights.get(row, 0.0) * (least / rows.lengths[row]) for row in dependency[1:]}
+        members = tuple(sorted(dependency))
+        vector = np.array([of[row] for row in members])
+        largest = np.abs(vector).max()
+        lead = vector[np.abs(vector) > rank.PARAMETERS.small * largest][0]
+        names = tuple(system.rows.rows[row].name for row in members)
+        vectors[members] = NullVector(names, tuple((vector / (largest * np.sign(lead))).tolist()))
+    return Multipliers(flags, tuple(vectors[members] for members in sorted(vectors)))
+
+
+def _ranks(numeric: NumericSystem, points: Sequence[State]) -> list[tuple[rank.Rank, MetricRows]]:
+    """Ranks of all rows at points, with the rows; the first point is known to be finite."""
+    there = (point for point in points if projection.is_finite(numeric, point))
+    return [(rank.estimate(rows), rows) for rows in (projection.plain_rows(numeric, one) for one in there)]

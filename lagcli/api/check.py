@@ -6,7 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli import progress
-from lagcli.analysis import check_report, codimension, dof, uniqueness
+from lagcli.analysis import check_report, codimension, dof, redundancy
 from lagcli.analysis.check_report import Report
 from lagcli.analysis.classification import verdict
 from lagcli.api import cache, count_dof, run_settings
@@ -43,7 +43,7 @@ def check(model: Model | Path, *, assemble: bool = False, limit: float | None = 
     found, counted = whole.found, examined.count
     # A hidden condition has no multiplier of its own.
     surface = codimension.examine(built, numeric, case.begin) if whole.conditions else examined.surface
-    multipliers = uniqueness.multipliers(built, numeric, examined.points, surface)
+    multipliers = redundancy.multipliers(built, numeric, examined.points, surface)
     verdicts = (*verdict.of_holonomic(model, tuple(row.name for row in built.rows.rows)), *found.verdicts)
     if whole.conditions and moved is None:
         residuals = initial.residuals(case.system, case.numeric, initial.declared(case.system))

@@ -14,7 +14,7 @@ from lagcli.api.simulate import simulate
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.running import table_columns
-from lagcli.start import assembly, consistent_start, initial, sample_points
+from lagcli.start import assembly, consistent_start, initial, projection
 
 
 @progress.phase("looking for displacements")
@@ -57,7 +57,7 @@ def displacements(
     notes: tuple[str, ...] = ()
     if not residuals.consistent:
         notes = tuple(d.message for d in initial.inconsistencies(ready.system, residuals))
-    if not sample_points.is_finite(ready.numeric, start):
+    if not projection.is_finite(ready.numeric, start):
         initial.inertia(ready.system, ready.numeric, start)  # says of which coordinate
     found = displacement_set.displacements(ready.system, ready.numeric, start)
     return dataclasses.replace(found, assembled=moved, notes=notes)

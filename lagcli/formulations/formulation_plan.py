@@ -12,7 +12,7 @@ from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Formulation
 from lagcli.linear import decompositions
 from lagcli.model.model import Model
-from lagcli.start import sample_points
+from lagcli.start import projection
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -63,7 +63,7 @@ def singular(
     """True for each of the states t (k,), q and v (k, n) near a singular configuration, with rows of this rank."""
     found = np.zeros(len(states[0]), dtype=bool)
     for i, (t, q, v) in enumerate(zip(*states, strict=True)):
-        rows = sample_points.rows(numeric, State(float(t), q, v, p))
+        rows = projection.rows(numeric, State(float(t), q, v, p))
         sigma = decompositions.singular_values(rows.dense)
         found[i] = rank > 0 and sigma[rank - 1] < NEAR
     return found

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.linear import decompositions, generic_direction
+from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
 
 Floats = npt.NDArray[np.float64]
@@ -267,7 +267,7 @@ class MetricRows:
         """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
         solve = self._repeated_solver(doubles.SUM)
-        x = generic_direction.direction(self.count, 0)
+        x = decompositions.generic_direction(self.count, 0)
         value = 0.0
         for _ in range(PARAMETERS.iterations):
             found = solve(x)

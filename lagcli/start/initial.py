@@ -14,7 +14,7 @@ from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
-from lagcli.linear import generic_direction
+from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows, stacked
 from lagcli.model import model as nouns
@@ -266,7 +266,7 @@ def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: Local
     """
     sizes = _sizes(rows, state.q)
     largest = float(np.abs(state.q).max(initial=0.0))
-    direction = generic_direction.direction(state.q.size, 0)
+    direction = decompositions.generic_direction(state.q.size, 0)
     radius = np.full(rows.count, np.inf)
     for k in range(PARAMETERS.probes):
         step = largest * 10.0**-k

@@ -10,7 +10,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.linear import generic_direction
+from lagcli.linear import decompositions
 from lagcli.smoothness import named_functions
 from lagcli.start import initial
 from lagcli.start.initial import State
@@ -56,7 +56,7 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
     entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
     count = PARAMETERS.directions if entries < PARAMETERS.many else 1
-    ways = list(generic_direction.direction(count * 2 * n, 0).reshape(count, 2 * n))
+    ways = list(decompositions.generic_direction(count * 2 * n, 0).reshape(count, 2 * n))
     if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
         return ()
     here = _values(numeric, state, state.q[:, None], state.v[:, None])[0]

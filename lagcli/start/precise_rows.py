@@ -20,7 +20,7 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
-from lagcli.linear import decompositions, generic_direction, independent_rows, metric_rows, rank, surface
+from lagcli.linear import decompositions, independent_rows, metric_rows, rank, surface
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.linear.surface import InDigits, Point
 from lagcli.smoothness.sized_function import SizedFunction
@@ -98,7 +98,7 @@ class PreciseRows:
         if self._program is None:
             return None
         q = self._state.q
-        beside = q + doubles.EPS * initial.size(q) * generic_direction.direction(q.size, 0)
+        beside = q + doubles.EPS * initial.size(q) * decompositions.generic_direction(q.size, 0)
         numbers, s = range(self._numeric.rows.size1_out(0)), self._numeric.holonomic.size1_out(0)
         found: list[dict[int, Numbers]] = []
         with decimal.localcontext(prec=PARAMETERS.digits):

@@ -61,7 +61,7 @@ DOORS = {
         "lagcli.linear.metric_rows",
         "lagcli.linear.independent_rows",
         "lagcli.start.precise_rows",
-        "lagcli.start.sample_points",
+        "lagcli.start.projection",
         "lagcli.formulations.maggi",
         "lagcli.formulations.stiff_system",
         "lagcli.formulations.vakonomic_system",

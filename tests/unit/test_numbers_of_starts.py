@@ -13,7 +13,7 @@ from lagcli.linear.metric_rows import LocalRows
 from lagcli.simulation import error_estimate
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, ContactParameters
 from lagcli.simulation.error_estimate import Parting
-from lagcli.start import assembly, conflict, gaps, initial, sample_points
+from lagcli.start import assembly, conflict, gaps, initial, projection
 from lagcli.start.initial import State
 
 NOTHING = np.zeros(0)
@@ -199,11 +199,11 @@ def test_points_move_on_by_a_hundredth_of_the_duration(depends, later, monkeypat
 def test_four_points_are_reached_by_walks_of_three_steps(monkeypatch):
     steps = []
     monkeypatch.setattr(
-        sample_points,
+        projection,
         "_tangent_step",
         lambda numeric, here, rows, step, random: steps.append(step) or here,
     )
-    assert len(sample_points.along(None, state(), [])) == 1 + 4
+    assert len(projection.along(None, state(), [])) == 1 + 4
     assert steps == [0.2] * 12
 
 
@@ -212,14 +212,14 @@ def test_four_points_are_reached_by_walks_of_three_steps(monkeypatch):
     [(3e-10, 0.0, True), (3e-9, 0.0, False), (3e-10, 3e-3, True), (3e-10, 3e-2, False)],
 )
 def test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside(here, edge, is_flat, monkeypatch):
-    direction = sample_points.generic_direction.direction(1, sample_points.SEED)
-    monkeypatch.setattr(sample_points.initial, "metric_at", lambda *_: Metric.unit(1))
+    direction = projection.generic_direction.direction(1, projection.SEED)
+    monkeypatch.setattr(projection.initial, "metric_at", lambda *_: Metric.unit(1))
 
     def rows(t, q, v, p):
         off = abs(float((q[0] - 1.0) / direction[0]))
         return ca.DM([[1.0 if off > edge else here]]), None
 
-    found = sample_points.rows(SimpleNamespace(rows=rows), state([1.0]))
+    found = projection.rows(SimpleNamespace(rows=rows), state([1.0]))
     assert bool(np.array(found.unit).any()) is not is_flat
 
 

@@ -12,7 +12,7 @@ import lagcli
 from lagcli.api import cache
 from lagcli.errors import diagnostics
 from lagcli.linear import rank
-from lagcli.start import assembly, initial, precise_rows, sample_points
+from lagcli.start import assembly, initial, precise_rows, projection
 
 pytestmark = pytest.mark.numeric
 
@@ -30,7 +30,7 @@ CURVED = "(a.x + d*a.y - d*0.2)*(2 + a.z) = 0"
 def exact(d: str, second: str = TILTED) -> int | None:
     """The rank in many digits at the declared start, None where it is not known."""
     ready = cache.compiled(lagcli.loads(PLANES.format(d=d, second=second)))
-    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    rows = projection.rows(ready.numeric, initial.declared(ready.system))
     return rows.rank_in_digits
 
 
@@ -38,7 +38,7 @@ def exact(d: str, second: str = TILTED) -> int | None:
 @pytest.mark.parametrize("second", [TILTED, CURVED])
 def test_rows_that_differ_in_some_digit_are_independent(d: str, second: str) -> None:
     ready = cache.compiled(lagcli.loads(PLANES.format(d=d, second=second)))
-    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    rows = projection.rows(ready.numeric, initial.declared(ready.system))
     assert rank.estimate(rows).value == 2
     assert rank.nearest_dependence(rows)[0] == pytest.approx(float(d) / np.sqrt(2), rel=1e-4)
 
@@ -54,7 +54,7 @@ def moved_to(shift: str, d: str) -> int | None:
     second = CURVED.replace("(a.x", f"(a.x - {shift}")
     text = PLANES.format(d=d, second=second).replace("a.x = 0", f"a.x = {shift}")
     ready = cache.compiled(lagcli.loads(text))
-    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    rows = projection.rows(ready.numeric, initial.declared(ready.system))
     return rows.rank_in_digits
 
 
@@ -87,7 +87,7 @@ def test_rows_of_many_entries_are_looked_at_in_doubles() -> None:
 
     for count, known in ((60, 61), (66, None)):  # (count + 2) 3 count entries: 11 160 and 13 464
         ready = cache.compiled(lagcli.loads(chain(count)))
-        rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+        rows = projection.rows(ready.numeric, initial.declared(ready.system))
         assert rows.rank_in_digits == known
     assert precise_rows.PARAMETERS.most == 12_000
 

@@ -9,7 +9,7 @@ from lagcli.api import cache, prepare_run
 from lagcli.linear import metric_rows
 from lagcli.simulation.stepping import timetable
 from lagcli.smoothness import time_functions
-from lagcli.start import initial, lipschitz, sample_points
+from lagcli.start import initial, lipschitz, projection
 
 PENDULUM = """\
 lagcli: 1
@@ -79,14 +79,14 @@ def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
 
 
 def test_a_system_without_rows_has_none_to_choose(monkeypatch):
-    monkeypatch.setattr(sample_points, "rows", refuse)
+    monkeypatch.setattr(projection, "rows", refuse)
     lagcli.simulate(lagcli.loads(DRIVEN), duration=1, samples=3)
 
 
 def test_a_few_rows_are_factored_once(monkeypatch):
     monkeypatch.setattr(metric_rows.MetricRows, "_solved", refuse)
     ready = cache.compiled(lagcli.loads(PENDULUM))
-    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    rows = projection.rows(ready.numeric, initial.declared(ready.system))
     assert rows.are_independent
     value, vector = rows._weakest
     np.testing.assert_allclose([value, *np.abs(vector)], 1, rtol=1e-12)
@@ -95,6 +95,6 @@ def test_a_few_rows_are_factored_once(monkeypatch):
 def test_two_rows_that_are_the_same_are_dependent():
     text = PENDULUM.replace("norm(a) = 1", "norm(a) = 1, again: 2*norm(a) = 2")
     ready = cache.compiled(lagcli.loads(text))
-    rows = sample_points.rows(ready.numeric, initial.declared(ready.system))
+    rows = projection.rows(ready.numeric, initial.declared(ready.system))
     assert not rows.are_independent
     np.testing.assert_allclose(np.abs(rows.weakest), np.sqrt(0.5), rtol=1e-6)

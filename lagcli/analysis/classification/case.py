@@ -17,7 +17,7 @@ from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.linear import rank
-from lagcli.start import sample_points
+from lagcli.start import projection
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Case:
 
     def rank(self, group: CoupledGroup) -> int | None:
         """The rank of the rows of a group at the start in doubles, None where these do not tell it."""
-        return rank.estimate(sample_points.rows(self.numeric, self.begin).take(list(group.rows))).value
+        return rank.estimate(projection.rows(self.numeric, self.begin).take(list(group.rows))).value
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: of `progress.after`."""

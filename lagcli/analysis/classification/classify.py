@@ -29,7 +29,7 @@ from lagcli.expression import parser
 from lagcli.frozen import frozen_value
 from lagcli.model import family, settings
 from lagcli.model import model as nouns
-from lagcli.start import assembly, initial, sample_points
+from lagcli.start import assembly, initial, projection
 
 QUICK = progress.Counted(1.0)  # seconds for numbers to show that nothing is integrable
 MOST = 30  # rounds of conditions that demand others
@@ -125,7 +125,7 @@ def _case(system: System, numeric: NumericSystem) -> tuple[Case, diagnostics.Mod
     """The case, and the error where no velocity satisfies the rows at its nearest configuration: off a hidden
     condition there is none."""
     try:
-        return Case(system, numeric, sample_points.begin(system, numeric)), None
+        return Case(system, numeric, projection.begin(system, numeric)), None
     except diagnostics.ModelError as error:
         if not system.model.differential or not is_conflict(error):
             raise
@@ -173,7 +173,7 @@ def search(built: System, numeric: NumericSystem, limit: float) -> KnownIntegral
     """
     try:
         with progress.phase("looking for a consistent start"):
-            case = Case(built, numeric, sample_points.begin(built, numeric))
+            case = Case(built, numeric, projection.begin(built, numeric))
     except diagnostics.ModelError as error:
         if not is_conflict(error):
             raise

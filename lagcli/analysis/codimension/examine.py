@@ -17,7 +17,7 @@ from lagcli.errors import diagnostics
 from lagcli.frozen import frozen_value
 from lagcli.linear import independent_rows, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse
-from lagcli.start import initial, sample_points
+from lagcli.start import initial, projection
 from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
 
@@ -307,9 +307,9 @@ def undecided_start(
     for _ in range(POINTS):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
-            state, q=state.q + sample_points.PARAMETERS.offset * initial.size(state.q) * direction
+            state, q=state.q + projection.PARAMETERS.offset * initial.size(state.q) * direction
         )
-        if not sample_points.is_finite(numeric, there):
+        if not projection.is_finite(numeric, there):
             continue
         B = numeric.rows(there.t, there.q, there.v, there.p)[0][rows, :]
         beside = MetricRows(B, initial.metric_at(numeric, there))

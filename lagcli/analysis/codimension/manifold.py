@@ -21,7 +21,7 @@ from lagcli.linear import decompositions, metric_rows, rank, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import Linearized
-from lagcli.start import initial, precise_rows, sample_points
+from lagcli.start import initial, precise_rows, projection
 
 Floats = npt.NDArray[np.float64]
 
@@ -227,7 +227,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     for point in range(PARAMETERS.branch_points):
         z: Floats | None = part.begin
         t = times[point % len(times)] if times else part.state.t
-        size = sample_points.PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
+        size = projection.PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
         try:
             for _ in range(PARAMETERS.branch_steps if point < PARAMETERS.branch_walks else 1):
                 z = None if z is None else _step(part, z, t, random, size)

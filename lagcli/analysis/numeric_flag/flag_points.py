@@ -25,7 +25,7 @@ from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations import kinks
 from lagcli.equations.system import System
-from lagcli.linear import decompositions, generic_direction, surface
+from lagcli.linear import decompositions, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.linear.surface import Linearized
@@ -115,7 +115,7 @@ class Points:
             return True
         x, p = self.start.x, self.start.p
         way = kinks.PARAMETERS.farther * initial.size(x)
-        lines = [way * generic_direction.direction(x.size, seed) for seed in range(PARAMETERS.lines)]
+        lines = [way * decompositions.generic_direction(x.size, seed) for seed in range(PARAMETERS.lines)]
         for away in (side * line for line in lines for side in (1.0, -1.0)):
             block = self._block.on_branch(x + away, p, 0.0)
             here, beyond = EvaluationPoint(block, x, p), EvaluationPoint(block, x + away, p)

@@ -23,7 +23,7 @@ from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
-from lagcli.linear import generic_direction, independent_rows, metric_rows
+from lagcli.linear import decompositions, independent_rows, metric_rows
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.memory import Memory
 from lagcli.model.invariant import FirstIntegral
@@ -156,7 +156,7 @@ class _Forms:
     ) -> None:
         self._numeric, self._first, self._state = numeric, first, state
         sizes = doubles.ROOT * np.abs(state.q) + doubles.ZERO * (np.abs(state.q).max(initial=0.0) or 1.0)
-        beside = state.q + sizes * generic_direction.direction(state.q.size, 0)
+        beside = state.q + sizes * decompositions.generic_direction(state.q.size, 0)
         read = [evaluate(state.t, q, state.p) for q in (state.q, beside)]
         self._here, self._beside = (
             (np.array(values), above, below, np.array(periods).ravel())

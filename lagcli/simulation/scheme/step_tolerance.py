@@ -17,7 +17,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
-from lagcli.linear import generic_direction
+from lagcli.linear import decompositions
 from lagcli.model.settings import Simulation
 from lagcli.start import initial
 from lagcli.start.initial import State
@@ -113,7 +113,7 @@ def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
     if not q.size or np.any(v):
         return RestingForces(0.0, 0.0)
     reach = BESIDE * (np.abs(q) + np.abs(q).max() + (not np.any(q)))
-    elsewhere = q + reach * generic_direction.signs(q.size)
+    elsewhere = q + reach * decompositions.generic_signs(q.size)
     moved = q.copy()
     sizes = BoundFunction(numeric.sizes, [np.array([t]), moved, v.copy(), p.copy()])
     sizes.trigger()
