@@ -12,7 +12,7 @@ import functools
 import threading
 import weakref
 from collections.abc import Callable, Hashable
-from typing import ParamSpec, TypeVar, cast
+from typing import NamedTuple, ParamSpec, TypeVar, cast
 
 Answer = TypeVar("Answer")
 Arguments = ParamSpec("Arguments")
@@ -43,11 +43,11 @@ class Memory:
             try:
                 kept = find()
             except refusals as error:
-                self.keep(question, _Refusal(error))
+                self.keep(question, _Refusal(copy.copy(error)))
                 raise
             self.keep(question, _NOTHING if kept is None else kept)
         if isinstance(kept, _Refusal):
-            raise kept.error()
+            raise copy.copy(kept.error)  # to be raised once
         return cast("Answer", None if kept is _NOTHING else kept)
 
     def known(self, question: Hashable) -> object:
@@ -77,17 +77,10 @@ _emptied: weakref.WeakSet[Memory] = weakref.WeakSet()
 _functions: list[Callable[[], None]] = []
 
 
-class _Refusal:
+class _Refusal(NamedTuple):
     """An exception as it was raised, without the frames it came from."""
 
-    __slots__ = ("_error",)
-
-    def __init__(self, error: Exception) -> None:
-        self._error = copy.copy(error)
-
-    def error(self) -> Exception:
-        """The exception, to be raised once."""
-        return copy.copy(self._error)
+    error: Exception
 
 
 def remembered(

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.analysis.codimension.examine import connected
 from lagcli.compiled import NumericSystem
 from lagcli.contact import complementarity, least_distance
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
@@ -126,15 +127,6 @@ class RowDisplacements:
     allowed: Floats
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Cone:
-    """Closed contacts by their numbers (k,), their unit rows A (k, d) over u, and A u >= least (k,) over dt = 1."""
-
-    numbers: list[int]
-    A: Floats
-    least: Floats
-
-
 def directions(
     system: System, numeric: NumericSystem, state: State, left: RowDisplacements
 ) -> ContactDirections:
@@ -152,23 +144,35 @@ def directions(
     reason = _without_direction(system, numeric, state, sides, closed)
     if reason:
         return ContactDirections(contacts, None, None, (*notes, reason))
-    names = [one.name for one in contacts]
-    cone, against = _cone(left, G, g_t, closed)
+    # The cone of the closed contacts that equality rows let move, by their unit rows A (k, d) over u, and A u >= least
+    # over dt = 1; others may close over dt.
+    lengths = LocalRows(left.metric.whitened(G.B[closed, :])).divisors
+    rows, rates = np.array(G.B[closed, :]), g_t[closed]
+    over = (rows @ left.Z) / lengths[:, None]
+    sizes = np.linalg.norm(over, axis=1)
+    rate = rows @ left.allowed + rates
+    terms = np.abs(rows) @ np.abs(left.allowed) + np.abs(rates)
+    rate = np.where(np.abs(rate) <= complementarity.PARAMETERS.safe * doubles.EPS * terms, 0.0, rate)
+    moves = sizes > rank.PARAMETERS.small
+    taken = np.flatnonzero(moves)
+    A, least = over[taken] / sizes[taken, None], -rate[taken] / (lengths * sizes)[taken]
+    moving, against = (
+        [contacts[closed[i]].name for i in np.flatnonzero(which)] for which in (moves, ~moves & (rate < 0.0))
+    )
     try:
-        found, more = _of_cone(cone, names)
+        found, more = _of_cone(A, moving)
         allowed: Floats | None = None
         try:
-            allowed = left.allowed + left.Z @ least_distance.shortest(cone.A, cone.least).x
+            allowed = left.allowed + left.Z @ least_distance.shortest(A, least).x
         except ContradictoryRows as error:
-            closing = initial.quoted([names[cone.numbers[i]] for i in error.rows])
+            closing = initial.quoted([moving[i] for i in error.rows])
             reason = f"no displacement over dt > 0 is allowed: {closing} close on each other"
     except UndecidedRows:
-        named = initial.quoted([names[j] for j in closed])
+        named = initial.quoted([contacts[j].name for j in closed])
         reason = f"the directions beside {named} are not decided: their gradients are too near dependent ones"
         return ContactDirections(contacts, None, None, (*notes, reason))
     if against:
-        named = initial.quoted([names[j] for j in against])
-        allowed = None
+        allowed, named = None, initial.quoted(against)
         reason = f"no displacement over dt > 0 is allowed: the rows would have {named} violated"
     moved = tuple(dataclasses.replace(one, displacement=left.Z @ one.displacement + 0.0) for one in found)
     return ContactDirections(contacts, moved, allowed, (*notes, *more, *([reason] if reason else ())))
@@ -211,41 +215,25 @@ def _without_direction(
     )
 
 
-def _cone(left: RowDisplacements, G: LocalRows, g_t: Floats, closed: list[int]) -> tuple[_Cone, list[int]]:
-    """The cone of the closed contacts that equality rows let move, and those of the others that close over dt."""
-    lengths = LocalRows(left.metric.whitened(G.B[closed, :])).divisors
-    rows, rates = np.array(G.B[closed, :]), g_t[closed]
-    over = (rows @ left.Z) / lengths[:, None]
-    sizes = np.linalg.norm(over, axis=1)
-    rate = rows @ left.allowed + rates
-    terms = np.abs(rows) @ np.abs(left.allowed) + np.abs(rates)
-    rate = np.where(np.abs(rate) <= complementarity.PARAMETERS.safe * doubles.EPS * terms, 0.0, rate)
-    moves = sizes > rank.PARAMETERS.small
-    taken = np.flatnonzero(moves)
-    cone = _Cone(
-        [closed[i] for i in taken], over[taken] / sizes[taken, None], -rate[taken] / (lengths * sizes)[taken]
-    )
-    return cone, [closed[i] for i in np.flatnonzero(~moves & (rate < 0.0))]
-
-
-def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]:
-    """The directions, displacements u (d,), and a note where not all rays are listed."""
-    A = cone.A
+def _of_cone(A: Floats, names: list[str]) -> tuple[list[Direction], list[str]]:
+    """The directions, displacements u (d,), beside contacts with unit rows A (k, d), and a note where not all rays are
+    listed."""
     found = [Direction("free", _signed(u)) for u in (rank.null_basis(A)).T]
     one_sided: list[Direction] = []
     blocked: list[Direction] = []
     notes = []
-    for members in _apart(A):
+    linked = np.abs(A @ A.T) > A.shape[1] * doubles.EPS  # others are orthogonal to each other, to rounding
+    for members in connected([*((i,) for i in range(len(A))), *np.argwhere(linked).tolist()]):
         part = A[members]
 
         def moved(u: Floats, sign: int, members: list[int] = members, part: Floats = part) -> tuple[str, ...]:
             flags = sign * (part @ u) > rank.PARAMETERS.large
-            return tuple(names[cone.numbers[members[i]]] for i in np.flatnonzero(flags))
+            return tuple(names[members[i]] for i in np.flatnonzero(flags))
 
         locked = _locked(part)
         rays, is_complete = _rays(_off(part, locked))
         if not is_complete:
-            shown = initial.quoted([names[cone.numbers[i]] for i in members])
+            shown = initial.quoted([names[i] for i in members])
             notes.append(
                 f"the rays beside {shown} are not listed, as they may be too many: one stands for them"
             )
@@ -254,21 +242,6 @@ def _of_cone(cone: _Cone, names: list[str]) -> tuple[list[Direction], list[str]]
         for u in (*(-ray for ray in rays), *across, *(-u for u in across)):
             blocked.append(Direction("blocked", u, moved(u, -1)))
     return [*found, *one_sided, *blocked], notes
-
-
-def _apart(A: Floats) -> list[list[int]]:
-    """Numbers of rows (k, d) in sets that are orthogonal to each other, to rounding."""
-    linked = np.abs(A @ A.T) > A.shape[1] * doubles.EPS
-    rest, found = set(range(len(A))), []
-    while rest:
-        members: set[int] = set()
-        border = {min(rest)}
-        while border:
-            members |= border
-            border = set(np.flatnonzero(linked[sorted(border)].any(axis=0)).tolist()) - members
-        found.append(sorted(members))
-        rest -= members
-    return found
 
 
 def _locked(A: Floats) -> list[int]:

@@ -67,7 +67,17 @@ def begin(
         _require_far(system, rows, range(rows.count))
         return StartSelection(numeric.selection)
     if found.value is None:
-        raise _refusal(system, found)
+        undecided = [rank.participants(null_vector) for null_vector in found.dependences]
+        raise diagnostics.ModelError(
+            diagnostics.Diagnostic(
+                "dependent-constraints",
+                f"whether the rows {initial.names_of(system, among)} are independent at the start cannot be decided: no"
+                " gap in their singular values decides",
+                system.rows.rows[among[-1]].location,
+                "move the start a little, or leave out a row that nearly follows from the others",
+            )
+            for among in undecided
+        )
     # Loaded here and not above: independent rows need none of it.
     from lagcli.analysis import codimension
     from lagcli.analysis.codimension.examine import multiplier_rule, undecided_start
@@ -181,19 +191,6 @@ def _at_rest(system: System, found: rank.Rank) -> diagnostics.ModelError:
     hint = "give velocities along one branch, or start a little aside"
     at = system.rows.rows[rows[-1]].location
     return diagnostics.error("singular-start", message, at, hint)
-
-
-def _refusal(system: System, found: rank.Rank) -> diagnostics.ModelError:
-    return diagnostics.ModelError(
-        diagnostics.Diagnostic(
-            "dependent-constraints",
-            f"whether the rows {initial.names_of(system, rank.participants(null_vector))} are independent at the"
-            " start cannot be decided: no gap in their singular values decides",
-            system.rows.rows[rank.participants(null_vector)[-1]].location,
-            "move the start a little, or leave out a row that nearly follows from the others",
-        )
-        for null_vector in found.dependences
-    )
 
 
 Floats = npt.NDArray[np.float64]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -21,6 +20,7 @@ from lagcli.linear.metric import Metric
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Sparse = ca.DM  # a matrix of numbers
+Digits = Callable[["MetricRows", Sequence[int]], int | None]
 
 
 class MetricRowsParameters:
@@ -145,21 +145,14 @@ class LocalRows:
         return np.asarray(np.bincount(self.row, weights=entries, minlength=self.count), dtype=float)
 
 
-class RowsInDigits(Protocol):
-    """The rows of a system at a state, in many digits."""
-
-    def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
-        """The rank of rows with these numbers, the same as `rows` in doubles; None where it is not known."""
-
-
 class MetricRows:
     """Rows in the mass metric, B M^-1/2, each of length one (a row that vanishes stays zero).
 
     unit: the rows, sparse (C, free); lengths: those they had in the metric, (C,), 1 for a row that vanishes.
-    precise: the same rows in many digits, for a rank that doubles do not tell.
+    precise: the rank of the rows with some numbers by more digits, where doubles do not tell it, or None.
     """
 
-    def __init__(self, B: Sparse, metric: Metric, precise: RowsInDigits | None = None) -> None:
+    def __init__(self, B: Sparse, metric: Metric, precise: Digits | None = None) -> None:
         self._metric, self._B = metric, B
         self._precise, self._numbers = precise, list(range(B.shape[0]))
         rows = LocalRows(metric.whitened(B))
@@ -195,7 +188,7 @@ class MetricRows:
         """The rank where it is known better than by the limits of its singular values, else None."""
         if self._precise is None:
             return None
-        return self._precise.rank(self, self._numbers)
+        return self._precise(self, self._numbers)
 
     @cached_property
     def dense(self) -> Floats:

@@ -115,7 +115,16 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
         )
         hint = "let `keep` hold fewer coordinates, or give them other values"
         return diagnostics.Diagnostic("no-consistent-start", message, location, hint)
-    if _follow_each_other(free, rows):
+
+    def are_dependent(q: Floats) -> bool:
+        B = search.numeric.holonomic(search.state.t, q, search.state.p)[1][rows, :]
+        if not LocalRows(B).are_finite().all():
+            return True
+        return rank.estimate(MetricRows(B, search.full_metric)).high < len(rows)
+
+    # Where rows are dependent wherever one looks a combination of them says 0 = 1.
+    is_looked_at = 1 < len(rows) <= metric_rows.PARAMETERS.dense
+    if is_looked_at and all(map(are_dependent, free.neighbours(search.state.q, rows))):
         message = f"{names} contradict each other: no configuration satisfies them together; {remains}"
         return diagnostics.Diagnostic("contradictory-constraints", message, location)
     message = f"no configuration near the start was found in which {names} "
@@ -159,20 +168,6 @@ def _violated(search: Search, failed: ConfigurationResult) -> ConfigurationResul
         if not found.is_on:
             return found
     return failed
-
-
-def _follow_each_other(search: Search, rows: list[int]) -> bool:
-    """True if rows are dependent wherever one looks, so that a combination of them says 0 = 1."""
-    if len(rows) < 2 or len(rows) > metric_rows.PARAMETERS.dense:
-        return False
-    state = search.state
-    for q in search.neighbours(state.q, rows):
-        B = search.numeric.holonomic(state.t, q, state.p)[1][rows, :]
-        if LocalRows(B).are_finite().all() and rank.estimate(MetricRows(B, search.full_metric)).high == len(
-            rows
-        ):
-            return False
-    return True
 
 
 def require_lasting(

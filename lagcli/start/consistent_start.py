@@ -14,6 +14,7 @@ from lagcli import doubles, progress
 from lagcli.compiled import NumericSystem
 from lagcli.equations import row_parameters, size_limits
 from lagcli.equations.system import System
+from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
 from lagcli.start import initial
@@ -61,7 +62,9 @@ def find(system: System, numeric: NumericSystem) -> ConsistentStart:
         if system.contacts.count:
             from lagcli.start import gaps  # here, as most models have no one-sided constraints
 
-            gaps.require_outside(system, numeric, declared)
+            report = gaps.penetrations(system, gaps.at_state(system, numeric, declared))
+            if report:
+                raise diagnostics.ModelError(report)
             declared = gaps.settled(system, numeric, declared)
         return ConsistentStart(declared)
     moved = nearest(system, numeric)

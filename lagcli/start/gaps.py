@@ -111,13 +111,6 @@ def penetrations(system: System, found: Gaps) -> list[diagnostics.Diagnostic]:
     return initial.by_family(found.violated, lambda j: -float(found.g[j]), penetration)
 
 
-def require_outside(system: System, numeric: NumericSystem, state: State) -> None:
-    """Raise `diagnostics.ModelError` naming every one-sided constraint on whose forbidden side the state is."""
-    report = penetrations(system, at_state(system, numeric, state))
-    if report:
-        raise diagnostics.ModelError(report)
-
-
 class BoundarySurface(projection.Surface):
     """f = 0 and g = 0 of some one-sided constraints."""
 

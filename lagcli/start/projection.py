@@ -234,7 +234,13 @@ def _tangent_step(
     numeric: NumericSystem, here: State, rows: list[int], length: float, random: np.random.Generator
 ) -> State | None:
     """The point after one random step along the kernel of the rows, as long as the curvature allows."""
-    direction = _tangent(numeric, here, rows, random)
+    B = numeric.rows(here.t, here.q, here.v, here.p)[0][rows, :]
+    if len(rows) > metric_rows.PARAMETERS.dense:
+        u = random.standard_normal(here.q.size)
+        direction = u + MetricRows(B, initial.metric_at(numeric, here)).correction(LocalRows(B).times(u))
+    else:
+        tangent = rank.null_basis(decompositions.unit(np.array(B)))
+        direction = np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
     largest = float(np.abs(direction).max(initial=0.0))
     if largest == 0.0:
         return here
@@ -249,20 +255,10 @@ def _tangent_step(
     return None if q is None else dataclasses.replace(here, q=q)
 
 
-def _tangent(numeric: NumericSystem, here: State, rows: list[int], random: np.random.Generator) -> Floats:
-    """A random direction in the kernel of the rows."""
-    B = numeric.rows(here.t, here.q, here.v, here.p)[0][rows, :]
-    if len(rows) > metric_rows.PARAMETERS.dense:
-        u = random.standard_normal(here.q.size)
-        return u + MetricRows(B, initial.metric_at(numeric, here)).correction(LocalRows(B).times(u))
-    tangent = rank.null_basis(decompositions.unit(np.array(B)))
-    return np.asarray(tangent @ random.standard_normal(tangent.shape[1]))
-
-
 def plain_rows(numeric: NumericSystem, point: State) -> MetricRows:
     """All rows at a point as doubles have them, and their digits for a rank that these do not tell."""
     B = numeric.rows(point.t, point.q, point.v, point.p)[0]
-    return MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point))
+    return MetricRows(B, initial.metric_at(numeric, point), PreciseRows(numeric, point).rank)
 
 
 def rows(numeric: NumericSystem, point: State) -> MetricRows:

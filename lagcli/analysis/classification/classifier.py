@@ -63,7 +63,7 @@ class Classifier:
                 block, flagged = self._flagged(group, block, PATIENT)
                 settled = self._settled(group, block, flagged)
         if block is not None and settled is not None:
-            if settled.is_general:
+            if not settled.equations and not settled.is_sided:  # general position
                 together = self._exact(block, settled.flagged, single)
             else:
                 alone = self._integrals_alone(block.names, single)

@@ -78,7 +78,16 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
     conditions: tuple[Condition, ...] = ()
     deadline = progress.after(limit)
     for _ in range(MOST):
-        case, conflict = _case(system, numeric)
+        conflict = None
+        with progress.phase("looking for a consistent start"):
+            try:
+                begin = projection.begin(system, numeric)
+            except diagnostics.ModelError as error:
+                if not system.model.differential or not is_conflict(error):
+                    raise
+                # Off a hidden condition no velocity satisfies the rows.
+                begin, conflict = assembly.configuration(system, numeric, initial.declared(system)), error
+        case = Case(system, numeric, begin)
         try:
             found = _judged(case, progress.left(deadline) if conditions else limit)
         except HiddenConditionsError as hidden:
@@ -118,19 +127,6 @@ def extended(system: System, conditions: Sequence[Condition]) -> System:
     return mechanics.build(
         dataclasses.replace(model, holonomic=(*model.holonomic, *more), fingerprint=fingerprint)
     )
-
-
-@progress.phase("looking for a consistent start")
-def _case(system: System, numeric: NumericSystem) -> tuple[Case, diagnostics.ModelError | None]:
-    """The case, and the error where no velocity satisfies the rows at its nearest configuration: off a hidden
-    condition there is none."""
-    try:
-        return Case(system, numeric, projection.begin(system, numeric)), None
-    except diagnostics.ModelError as error:
-        if not system.model.differential or not is_conflict(error):
-            raise
-        begin = assembly.configuration(system, numeric, initial.declared(system))
-        return Case(system, numeric, begin), error
 
 
 def is_conflict(error: diagnostics.ModelError) -> bool:

@@ -64,11 +64,6 @@ class Settled:
         """The rank of all rows there, with the holonomic ones of the group."""
         return _surface_rank(self.flagged) + self.flagged.flag.dims[0]
 
-    @property
-    def is_general(self) -> bool:
-        """True if the flag is that of general position."""
-        return not self.equations and not self.is_sided
-
 
 class Locality:
     """The start of a group of rows in the symbols of a translation; `deadline`: of `progress.after`.

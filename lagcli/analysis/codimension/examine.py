@@ -91,7 +91,7 @@ class _Case:
 def examine(system: System, numeric: NumericSystem, state: State) -> Codimension:
     """The codimension of f = 0 around a state on it. Of independent rows at once."""
     B = numeric.holonomic(state.t, state.q, state.p)[1]
-    rows = MetricRows(B, initial.metric_at(numeric, state), PreciseRows(numeric, state))
+    rows = MetricRows(B, initial.metric_at(numeric, state), PreciseRows(numeric, state).rank)
     found = rank.estimate(rows)
     if found.low == rows.count:
         return Codimension("independent", rows.count, rows.count)

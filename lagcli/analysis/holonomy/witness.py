@@ -140,6 +140,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
     if not (clear and residual < doubles.ZERO and _crosses(part, goal, amount, bool(moved.any()))):
         return None
     names, scale = part.names, part.scale
+    free = words.frame.free if isinstance(words.frame, controlled_paths.Axes) else ()
     points = [p * scale for p in points]
     steps = [(len(p) - 1) // len(c) for p, c in zip(points, paths, strict=True)]
     return Witness(
@@ -150,11 +151,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
         names=names,
         back=tuple(names[i] for i in np.flatnonzero(~moved[:-1]) if i != goal.along),
         follow=tuple(names[i] for i in np.flatnonzero(moved)),
-        free=(
-            tuple(names[i] for i in words.frame.free)
-            if isinstance(words.frame, controlled_paths.Axes)
-            else ()
-        ),
+        free=tuple(names[i] for i in free),
         paths=tuple(
             Path(p[::n], p[:: max(1, n // PARAMETERS.shown)]) for p, n in zip(points, steps, strict=True)
         ),
@@ -249,7 +246,7 @@ class LoopTrial:
         near = near[np.argsort(miss[near] / np.abs(amount[near]), kind="stable")][: PARAMETERS.near]
         if not near.size:
             return None
-        # The lengths to solve for: each by itself where one condition is to be met, and all
+        # The lengths to solve for: each by itself where one condition is to be met, and all.
         count = self.lengths.shape[1]
         each = np.eye(count, dtype=bool) if self.extra == 1 else np.zeros((0, count), dtype=bool)
         subsets = np.concatenate([each, np.ones((1, count), dtype=bool)])
@@ -300,10 +297,5 @@ def _effort(words: LoopWords, x: Floats, amount: float, size: float) -> tuple[fl
     halves = 2 * abs(amount) / size
     is_round = abs(halves - round(halves)) < 1e-6
     is_faint = abs(amount) < 0.2 * size
-    return (
-        count,
-        is_faint,
-        not is_round,
-        round(float(np.abs(controls).sum()), 6),
-        abs(math.log(abs(amount) / size)),
-    )
+    length = round(float(np.abs(controls).sum()), 6)
+    return count, is_faint, not is_round, length, abs(math.log(abs(amount) / size))

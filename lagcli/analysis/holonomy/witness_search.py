@@ -124,13 +124,9 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     )
     row_of, column = (np.array(x) for x in (here.sparsity().row(), here.sparsity().get_col()))
     is_holonomic = row_of < system.holonomic_count
+    squares = (np.array(x.nonzeros())[is_holonomic] ** 2 for x in (there - here, here))
     turned, lengths = (
-        np.sqrt(
-            np.bincount(
-                row_of[is_holonomic], np.array(x.nonzeros())[is_holonomic] ** 2, system.holonomic_count
-            )
-        )
-        for x in (there - here, here)
+        np.sqrt(np.bincount(row_of[is_holonomic], each, system.holonomic_count)) for each in squares
     )
     with np.errstate(all="ignore"):
         rates = turned / lengths / doubles.ROOT
@@ -172,20 +168,15 @@ def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None
 def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_WitnessSearch]:
     if shift == 0:
         parts = [part for part in parts if not controlled_paths.is_singular(part, part.start)]
+    # Closed loops first; in time all rows must be kept, so that only a part with all that matters serves.
+    kinds = [(part, False) for part in parts]
+    if parts and is_whole and parts[-1].knows_time:
+        kinds.append((parts[-1], True))
     orbits: dict[tuple[int, bool, bytes], PathOrbit] = {}
-    for size, (part, timed) in itertools.product(
-        (*PARAMETERS.usual, *PARAMETERS.far), _kinds(parts, is_whole)
-    ):
+    for size, (part, timed) in itertools.product((*PARAMETERS.usual, *PARAMETERS.far), kinds):
         base = _base(part, size, shift)
         if base is not None:
             yield _WitnessSearch(part, base, size, timed, orbits)
-
-
-def _kinds(parts: list[LocalPart], is_whole: bool) -> Iterator[tuple[LocalPart, bool]]:
-    """Closed loops first; in time all rows must be kept, so that only a part with all that matters serves."""
-    yield from ((part, False) for part in parts)
-    if parts and is_whole and parts[-1].knows_time:
-        yield parts[-1], True
 
 
 def _base(part: LocalPart, size: float, shift: int) -> Floats | None:
@@ -360,10 +351,8 @@ class _WitnessSearch:
 
     def _any_goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
         """Goals as of `_goals`; of too many, those of the coordinates in which the orbit's points differ most."""
-        if (
-            math.comb(self.part.k - 1, max(0, found.tangent.shape[1] - free.size - 1))
-            <= PARAMETERS.combinations
-        ):
+        others = max(0, found.tangent.shape[1] - free.size - 1)
+        if math.comb(self.part.k - 1, others) <= PARAMETERS.combinations:
             yield from self._goals(found, along, free)
             return
         order = _pivots(found.tangent.T, along)
@@ -377,7 +366,5 @@ def _pivots(rows: Floats, first: int) -> Numbers:
     """Columns of rows (r, k) that are independent, `first` before all and then the largest, (r,)."""
     if np.linalg.norm(rows[:, first]) < doubles.ZERO:
         return np.zeros(0, dtype=np.int64)
-    return np.array(
-        independent_rows.farthest(rows.T, min(rows.shape), [first], least=doubles.ZERO),
-        dtype=np.int64,
-    )
+    chosen = independent_rows.farthest(rows.T, min(rows.shape), [first], least=doubles.ZERO)
+    return np.array(chosen, dtype=np.int64)

@@ -61,7 +61,7 @@ class EvaluationPoint:
             A = _without_rounding(block, A, x, p)
             self.sizes = row_block.variable_sizes(A, block.kinds)
             self.plain, self.A = A, row_block.scaled(A, self.sizes)
-            self.rows = MetricRows(self.A, Metric.unit(block.size), self)
+            self.rows = MetricRows(self.A, Metric.unit(block.size), self.rank)
 
     def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
         """The rank of rows with these numbers, None where it is not known better, for those that the usual limits leave
@@ -95,7 +95,7 @@ class EvaluationPoint:
         n = len(self.block.columns)
         if not self.block.has_time:
             return self.all
-        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n), self))
+        return rank.estimate(MetricRows(self.A[:, :n], Metric.unit(n), self.rank))
 
     @cached_property
     def independent(self) -> list[int]:

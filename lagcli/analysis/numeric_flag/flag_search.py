@@ -6,6 +6,7 @@ vanishes in all digits; along a field on which one of the others is one it shows
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import decimal
 import math
@@ -161,7 +162,11 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         least=float(grown.span.least),
     )
     if point.dimension > 1 and not result.special:
-        there = _at_start(start, grown, given)
+        there: Growth | None = None
+        with contextlib.suppress(spans.Undecided):
+            there = bracket_values.grown(given.at(start, AT_START), len(grown.levels))
+        if there is not None and there.ranks > grown.ranks:
+            raise spans.Undecided("brackets have a lower rank at the point that was taken than at the start")
         result = dataclasses.replace(result, special=None if there is None else there.ranks != grown.ranks)
         if there is not None and not result.special:
             result = dataclasses.replace(result, combinations=_staying(there.span, start))
@@ -173,17 +178,6 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         return dataclasses.replace(result, is_certain=False, reason=str(why))
     error, least = max(result.error, float(span.error)), min(result.least, float(span.least))
     return dataclasses.replace(result, extra=extra, error=error, least=least)
-
-
-def _at_start(start: EvaluationPoint, grown: Growth, given: BracketValues) -> Growth | None:
-    """Brackets at the start, of as many fields, or None where they are not known."""
-    try:
-        there = bracket_values.grown(given.at(start, AT_START), len(grown.levels))
-    except spans.Undecided:
-        return None
-    if there.ranks > grown.ranks:
-        raise spans.Undecided("brackets have a lower rank at the point that was taken than at the start")
-    return there
 
 
 def _staying(span: Span, point: EvaluationPoint) -> Floats:

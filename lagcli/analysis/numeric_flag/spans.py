@@ -86,7 +86,12 @@ class Span:
 
     def touches(self, weights: Sequence[Decimal]) -> bool:
         """True if a combination with weights (m,) is other than zero on the span. Raises `undecided.AmbiguousRank`."""
-        return any(not self._is_zero(_relative(weights, vector)) for vector in self._vectors.values())
+        for vector in self._vectors.values():
+            size = max((abs(w) * s for w, s in zip(weights, vector.sizes, strict=True)), default=NOTHING)
+            value = sum((w * a for w, a in zip(weights, vector.values, strict=True)), NOTHING)
+            if not self._is_zero(abs(value) / size if size else NOTHING):
+                return True
+        return False
 
     def annihilators(self) -> list[list[Decimal]]:
         """A basis of the combinations (m,) that vanish on the span. Raises `undecided.AmbiguousRank`."""
@@ -111,13 +116,6 @@ class Span:
 def unit(count: int, i: int) -> list[Decimal]:
     """The vector (m,) that is one at an index."""
     return [Decimal(int(i == j)) for j in range(count)]
-
-
-def _relative(weights: Sequence[Decimal], vector: DigitSample) -> Decimal:
-    """A combination of the values of a vector, in parts of the largest size."""
-    size = max((abs(w) * s for w, s in zip(weights, vector.sizes, strict=True)), default=NOTHING)
-    value = sum((w * a for w, a in zip(weights, vector.values, strict=True)), NOTHING)
-    return abs(value) / size if size else NOTHING
 
 
 class Undecided(Exception):
