@@ -6,7 +6,7 @@ And its sentences: cells of the table of constraints, the joint verdict, the cou
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from lagcli.errors import diagnostics
 from lagcli.model import notebook_html
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from lagcli.model.model import Model
     from lagcli.start.consistent_start import Moves
     from lagcli.start.gaps import Side
+
+
+NOT_UNIQUE = {True: "", False: "not unique", None: "undecided"}
+MOST_NAMED = 40  # redundant rows
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -196,37 +200,16 @@ class Report:
         return self.as_json()[key]
 
 
-NOT_UNIQUE = {True: "", False: "not unique", None: "undecided"}
-MOST_NAMED = 40  # redundant rows
-
-
-class ReportLines(NamedTuple):
-    """The lines of a report: cells of the table of constraints by their headers, the rows that share forces, the joint
-    verdict where there are differential rows, the count, the start."""
-
-    cells: list[dict[str, str]]
-    shares: list[str]
-    joint: list[str]
-    counted: list[str]
-    start: str
-
-
-def lines(found: Report) -> ReportLines:
-    """All lines of a report."""
+def parts(found: Report) -> list[list[str]]:
+    """The lines below the table of constraints: the rows that share forces, the joint verdict where there are
+    differential rows, the count."""
     # A count alone has no rows that share forces.
     from lagcli.linear import independent_rows
 
+    shares = independent_rows.shares([vector.rows for vector in found.null_vectors])
     is_differential = any(one.verdict.declared == "differential" for one in found.constraints)
-    return ReportLines(
-        [cells(constraint) for constraint in found.constraints],
-        [
-            diagnostics.printable(line)
-            for line in independent_rows.shares([vector.rows for vector in found.null_vectors])
-        ],
-        joint_lines(found.joint) if is_differential else [],
-        count(found.dof),
-        start(found),
-    )
+    joint = joint_lines(found.joint) if is_differential else []
+    return [[diagnostics.printable(line) for line in shares], joint, count(found.dof)]
 
 
 def joint_lines(joint: JointReport) -> list[str]:

@@ -81,12 +81,6 @@ class Assembly:
     declared: State
 
 
-def fixed_by(system: System, keep: tuple[str, ...]) -> Flags:
-    """True for those of the n coordinates that `keep` names (`theta`, `a`, `a.x`)."""
-    names, wanted = system.model.coordinate_names, frozenset(keep)
-    return np.array([name in wanted or name.partition(".")[0] in wanted for name in names], dtype=bool)
-
-
 def assemble(
     system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...], one_sided: bool = False
 ) -> Assembly:
@@ -108,7 +102,9 @@ def _assembled(
     system: System, numeric: NumericSystem, state: State, keep: tuple[str, ...], one_sided: bool
 ) -> Assembly:
     initial.residuals(system, numeric, state)  # a row may have no value there
-    search = Search(system, numeric, state, fixed_by(system, keep))
+    # The coordinates that `keep` names (`theta`, `a`, `a.x`).
+    kept = [name in keep or name.partition(".")[0] in keep for name in system.model.coordinate_names]
+    search = Search(system, numeric, state, np.array(kept, dtype=bool))
     q = _configuration(search)
     if one_sided and system.contacts.count:
         from lagcli.start import gaps  # here, as most models have no one-sided constraints
@@ -129,10 +125,22 @@ def _assembled(
     return Assembly(there, full_metric.length(q - state.q), full_metric.length(there.v - state.v), state)
 
 
+def begin(system: System, numeric: NumericSystem) -> State:
+    """The consistent state nearest to the declared one.
+
+    Raises `diagnostics.ModelError` where there is none, and where the inertia has no finite value there.
+    """
+    state = assemble(system, numeric, initial.declared(system), ()).state
+    if not projection.is_finite(numeric, state):
+        initial.inertia(system, numeric, state)  # says of which coordinate
+    return state
+
+
 def configuration(system: System, numeric: NumericSystem, state: State) -> State:
     """The state with the nearest configuration, whatever its velocities. Raises `diagnostics.ModelError`."""
     initial.residuals(system, numeric, state)  # a row may have no value there
-    return dataclasses.replace(state, q=_configuration(Search(system, numeric, state, fixed_by(system, ()))))
+    search = Search(system, numeric, state, np.zeros(state.q.size, dtype=bool))
+    return dataclasses.replace(state, q=_configuration(search))
 
 
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:

@@ -180,19 +180,6 @@ PARAMETERS = SamplePointParameters()
 SEED = 20061
 
 
-def begin(system: System, numeric: NumericSystem) -> State:
-    """The consistent state nearest to the declared one.
-
-    Raises `diagnostics.ModelError` where there is none, and where the inertia has no finite value there.
-    """
-    from lagcli.start import assembly  # here, as a run from a consistent start needs none of it
-
-    state = assembly.assemble(system, numeric, initial.declared(system), ()).state
-    if not is_finite(numeric, state):
-        initial.inertia(system, numeric, state)  # says of which coordinate
-    return state
-
-
 def surface_at(numeric: NumericSystem, state: State) -> Surface:
     """The surface at the time and parameters of a state, with the metric there."""
     from lagcli.start.projection import Surface

@@ -212,7 +212,7 @@ def test_four_points_are_reached_by_walks_of_three_steps(monkeypatch):
     [(3e-10, 0.0, True), (3e-9, 0.0, False), (3e-10, 3e-3, True), (3e-10, 3e-2, False)],
 )
 def test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside(here, edge, is_flat, monkeypatch):
-    direction = projection.generic_direction.direction(1, projection.SEED)
+    direction = projection.decompositions.generic_direction(1, projection.SEED)
     monkeypatch.setattr(projection.initial, "metric_at", lambda *_: Metric.unit(1))
 
     def rows(t, q, v, p):

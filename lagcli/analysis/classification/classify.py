@@ -29,7 +29,7 @@ from lagcli.expression import parser
 from lagcli.frozen import frozen_value
 from lagcli.model import family, settings
 from lagcli.model import model as nouns
-from lagcli.start import assembly, initial, projection
+from lagcli.start import assembly, initial
 
 QUICK = progress.Counted(1.0)  # seconds for numbers to show that nothing is integrable
 MOST = 30  # rounds of conditions that demand others
@@ -81,7 +81,7 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
         conflict = None
         with progress.phase("looking for a consistent start"):
             try:
-                begin = projection.begin(system, numeric)
+                begin = assembly.begin(system, numeric)
             except diagnostics.ModelError as error:
                 if not system.model.differential or not is_conflict(error):
                     raise
@@ -169,7 +169,7 @@ def search(built: System, numeric: NumericSystem, limit: float) -> KnownIntegral
     """
     try:
         with progress.phase("looking for a consistent start"):
-            case = Case(built, numeric, projection.begin(built, numeric))
+            case = Case(built, numeric, assembly.begin(built, numeric))
     except diagnostics.ModelError as error:
         if not is_conflict(error):
             raise

@@ -147,16 +147,15 @@ def print_report(found: Report, heading: bool) -> None:
     title = labels.shortened(found.title or found.path, labels.TITLE)
     console.paragraph(f"{found.path}: {title}" if heading and found.title else title, "")
     print()
-    lines = check_report.lines(found)
     if found.constraints:
-        _constraints(found.constraints, lines.cells)
+        _constraints(found.constraints, [check_report.cells(one) for one in found.constraints])
         print()
-    for part in (lines.shares, lines.joint, lines.counted):
+    for part in check_report.parts(found):
         for line in part:
             console.paragraph(line, "    ")
         if part:
             print()
-    console.paragraph(lines.start, "    ")
+    console.paragraph(check_report.start(found), "    ")
     if heading:
         print()
     # A long list of models is read as it comes.
