@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 # Points ahead of the start, at these parts of the size of the configuration: rows that depend on one another at the
 # start may do so there alone.
-AHEAD = (0.05, 0.02, 0.005)
+AHEAD = tuple(projection.PARAMETERS.step / part for part in (4, 10, 40))
 
 
 @frozen_value

@@ -61,7 +61,7 @@ class SurfaceParameters:
     stronger: float = 4.0
     """The factor by which it grows if a step goes up. `test_a_step_of_a_descent_is_damped_thirty_times` fails
     at 0.4 and 40."""
-    weaker: float = 8.0
+    weaker: float = 2 * stronger
     """The factor by which it wanes if a step goes down. `test_damping_wanes_by_eight_down_to_nine_digits`
     fails at 0.8 and 80."""
     slow_steps: int = 20
@@ -86,16 +86,13 @@ class LinearEquations(Protocol):
     @property
     def distance(self) -> float:
         """The distance from the surface, to first order, as a part of the size of the point."""
-        ...
 
     @property
     def is_there(self) -> bool:
         """True if that is no more than rounding."""
-        ...
 
     def step(self) -> Point | None:
         """The shortest step to where the linear equations vanish; None where there is none."""
-        ...
 
 
 class DampedEquations(LinearEquations, Protocol):
@@ -104,15 +101,12 @@ class DampedEquations(LinearEquations, Protocol):
     @property
     def norm(self) -> float:
         """The root of the sum of squares of the equations, each in its unit here."""
-        ...
 
     def norm_of(self, other: Self) -> float:
         """The norm at another point, in the units here."""
-        ...
 
     def damped(self, damping: float) -> Point:
         """The step that is shorter by a damping; the shortest one with 0."""
-        ...
 
 
 E = TypeVar("E", bound=LinearEquations)

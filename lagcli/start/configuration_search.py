@@ -52,7 +52,7 @@ class ConfigurationSearchParameters:
     each: tuple[int, int, int] = (4, 2, 1)
     """Starts of each offset: of few coordinates, of more, of many.
     `test_of_more_coordinates_there_are_fewer_other_starts` fails for a tenth and ten times of them."""
-    moved: float = 1e-2
+    moved: float = offsets[0]
     """A configuration that lies off the start by less than this part of its size is near it.
     `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 100."""
     drift: float = 1e-3

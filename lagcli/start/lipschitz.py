@@ -12,7 +12,7 @@ from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
 from lagcli.smoothness import named_functions
-from lagcli.start import initial
+from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
@@ -32,7 +32,7 @@ class LipschitzParameters:
     grows: float = 1.3
     """Slopes that grow by this each time the distance shrinks by a hundred have no bound. Those of |x|^a grow by
     100^(1 - a): up to a = 0.94 it shows. `test_slopes_that_grow_without_bound_are_warned_of` fails at 0.13 and 13."""
-    wide: float = 1e-2
+    wide: float = projection.PARAMETERS.offset
     """A function that is smooth over this distance gives the scale of its changes.
     `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails at 1e-3 and 0.1."""
     directions: int = 3

@@ -57,12 +57,10 @@ class Equations(Protocol):
 
     def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
         """F (E,) and dF/dz (E, N); values that are not finite where a law has none."""
-        ...
 
     @property
     def rounding(self) -> float:
         """The amount by which rounding moves values of F near zero."""
-        ...
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

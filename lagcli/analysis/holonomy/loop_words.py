@@ -39,7 +39,7 @@ class LoopWordParameters:
     sure: int = 12
     """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`
     fails at 1 and 120."""
-    coarse: float = 1e-5
+    coarse: float = controlled_paths.PARAMETERS.seen
     """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits` fails at 1e-6
     and 0.0001."""
     iterations: int = 16

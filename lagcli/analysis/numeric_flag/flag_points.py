@@ -47,7 +47,7 @@ class FlowParameters:
     step: float = 0.1
     """The reach of one flow. `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`
     fails at 0.01 and 1."""
-    later: float = 0.01
+    later: float = initial.PARAMETERS.later
     """Its length in time, as a part of the duration.
     `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration` fails at 0.001 and 0.1."""
     shorter: int = 8
