@@ -61,12 +61,12 @@ class DofCount:
     velocity_dof: int | None
     proof: Proof
     bounds: tuple[int, int]
-    reason: str
-    redundant_rows: tuple[str, ...]
-    start_rank: int | None
-    notes: tuple[str, ...]
-    rows: int
-    rank: int
+    reason: str = ""
+    redundant_rows: tuple[str, ...] = ()
+    start_rank: int | None = 0
+    notes: tuple[str, ...] = ()
+    rows: int = 0
+    rank: int = 0
     contacts: int = 0
 
     def __repr__(self) -> str:
@@ -406,10 +406,4 @@ def of_free_particles(model: Model) -> DofCount:
         velocity_dof=n,
         proof="numeric",
         bounds=(n, n),
-        reason="",
-        redundant_rows=(),
-        start_rank=0,
-        notes=(),
-        rows=0,
-        rank=0,
     )

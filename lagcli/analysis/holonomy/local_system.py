@@ -64,6 +64,7 @@ class LocalPart:
     rows: Numbers
     coordinates: Numbers
     deadline: float
+    _built: dict[tuple[int, ...], paths.PathSteps] = dataclasses.field(default_factory=dict)
 
     @property
     def k(self) -> int:
@@ -135,10 +136,6 @@ class LocalPart:
         if key not in self._built:
             self._built[key] = build()
         return self._built[key]
-
-    @cached_property
-    def _built(self) -> dict[tuple[int, ...], paths.PathSteps]:
-        return {}
 
     def residual(self, Z: Floats) -> float:
         """The largest |f| of the holonomic rows that the part touches, over points (N, k + 1)."""
