@@ -205,7 +205,7 @@ def parse(data: bytes | str, path: str) -> Mapping:
     text = as_text(_decode(data, path), path)
     found = diagnostics.Collector()
     try:
-        root = _Builder(text, found).build()
+        root = _build(text, found)
     except yaml.YAMLError as error:
         raise diagnostics.ModelError([_yaml_error(error, text)]) from None
     hint = "a model begins with the line `lagcli: 1`"
@@ -317,89 +317,79 @@ class _Open:
     items: list[AnyNode] = dataclasses.field(default_factory=list)
 
 
-class _Builder:
-    """Builds the tree from the parser's events, with its own stack: no recursion, no object construction."""
-
-    def __init__(self, text: Text, found: diagnostics.Collector) -> None:
-        self._text = text
-        self._found = found
-        self._stack: list[_Open] = []
-        self._root: AnyNode | None = None
-        self._count = 0
-
-    def build(self) -> AnyNode | None:
-        """The root node, or None for a stream without a document."""
-        documents = 0
-        for event in yaml.parse(self._text.content, Loader=_Loader):
-            match event:
-                case yaml.DocumentStartEvent():
-                    documents += 1
-                    if documents > 1:
-                        self._refuse(event, "several-documents", "a model file holds one YAML document")
-                case yaml.AliasEvent():
-                    message = "YAML aliases (`*name`) are not allowed in a model file"
-                    hint = "a text that begins with `*` needs quotes"
-                    self._refuse(event, "yaml-alias", message, hint)
-                case yaml.NodeEvent():
-                    self._node(event)
-                case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
-                    self._close(event)
-        return self._root
-
-    def _refuse(self, event: yaml.Event, code: str, message: str, hint: str = "") -> None:
-        raise _refused(code, message, self._text.locate(*_span(event)), hint)
-
-    def _node(self, event: yaml.NodeEvent) -> None:
-        self._count += 1
-        if self._count > MAX_NODES:
-            self._refuse(event, "too-large", f"the file holds more than {MAX_NODES} entries")
-        if event.anchor is not None:
-            message = "YAML anchors (`&name`) are not allowed in a model file"
-            self._refuse(event, "yaml-alias", message, "a text that begins with `&` needs quotes")
-        # Every event of this kind has a tag; the type stubs know it of some only.
-        tag: str | None = getattr(event, "tag", None)
-        if tag is not None:
-            message = f"YAML tags (`{tag}`) are not allowed in a model file"
-            self._refuse(event, "yaml-tag", message, "a text that begins with `!` needs quotes")
-        start, end = _span(event)
-        if isinstance(event, yaml.ScalarEvent):
-            self._add(Scalar(self._text, start, end, event.value, _STYLES.get(event.style, "plain")))
-            return
-        if len(self._stack) >= MAX_DEPTH:
-            self._refuse(event, "too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels")
-        self._stack.append(_Open(start, isinstance(event, yaml.MappingStartEvent)))
-
-    def _close(self, event: yaml.Event) -> None:
-        ended = self._stack.pop()
-        _, end = _span(event)
-        if ended.is_mapping:
-            self._add(Mapping(self._text, ended.start, end, self._entries(ended.items)))
+def _build(text: Text, found: diagnostics.Collector) -> AnyNode | None:
+    """The root node from the parser's events, with a stack of its own; None for a stream without a document."""
+    stack: list[_Open] = []
+    root: AnyNode | None = None
+    documents = count = 0
+    for event in yaml.parse(text.content, Loader=_Loader):
+        node: AnyNode
+        match event:
+            case yaml.DocumentStartEvent():
+                documents += 1
+                if documents > 1:
+                    message = "a model file holds one YAML document"
+                    raise _refused("several-documents", message, text.locate(*_span(event)))
+                continue
+            case yaml.AliasEvent():
+                message = "YAML aliases (`*name`) are not allowed in a model file"
+                hint = "a text that begins with `*` needs quotes"
+                raise _refused("yaml-alias", message, text.locate(*_span(event)), hint)
+            case yaml.NodeEvent():
+                count += 1
+                _require_plain(event, text, count, len(stack))
+                start, end = _span(event)
+                if not isinstance(event, yaml.ScalarEvent):
+                    stack.append(_Open(start, isinstance(event, yaml.MappingStartEvent)))
+                    continue
+                node = Scalar(text, start, end, event.value, _STYLES.get(event.style, "plain"))
+            case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
+                ended, (_, end) = stack.pop(), _span(event)
+                if ended.is_mapping:
+                    node = Mapping(text, ended.start, end, _entries(ended.items, found))
+                else:
+                    node = Sequence(text, ended.start, end, tuple(ended.items))
+            case _:
+                continue
+        if stack:
+            stack[-1].items.append(node)
         else:
-            self._add(Sequence(self._text, ended.start, end, tuple(ended.items)))
+            root = node
+    return root
 
-    def _add(self, node: AnyNode) -> None:
-        if self._stack:
-            self._stack[-1].items.append(node)
+
+def _require_plain(event: yaml.NodeEvent, text: Text, count: int, depth: int) -> None:
+    """Raise `ModelError` for an anchor, a tag, one node too many, or one too deep."""
+    # Every event of this kind has a tag; the type stubs know it of some only.
+    tag: str | None = getattr(event, "tag", None)
+    hint = ""
+    if count > MAX_NODES:
+        code, message = "too-large", f"the file holds more than {MAX_NODES} entries"
+    elif event.anchor is not None:
+        code, message = "yaml-alias", "YAML anchors (`&name`) are not allowed in a model file"
+        hint = "a text that begins with `&` needs quotes"
+    elif tag is not None:
+        code, message = "yaml-tag", f"YAML tags (`{tag}`) are not allowed in a model file"
+        hint = "a text that begins with `!` needs quotes"
+    elif depth >= MAX_DEPTH and not isinstance(event, yaml.ScalarEvent):
+        code, message = "too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels"
+    else:
+        return
+    raise _refused(code, message, text.locate(*_span(event)), hint)
+
+
+def _entries(items: list[AnyNode], found: diagnostics.Collector) -> tuple[tuple[Scalar, AnyNode], ...]:
+    entries: dict[str, tuple[Scalar, AnyNode]] = {}
+    for key, value in zip(items[::2], items[1::2], strict=True):
+        if not isinstance(key, Scalar):
+            found.add(diagnostics.Diagnostic("bad-key", "a key must be a plain text", key.location))
+        elif key.value in entries:
+            first = entries[key.value][0].location.line
+            message = f"the key `{key.value}` occurs twice (first on line {first})"
+            found.add(diagnostics.Diagnostic("duplicate-key", message, key.location))
         else:
-            self._root = node
-
-    def _entries(self, items: list[AnyNode]) -> tuple[tuple[Scalar, AnyNode], ...]:
-        entries: dict[str, tuple[Scalar, AnyNode]] = {}
-        for key, value in zip(items[::2], items[1::2], strict=True):
-            if not isinstance(key, Scalar):
-                self._report("bad-key", "a key must be a plain text", key)
-            elif key.value in entries:
-                first = entries[key.value][0].location.line
-                message = f"the key `{key.value}` occurs twice (first on line {first})"
-                self._report("duplicate-key", message, key)
-            else:
-                # What is not there is shown at its key, wherever the parser takes its location to be.
-                nothing = isinstance(value, Scalar) and is_empty(value)
-                entries[key.value] = (
-                    key,
-                    dataclasses.replace(key, value="", style="plain") if nothing else value,
-                )
-        return tuple(entries.values())
-
-    def _report(self, code: str, message: str, node: AnyNode) -> None:
-        self._found.add(diagnostics.Diagnostic(code, message, node.location))
+            # What is not there is shown at its key, wherever the parser takes its location to be.
+            if isinstance(value, Scalar) and is_empty(value):
+                value = dataclasses.replace(key, value="", style="plain")
+            entries[key.value] = key, value
+    return tuple(entries.values())

@@ -77,6 +77,10 @@ class Function:
     is_elementary: bool = True
 
 
+def _sign(value: float) -> float:
+    return math.copysign(1.0, value) if value else 0.0
+
+
 ROWS = (
     Function(
         "sin", math.sin, np.sin, "sine",
@@ -149,7 +153,7 @@ ROWS = (
         is_piecewise=True, may_jump=True, may_be_steep=True, is_total=True,
     ),
     Function(
-        "sign", lambda x: math.copysign(1.0, x) if x else 0.0, np.sign, "sign",
+        "sign", _sign, np.sign, "sign",
         slope=lambda of, x, y: 0,
         bounds=(-1.0, 1.0), edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
         is_total=True, is_elementary=False,

@@ -71,6 +71,7 @@ class _Parser:
     """Recursive descent; every recursion passes `_nested`, which bounds its depth."""
 
     def __init__(self, text: str) -> None:
+        self._text = text
         self._tokens = tokens.tokenize(text)
         self._kinds = self._tokens.kinds
         self._texts = self._tokens.texts
@@ -222,7 +223,11 @@ class _Parser:
         at = self._at
         kind = self._kinds[at]
         if kind in ("+", "-"):
-            return self._signed()
+            token = self._next()
+            self._nested(token)
+            inner = self._factor()
+            self._depth -= 1
+            return inner if kind == "+" else tree.Sum(token.start, self._end(), ((-1, inner),))
         if kind in _LEAVES and self._kinds[at + 1] in _AFTER_LEAF:
             # Most of a long formula is names and numbers that stand alone: no further call for them.
             self._at = at + 1
@@ -236,21 +241,22 @@ class _Parser:
         self._depth -= 1
         return tree.Power(self._starts[at], self._end(), base, exponent)
 
-    def _signed(self) -> tree.Node:
-        token = self._next()
-        self._nested(token)
-        inner = self._factor()
-        self._depth -= 1
-        if token.kind == "+":
-            return inner
-        return tree.Sum(token.start, self._end(), ((-1, inner),))
-
     def _atom(self) -> tree.Node:
         token = self._peek()
         if token.kind == "name":
             return self._named()
+        if token.kind == "end":
+            last = self._tokens[self._at - 1]
+            message = f"the expression ends after `{last.text}`"
+            raise ExpressionError("syntax", message, last.start, last.end)
         if token.kind not in ("number", "(", "["):
-            raise self._missing(token)
+            hint = {
+                "*": "write `**` for a power",
+                ".": "a range has two dots: `1..N`",
+                "=": "the value alone is written after the colon" if self._at == 0 else "",
+            }.get(token.kind, "")
+            message = f"a number, name or bracket is missing before `{token.text}`"
+            raise ExpressionError("syntax", message, token.start, token.end, hint)
         self._at += 1
         if token.kind == "number":
             return tree.Number(token.start, token.end, token.text)
@@ -268,18 +274,6 @@ class _Parser:
     def _grouped(self) -> tree.Node:
         """The contents of parentheses."""
         return self._sum()
-
-    def _missing(self, token: Token) -> ExpressionError:
-        if token.kind == "end":
-            last = self._tokens[self._at - 1]
-            return ExpressionError("syntax", f"the expression ends after `{last.text}`", last.start, last.end)
-        hint = {
-            "*": "write `**` for a power",
-            ".": "a range has two dots: `1..N`",
-            "=": "the value alone is written after the colon" if self._at == 0 else "",
-        }.get(token.kind, "")
-        message = f"a number, name or bracket is missing before `{token.text}`"
-        return ExpressionError("syntax", message, token.start, token.end, hint)
 
     def _items(self, closing: str, opened: Token) -> tuple[tree.Node, ...]:
         """The items between brackets, the opening one being read."""
@@ -355,12 +349,8 @@ class _Parser:
             message = f"a component is missing after `{self._tokens[self._at - 2].text}.`"
             raise ExpressionError("syntax", message, token.start, token.end, "for example `.x`")
         if self._kinds[self._at] == ".":
-            extra, owner, further = (
-                self._peek(),
-                self._texts[self._at - 3],
-                self._texts[self._at + 1 : self._at + 2],
-            )
-            hint = hints.second_dot(owner, part.text, further[0] if further else "")
+            extra, further = self._peek(), self._texts[self._at + 1 : self._at + 2]
+            hint = hints.second_dot(self._texts[self._at - 3], part.text, further[0] if further else "")
             raise ExpressionError("syntax", "only one dot may follow a name", extra.start, extra.end, hint)
         return part.text
 
@@ -373,10 +363,6 @@ _TRUTHS = (tree.ComparisonNode, tree.Not, tree.And, tree.Or)
 
 class _ConditionParser(_Parser):
     """One relation, `>=` or `<=`, between two expressions."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._text = text
 
     def condition(self) -> tree.Relation:
         """The whole text as a condition, so that left - right is not negative."""
@@ -437,12 +423,20 @@ class _FilterParser(_Parser):
         node = self._either()
         if self._kinds[self._at] != "end":
             raise self._unjoined(self._peek())
-        _needs_truth(node)
+        self._require_kind(node, is_truth=True)
         for part in tree.walk(node):
-            must = _needs_truth if isinstance(part, (tree.Not, tree.And, tree.Or)) else _needs_number
             for child in tree.children(part):
-                must(child)
+                self._require_kind(child, isinstance(part, (tree.Not, tree.And, tree.Or)))
         return node
+
+    @staticmethod
+    def _require_kind(node: tree.Node, is_truth: bool) -> None:
+        if isinstance(node, _TRUTHS) != is_truth:
+            message, hint = "a comparison is needed here", "for example `i != j`, `i < N`"
+            if not is_truth:
+                message = "a number is needed here, and this is a comparison"
+                hint = "comparisons are joined with `and`, `or`, `not`"
+            raise ExpressionError("syntax", message, node.start, node.end, hint)
 
     def _either(self) -> tree.Node:
         return self._joined("or", lambda: self._joined("and", self._negated, tree.And), tree.Or)
@@ -458,16 +452,13 @@ class _FilterParser(_Parser):
         return make(start, self._end(), tuple(parts)) if len(parts) > 1 else parts[0]
 
     def _negated(self) -> tree.Node:
-        if self._kinds[self._at] != "not":
-            return self._comparison()
-        word = self._next()
-        self._nested(word)
-        inner = self._negated()
-        self._depth -= 1
-        return tree.Not(word.start, self._end(), inner)
-
-    def _comparison(self) -> tree.Node:
         start = self._starts[self._at]
+        if self._kinds[self._at] == "not":
+            word = self._next()
+            self._nested(word)
+            inner = self._negated()
+            self._depth -= 1
+            return tree.Not(start, self._end(), inner)
         operands, relations = [self._sum()], []
         while self._kinds[self._at] in _COMPARISONS:
             relations.append(self._next().text)
@@ -494,16 +485,3 @@ class _FilterParser(_Parser):
         else:
             return self._unexpected()
         return ExpressionError("syntax", message, token.start, token.end, hint)
-
-
-def _needs_truth(node: tree.Node) -> None:
-    if not isinstance(node, _TRUTHS):
-        message = "a comparison is needed here"
-        raise ExpressionError("syntax", message, node.start, node.end, "for example `i != j`, `i < N`")
-
-
-def _needs_number(node: tree.Node) -> None:
-    if isinstance(node, _TRUTHS):
-        message = "a number is needed here, and this is a comparison"
-        hint = "comparisons are joined with `and`, `or`, `not`"
-        raise ExpressionError("syntax", message, node.start, node.end, hint)

@@ -120,6 +120,11 @@ def _joined(holds: Callable[[bool, bool], bool]) -> Callable[[Pair, Pair], Pair]
     return lambda a, b: (float(holds(bool(a[0]), bool(b[0]))), max(a[1], b[1]))
 
 
+def _if(a: Pair, b: Pair) -> Pair:
+    value, size = b if a[0] else (0.0, 0.0)
+    return value, math.inf if a[1] == math.inf else size
+
+
 TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
     "add": lambda a, b: (a[0] + b[0], a[1] + b[1]),
     "sub": lambda a, b: (a[0] - b[0], a[1] + b[1]),
@@ -137,10 +142,7 @@ TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
     "ne": _compared(lambda a, b: a != b),
     "and": _joined(lambda a, b: a and b),
     "or": _joined(lambda a, b: a or b),
-    "if_else_zero": lambda a, b: (
-        b[0] if a[0] else 0.0,
-        math.inf if a[1] == math.inf else b[1] if a[0] else 0.0,
-    ),
+    "if_else_zero": _if,
 }
 EXACT = {"add", "sub", "mul", "sq", "twice", "neg", "assign", "fabs", "fmin", "fmax", "if_else_zero"}
 SWITCHES = {"sign", "not", "floor", "ceil", "lt", "le", "eq", "ne", "and", "or", "if_else_zero"}

@@ -60,28 +60,26 @@ class ModelNames:
 
 
 class Leaves(Protocol[S]):
-    """The values, in one algebra, of what a model declares. `numbers`: of members, (1,) or (K,)."""
+    """The values, in one algebra, of what a model declares. `numbers`: of members, (1,) or (K,).
 
-    def constant(self, name: str) -> Value[S] | None:
-        """t, dt, pi, or a parameter; None for another name."""
+    constant: t, dt, pi, or a parameter, None for another name; position, velocity: r and v of particles; generalized:
+    coordinates, or their rates; variable: an index variable with its value, or its values (K,); differential: `d` of a
+    function of coordinates and time, with dt as the constant of that name.
+    """
 
-    def position(self, numbers: Integers) -> tuple[S, S, S]:
-        """r of particles."""
+    def constant(self, name: str) -> Value[S] | None: ...
 
-    def velocity(self, numbers: Integers) -> tuple[S, S, S]:
-        """v of particles."""
+    def position(self, numbers: Integers) -> tuple[S, S, S]: ...
 
-    def generalized(self, numbers: Integers, rates: bool) -> S:
-        """Generalized coordinates, or their rates."""
+    def velocity(self, numbers: Integers) -> tuple[S, S, S]: ...
 
-    def variable(self, name: str, values: Any) -> S:
-        """An index variable with its value, or its values (K,)."""
+    def generalized(self, numbers: Integers, rates: bool) -> S: ...
 
-    def definition(self, name: str) -> Value[S]:
-        """The value of a definition."""
+    def variable(self, name: str, values: Any) -> S: ...
 
-    def differential(self, value: S) -> S:
-        """`d` of a function of coordinates and time, with dt as the constant of that name."""
+    def definition(self, name: str) -> Value[S]: ...
+
+    def differential(self, value: S) -> S: ...
 
 
 class Resolver(Generic[S]):
@@ -106,15 +104,21 @@ class Resolver(Generic[S]):
         """A name, a component, or a member of a family."""
         names = self._names
         if isinstance(node, tree.Name):
-            return self._named(node, node.name)
+            return self._named(node)
         if node.owner in names.particles and node.owner not in self._own:
-            return self._result(node) if node.member in ACCELERATIONS else self._particle(node)
+            if node.member in ACCELERATIONS:
+                return self._result(node)
+            numbers = names.numbers(node, names.particles, self._variables)
+            is_velocity = node.member.startswith("v")
+            vector = self._leaves.velocity(numbers) if is_velocity else self._leaves.position(numbers)
+            axis = node.member[1:] if is_velocity else node.member
+            return vector["xyz".index(axis)] if axis else vector
         if isinstance(node, tree.Index):
             if node.owner in names.coordinates:
                 return self._coordinate(node, rates=False)
             value = self._result(node)
             return evaluate.component(node, value, node.member, node.owner) if node.member else value
-        owner = self._named(tree.Name(node.start, node.end, node.owner), node.owner)
+        owner = self._named(tree.Name(node.start, node.end, node.owner))
         return evaluate.component(node, owner, node.member, node.owner)
 
     def special(self, node: tree.Call, algebra: evaluate.Algebra[S]) -> Value[S]:
@@ -144,16 +148,8 @@ class Resolver(Generic[S]):
         numbers = self._names.numbers(node, self._names.coordinates, self._variables)
         return self._leaves.generalized(numbers, rates)
 
-    def _particle(self, node: tree.Member | tree.Index) -> Value[S]:
-        numbers = self._names.numbers(node, self._names.particles, self._variables)
-        if node.member.startswith("v"):
-            velocity = self._leaves.velocity(numbers)
-            return velocity if node.member == "v" else velocity["xyz".index(node.member[1])]
-        position = self._leaves.position(numbers)
-        return position["xyz".index(node.member)] if node.member else position
-
-    def _named(self, node: tree.Name, name: str) -> Value[S]:
-        names, leaves = self._names, self._leaves
+    def _named(self, node: tree.Name) -> Value[S]:
+        name, names, leaves = node.name, self._names, self._leaves
         if name in self._variables:
             return leaves.variable(name, self._variables[name])
         if name in self._own:

@@ -19,6 +19,16 @@ _EXPRESSION = "expression of parameters"
 MAX_ROWS = 10**9  # a billion rows of ten columns are 80 GB
 MOST_STEPS = 1e10  # of a run; they would take days
 LIMIT = progress.Counted(20.0)  # seconds for the proofs of a model
+_OUTPUT_STEP = (
+    "the output step must be positive",
+    f"that makes more than {MAX_ROWS} rows",
+    "the output step is below the rounding of the time",
+)
+_MAX_STEP = (
+    "the largest step must be positive and finite",
+    f"that makes more than {MOST_STEPS:.0e} steps",
+    "the largest step is below the rounding of the start",
+)
 
 
 @frozen_value
@@ -135,16 +145,20 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
         yield "duration", "the duration is below the rounding of the start"
     if not 2 <= settings.samples <= MAX_ROWS:
         yield "samples", f"samples must be between 2 and {MAX_ROWS}: both ends are counted"
-    if settings.output_step is not None:
-        yield from _step_faults(settings, settings.output_step)
+    if settings.output_step is not None and (
+        fault := _step_fault(settings, settings.output_step, MAX_ROWS, _OUTPUT_STEP)
+    ):
+        yield "output_step", fault
     if settings.method not in METHODS:
         yield "method", _no_method(settings.method)
     if not 1e-15 <= settings.rtol <= 0.1:
         yield "rtol", "rtol must be between 1e-15 and 0.1"
     if settings.atol is not None and not (math.isfinite(settings.atol) and settings.atol > 0):
         yield "atol", "atol must be positive"
-    if settings.max_step is not None:
-        yield from _largest_step_faults(settings, settings.max_step)
+    if settings.max_step is not None and (
+        fault := _step_fault(settings, settings.max_step, MOST_STEPS, _MAX_STEP)
+    ):
+        yield "max_step", fault
 
 
 def _no_method(name: str) -> str:
@@ -157,19 +171,11 @@ def _no_method(name: str) -> str:
     return f"{sentence}: {more}" if more else sentence
 
 
-def _step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:
+def _step_fault(settings: Simulation, step: float, most: float, sentences: tuple[str, str, str]) -> str:
+    """The sentence for a step that is not positive and finite, one that makes too many, or one below the rounding of
+    the time; empty where there is no fault."""
     if not (math.isfinite(step) and step > 0):
-        yield "output_step", "the output step must be positive"
-    elif settings.duration / step > MAX_ROWS:
-        yield "output_step", f"that makes more than {MAX_ROWS} rows"
-    elif settings.start + step == settings.start:
-        yield "output_step", "the output step is below the rounding of the time"
-
-
-def _largest_step_faults(settings: Simulation, step: float) -> Iterator[tuple[str, str]]:
-    if not (math.isfinite(step) and step > 0):
-        yield "max_step", "the largest step must be positive and finite"
-    elif settings.duration / step > MOST_STEPS:
-        yield "max_step", f"that makes more than {MOST_STEPS:.0e} steps"
-    elif settings.start + step == settings.start:
-        yield "max_step", "the largest step is below the rounding of the start"
+        return sentences[0]
+    if settings.duration / step > most:
+        return sentences[1]
+    return sentences[2] if settings.start + step == settings.start else ""
