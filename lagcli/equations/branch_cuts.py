@@ -176,7 +176,13 @@ def _judged(
     for k in varying:
         theta, period = symbols[nodes[k]], periods[nodes[k]]
         by[k] = ca.substitute(f[rows[k]], theta, theta + period) - f[rows[k]]
-    change = _change(by, slope, moving, (s, p, symbols, angles))
+    # change(t, q, p, direction) -> by how much rows change in one turn, this along a direction, and df/dtheta times the
+    # period; all rates are 1.
+    direction = ca.SX.sym("direction", moving.numel())
+    along = ca.jtimes(by, moving, direction)
+    columns = ca.substitute(ca.densify(ca.horzcat(by, along, slope)), symbols, angles)
+    columns = ca.substitute(columns, s.v, ca.SX.ones(s.v.shape))
+    change = SizedFunction("change", [s.t, s.q, p, direction], [columns])
     return angles, periods, rows, nodes, ca.substitute(by, symbols, angles), change
 
 
@@ -215,19 +221,6 @@ class _Opened(NamedTuple):
 
     value: ca.SX
     is_moving: bool
-
-
-def _change(
-    by: ca.SX, slope: ca.SX, moving: ca.SX, given: tuple[Symbols, ca.SX, ca.SX, ca.SX]
-) -> ca.Function:
-    """change(t, q, p, direction) -> by how much rows change in one turn, this along a direction, and df/dtheta times
-    the period; all rates are 1."""
-    s, p, symbols, angles = given
-    direction = ca.SX.sym("direction", moving.numel())
-    along = ca.jtimes(by, moving, direction)
-    columns = ca.substitute(ca.densify(ca.horzcat(by, along, slope)), symbols, angles)
-    columns = ca.substitute(columns, s.v, ca.SX.ones(s.v.shape))
-    return SizedFunction("change", [s.t, s.q, p, direction], [columns])
 
 
 def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int, ...]:

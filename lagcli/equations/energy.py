@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from lagcli.equations.environment import Environment, Triple, Value, column, interleaved, scattered, taken
-from lagcli.equations.symbols import FixedExponents, Symbols
+from lagcli.equations.symbols import FixedExponents
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
@@ -47,20 +47,30 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
     masses = environment.masses()
     forces = _Forces(model.forces, environment, masses)
     V = forces.potential()
-    T_cartesian, T_dependent = (
-        _kinetic(environment, masses, numbers) for numbers in (environment.cartesian, environment.dependent)
-    )
+    T_cartesian = T_dependent = ca.SX(0)
+    if environment.cartesian.size:
+        square = sum(part * part for part in environment.velocity(environment.cartesian))
+        T_cartesian = ca.dot(taken(masses, environment.cartesian) / 2, square)
+    if environment.dependent.size:
+        square = sum(part * part for part in environment.velocity(environment.dependent))
+        T_dependent = ca.dot(taken(masses, environment.dependent) / 2, square)
     extra = environment.scalar(model.lagrangian) if model.lagrangian is not None else ca.SX(0)
     # L = T + extra - V. Its Cartesian part is linear algebra known beforehand; the rest goes through AD.
     general = T_dependent + extra
     momentum = ca.gradient(general, s.v)
-    M = ca.diag(_cartesian_masses(environment, masses)) + ca.jacobian(momentum, s.v)
+    # The masses on the diagonal of M, structurally zero at generalized coordinates.
+    own = taken(masses, environment.cartesian)
+    generalized = s.q.numel() - 3 * environment.cartesian.size
+    diagonal = ca.vertcat(interleaved([own, own, own], environment.cartesian.size), ca.SX(generalized, 1))
+    M = ca.diag(diagonal) + ca.jacobian(momentum, s.v)
     Q = forces.generalized()
     inertial = ca.jtimes(momentum, s.q, s.v) + ca.jacobian(momentum, s.t)
     h = Q + ca.gradient(general - V, s.q) - inertial
     extra_energy = ca.dot(s.v, ca.gradient(extra, s.v)) - extra
     explicit_time = ca.jacobian(general - V, s.t)
-    free = _free(environment)
+    applied, carriers = ca.SX(0, 1), dict[str, frozenset[int]]()
+    if environment.dependent.size:
+        applied, carriers = _of_free_particles(model, environment, fixed)
     return Dynamics(
         M=ca.sparsify(M),
         h=ca.densify(h),
@@ -71,8 +81,8 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
         jacobi=T_cartesian + V + ca.dot(s.v, momentum) - general,
         power=ca.dot(Q, s.v) - explicit_time,
         driving=Q,
-        applied=_applied(model, environment, fixed, free),
-        carriers=_carriers(model, s, fixed, free),
+        applied=applied,
+        carriers=carriers,
     )
 
 
@@ -88,7 +98,7 @@ class _Forces:
     def __init__(self, forces: Sequence[nouns.Force], environment: Environment, masses: ca.SX) -> None:
         self._forces, self._environment, self._masses = forces, environment, masses
 
-    def _on_particles(self, constant: bool) -> Iterator[tuple[Integers, Triple]]:
+    def on_particles(self, constant: bool) -> Iterator[tuple[Integers, Triple]]:
         """Particles (P,) with the forces declared on them, those that count as potentials or the others."""
         environment = self._environment
         for force in self._forces:
@@ -113,7 +123,7 @@ class _Forces:
                 algebra = self._environment.algebra(force.members.variables)
                 value = self._environment.scalar(force.expression, algebra)
                 V += ca.sum1(column(value, force.members.count))
-        for targets, F in self._on_particles(constant=True):
+        for targets, F in self.on_particles(constant=True):
             r = self._environment.position(targets)
             V -= sum(ca.dot(a, x) for a, x in zip(F, r, strict=True))
         return V
@@ -122,7 +132,7 @@ class _Forces:
         """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
         environment, n = self._environment, self._environment.symbols.q.numel()
         Q = ca.SX.zeros(n)
-        for targets, F in self._on_particles(constant=False):
+        for targets, F in self.on_particles(constant=False):
             dependent = environment.is_dependent[targets]
             if dependent.any():
                 pairs = np.flatnonzero(dependent)
@@ -141,83 +151,43 @@ class _Forces:
                 Q += scattered(value, environment.first_generalized + targets, n)
         return Q
 
-    def applied(self) -> ca.SX:
-        """The sum of the forces without a potential on each dependent particle, (3 times their number, 1)."""
-        environment = self._environment
-        count = environment.dependent.size
-        index = np.cumsum(environment.is_dependent) - 1
-        F_sum = ca.SX.zeros(3 * count)
-        for targets, F in self._on_particles(constant=False):
-            pairs = np.flatnonzero(environment.is_dependent[targets])
-            for axis in range(3):
-                rows = axis * count + index[targets[pairs]]
-                F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
-        return F_sum
 
-
-def _kinetic(environment: Environment, masses: ca.SX, numbers: Integers) -> ca.SX:
-    """T of some of the particles."""
-    if numbers.size == 0:
-        return ca.SX(0)
-    square = sum(part * part for part in environment.velocity(numbers))
-    return ca.dot(taken(masses, numbers) / 2, square)
-
-
-def _cartesian_masses(environment: Environment, masses: ca.SX) -> ca.SX:
-    """The masses on the diagonal of M, structurally zero at generalized coordinates."""
-    own = taken(masses, environment.cartesian)
-    generalized = environment.symbols.q.numel() - 3 * environment.cartesian.size
-    return ca.vertcat(interleaved([own, own, own], environment.cartesian.size), ca.SX(generalized, 1))
-
-
-def _free(environment: Environment) -> tuple[Triple, Triple] | None:
-    """Symbols for the positions and velocities of dependent particles, as if they were free."""
-    count = environment.dependent.size
-    if count == 0:
-        return None
+def _of_free_particles(
+    model: nouns.Model, true: Environment, fixed: FixedExponents
+) -> tuple[ca.SX, dict[str, frozenset[int]]]:
+    """What acts where the dependent particles are taken as free: F_k on them, declared forces and -grad_k V, x of all
+    of them, then y, then z, (3 times their number, 1); and forces on coordinates without a particle that carries them,
+    by name, with the rows of q: they matter for what R of a dependent particle holds."""
+    count, s = true.dependent.size, true.symbols
     r, v = ([ca.SX.sym(f"{word} {axis}", count) for axis in "xyz"] for word in "rv")
-    return (r[0], r[1], r[2]), (v[0], v[1], v[2])
-
-
-def _applied(
-    model: nouns.Model, true: Environment, fixed: FixedExponents, free: tuple[Triple, Triple] | None
-) -> ca.SX:
-    """F_k on the dependent particles: declared forces, and -grad_k V with the particles taken as free.
-
-    x of all of them, then y, then z: (3 times their number, 1).
-    """
-    if free is None:
-        return ca.SX(0, 1)
-    environment = Environment(model, true.symbols, fixed, free)
+    environment = Environment(model, s, fixed, ((r[0], r[1], r[2]), (v[0], v[1], v[2])))
     forces = _Forces(model.forces, environment, environment.masses())
-    F = forces.applied() - ca.gradient(forces.potential(), ca.vertcat(*free[0]))
-    symbols = [ca.vertcat(*part) for part in free]
+    index = np.cumsum(environment.is_dependent) - 1
+    F_sum = ca.SX.zeros(3 * count)
+    for targets, F in forces.on_particles(constant=False):
+        pairs = np.flatnonzero(environment.is_dependent[targets])
+        for axis in range(3):
+            rows = axis * count + index[targets[pairs]]
+            F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
+    applied = F_sum - ca.gradient(forces.potential(), ca.vertcat(*r))
     values = [ca.vertcat(*part) for part in (true.position(true.dependent), true.velocity(true.dependent))]
-    return ca.substitute([F], symbols, [ca.densify(value) for value in values])[0]
-
-
-def _carriers(
-    model: nouns.Model, s: Symbols, fixed: FixedExponents, free: tuple[Triple, Triple] | None
-) -> dict[str, frozenset[int]]:
-    """Forces that act on coordinates without a particle that carries them, by name, with the rows of q."""
-    if free is None:
-        return {}  # they matter for what R of a dependent particle holds
-    environment = Environment(model, s, fixed, free)
-    found: dict[str, frozenset[int]] = {}
+    symbols = [ca.vertcat(*r), ca.vertcat(*v)]
+    applied = ca.substitute([applied], symbols, [ca.densify(value) for value in values])[0]
+    carriers: dict[str, frozenset[int]] = {}
     nothing = frozenset[int]()
     for force in model.forces:
         if isinstance(force, nouns.GeneralizedForce):
             name = f"the generalized force `{force.members.base}`"
-            rows = environment.first_generalized + force.action.targets
-            found[name] = found.get(name, nothing) | frozenset(rows.tolist())
+            acted = environment.first_generalized + force.action.targets
+            carriers[name] = carriers.get(name, nothing) | frozenset(acted.tolist())
         elif isinstance(force, nouns.Potential) and force.members.count:
             name = f"the potential `{force.members.base}`"
             value = environment.scalar(force.expression, environment.algebra(force.members.variables))
-            found[name] = found.get(name, nothing) | _rows_of(ca.sum1(value), s.q)
+            carriers[name] = carriers.get(name, nothing) | _rows_of(ca.sum1(value), s.q)
     if model.lagrangian is not None:
         extra = environment.scalar(model.lagrangian)
-        found["the `lagrangian`"] = _rows_of(extra, s.q) | _rows_of(extra, s.v)
-    return {name: touched for name, touched in found.items() if touched}
+        carriers["the `lagrangian`"] = _rows_of(extra, s.q) | _rows_of(extra, s.v)
+    return applied, {name: touched for name, touched in carriers.items() if touched}
 
 
 def _rows_of(value: ca.SX, vector: ca.SX) -> frozenset[int]:

@@ -6,9 +6,9 @@ of motion (D.24) see slopes only, so that a run would go over the jump as if the
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 from typing import Protocol
 
 import casadi as ca
@@ -106,7 +106,7 @@ class EnergyJumps:
     def __init__(self, subjects: tuple[Subject, ...], inputs: list[ca.SX]) -> None:
         self._subjects, self._inputs = subjects, inputs
 
-    @cached_property
+    @functools.cached_property
     def crossings(self) -> Crossings | None:
         """The switches of all members, for a run; None where nothing can change its sign."""
         subjects: list[Subject] = []
@@ -148,34 +148,26 @@ def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:
     for force in model.forces:
         if isinstance(force, nouns.Potential) and force.members.count:
             description = f"the potential `{force.members.base}`"
-            yield Subject(description, force.expression.location, force.members.count, _potential(force, env))
+            value = functools.partial(_potential, force, env)
+            yield Subject(description, force.expression.location, force.members.count, value)
     if model.lagrangian is not None:
-        yield Subject("the Lagrangian", model.lagrangian.location, 1, _lagrangian(model.lagrangian, env))
+        expression = model.lagrangian
+        yield Subject("the Lagrangian", expression.location, 1, lambda numbers: env.scalar(expression))
     first = 0
     for particle in model.particles:
         count = particle.members.count
         if particle.is_dependent and count:
             description = f"the position of the particle `{particle.members.base}`"
-            yield Subject(description, particle.location, count, _position(first, env))
+            yield Subject(description, particle.location, count, functools.partial(_position, first, env))
         first += count
 
 
-def _potential(force: nouns.Potential, env: Environment) -> Callable[[Integers], ca.SX]:
-    def value(numbers: Integers) -> ca.SX:
-        found = env.scalar(force.expression, env.algebra(force.members.taken(numbers)))
-        return ca.sum1(column(found, numbers.size))
-
-    return value
+def _potential(force: nouns.Potential, env: Environment, numbers: Integers) -> ca.SX:
+    found = env.scalar(force.expression, env.algebra(force.members.taken(numbers)))
+    return ca.sum1(column(found, numbers.size))
 
 
-def _lagrangian(expression: nouns.Expression, env: Environment) -> Callable[[Integers], ca.SX]:
-    return lambda numbers: env.scalar(expression)
-
-
-def _position(first: int, env: Environment) -> Callable[[Integers], ca.SX]:
-    def value(numbers: Integers) -> ca.SX:
-        # What jumps in one component does so in their sum, with factors that have nothing in common.
-        parts = zip((1, 2**0.5, 3**0.5), env.position(first + numbers), strict=True)
-        return sum((factor * ca.sum1(part) for factor, part in parts), ca.SX(0))
-
-    return value
+def _position(first: int, env: Environment, numbers: Integers) -> ca.SX:
+    # What jumps in one component does so in their sum, with factors that have nothing in common.
+    parts = zip((1, 2**0.5, 3**0.5), env.position(first + numbers), strict=True)
+    return sum((factor * ca.sum1(part) for factor, part in parts), ca.SX(0))

@@ -43,7 +43,8 @@ class Columns:
         used, which = np.unique(batches, return_inverse=True)
         parts = [self._batches[batch] for batch in used.tolist()]
         if len(parts) == 1:
-            return parts[0] if _is_all(rows, parts[0][0]) else tuple(taken(part, rows) for part in parts[0])
+            is_all = rows.size == parts[0][0].numel() and bool((rows == np.arange(rows.size)).all())
+            return parts[0] if is_all else tuple(taken(part, rows) for part in parts[0])
         if not parts:
             return (ca.SX(0, 1),) * 3
         sizes = [part[0].numel() for part in parts]
@@ -61,10 +62,6 @@ def taken(column: ca.SX, rows: Integers) -> ca.SX:
     if rows.size == 1:
         return column[int(rows[0])]
     return ca.vec(column[rows.tolist()])  # CasADi takes of a single row a line, not a column
-
-
-def _is_all(rows: Integers, column: ca.SX) -> bool:
-    return rows.size == column.numel() and bool((rows == np.arange(rows.size)).all())
 
 
 def column(value: ca.SX, count: int) -> ca.SX:
@@ -111,6 +108,7 @@ class Environment:
     ) -> None:
         self._model = model
         self.symbols = symbols
+        self.t, self.q, self.v = symbols.t, symbols.q, symbols.v
         self._fixed = fixed
         self.names = ModelNames(model)
         self._constants: dict[str, Value] = {"t": symbols.t, "dt": ca.SX(1)}
@@ -127,29 +125,25 @@ class Environment:
         self._rank = np.cumsum(~self.is_dependent) - 1  # of a Cartesian particle among its kind
         self.first_generalized = 3 * self.cartesian.size
         if self.cartesian.size:
-            self._positions.fill(self.cartesian, self._own_components(symbols.q))
-            self._velocities.fill(self.cartesian, self._own_components(symbols.v))
+            for columns, vector in ((self._positions, symbols.q), (self._velocities, symbols.v)):
+                parts = tuple(vector[axis : self.first_generalized : 3] for axis in range(3))
+                columns.fill(self.cartesian, parts)
         self._free = free if self.dependent.size else None
         if free is not None and self.dependent.size:
             self._positions.fill(self.dependent, free[0])
             self._velocities.fill(self.dependent, free[1])
         self._plain = self.algebra()
-        self._fill()
-
-    @property
-    def t(self) -> ca.SX:
-        """Time."""
-        return self.symbols.t
-
-    @property
-    def q(self) -> ca.SX:
-        """All coordinates, (n, 1)."""
-        return self.symbols.q
-
-    @property
-    def v(self) -> ca.SX:
-        """Their rates, (n, 1)."""
-        return self.symbols.v
+        # In an order in which each finds what it uses: a chain of any length needs no recursion.
+        for step in model.order:
+            if isinstance(step, str):
+                self.definition(step)
+                continue
+            numbers = step.member_numbers + self.particles.first(step.entry)
+            if not self._positions.has(numbers).all():
+                particle = model.particles[step.entry]
+                algebra = self.algebra(particle.members.taken(step.member_numbers))
+                position = self.vector(particle.position, algebra)
+                self._positions.fill(numbers, tuple(column(part, numbers.size) for part in position))
 
     def rows_of(self, numbers: Integers) -> Integers:
         """The indices of x of Cartesian particles in q and v."""
@@ -240,24 +234,3 @@ class Environment:
         if name not in self._values:
             self._values[name] = evaluate.value(self.names.definitions[name], self._plain)
         return self._values[name]
-
-    def _fill(self) -> None:
-        """Evaluate positions and definitions in an order in which each finds what it uses.
-
-        So a chain of any length needs no recursion.
-        """
-        for step in self._model.order:
-            if isinstance(step, str):
-                self.definition(step)
-                continue
-            numbers = step.member_numbers + self.particles.first(step.entry)
-            if self._positions.has(numbers).all():
-                continue
-            particle = self._model.particles[step.entry]
-            algebra = self.algebra(particle.members.taken(step.member_numbers))
-            x, y, z = (column(part, numbers.size) for part in self.vector(particle.position, algebra))
-            self._positions.fill(numbers, (x, y, z))
-
-    def _own_components(self, vector: ca.SX) -> Triple:
-        x, y, z = (vector[axis : self.first_generalized : 3] for axis in range(3))
-        return x, y, z

@@ -24,22 +24,21 @@ WORTH = 4
 
 
 class Rates(Protocol):
-    """The variables of rows: t, coordinates q and their rates v; gamma is -rate(B v + b) with v fixed."""
+    """The variables of rows: t, coordinates q (m, 1) and their rates v; gamma is -rate(B v + b) with v fixed.
+
+    rate: d/dt of a function of q and t; of one that holds v too, with v fixed.
+    """
 
     @property
-    def t(self) -> ca.SX:
-        """Time."""
+    def t(self) -> ca.SX: ...
 
     @property
-    def q(self) -> ca.SX:
-        """Coordinates, (m, 1)."""
+    def q(self) -> ca.SX: ...
 
     @property
-    def v(self) -> ca.SX:
-        """Their rates, (m, 1)."""
+    def v(self) -> ca.SX: ...
 
-    def rate(self, value: ca.SX) -> ca.SX:
-        """d/dt of a function of q and t; of one that holds v too, with v fixed."""
+    def rate(self, value: ca.SX) -> ca.SX: ...
 
 
 class NotMappable(Exception):
@@ -58,21 +57,36 @@ class FamilyBlock:
 
 def block(law: nouns.Law, environment: Environment) -> FamilyBlock | None:
     """The rows of a law, or None where they are better built over columns."""
-    if law.members.count < WORTH or _has_index_in_exponent(law):
+    count, relation = law.members.count, law.equation.tree
+    assert isinstance(relation, tree.Relation)
+    # An exponent is built in, and must then be the same for all members.
+    powers = (node for node in tree.walk(relation) if isinstance(node, tree.Power))
+    indices = law.members.variables.keys()
+    if count < WORTH or any(tree.names(node.exponent) & indices for node in powers):
         return None
     leaves = MemberLeaves(environment)
     try:
-        values = evaluate.difference(
-            _relation(law), environment.algebra(law.members.variables, leaves=leaves)
-        )
+        algebra = environment.algebra(law.members.variables, leaves=leaves)
+        values = evaluate.difference(relation, algebra)
     except NotMappable:
         return None
     build = differential if isinstance(law, nouns.Differential) else holonomic
     one = build(ca.densify(ca.vertcat(*values)), leaves)
-    count = law.members.count
     mapped = leaves.mapped([one.f, ca.vec(one.B.nz[:]), one.b, one.gamma], count)
     f, entries, b, gamma = (ca.vec(output) for output in mapped)
-    return FamilyBlock(f, _placed(one.B.sparsity(), entries, leaves.table(count), environment), b, gamma)
+    # The entries of all members, in each those of the pattern of one, to the rows of q that its table names.
+    pattern, table, n = one.B.sparsity(), leaves.table(count), environment.q.numel()
+    rows, columns = (np.asarray(part, dtype=np.int64) for part in pattern.get_triplet())
+    height = pattern.size1() * count
+    row = (np.arange(count)[:, None] * pattern.size1() + rows).ravel()
+    # By columns, as matrices are stored; one coordinate may be touched twice by a member.
+    index, number = np.unique(table[columns].T.ravel() * height + row, return_inverse=True)
+    if index.size == number.size:
+        placed = entries[np.argsort(number).tolist()] if number.size else entries
+    else:
+        placed = scattered(entries, number, index.size)
+    sparsity = ca.Sparsity.triplet(height, n, (index % height).tolist(), (index // height).tolist())
+    return FamilyBlock(f, ca.SX(sparsity, placed), b, gamma)
 
 
 def holonomic(f: ca.SX, leaves: Rates) -> FamilyBlock:
@@ -88,52 +102,17 @@ def differential(value: ca.SX, leaves: Rates) -> FamilyBlock:
     return FamilyBlock(ca.SX(0, 1), B, ca.densify(b), ca.densify(-leaves.rate(value)))
 
 
-def _relation(law: nouns.Law) -> tree.Relation:
-    assert isinstance(law.equation.tree, tree.Relation)
-    return law.equation.tree
-
-
-def _has_index_in_exponent(law: nouns.Law) -> bool:
-    """An exponent is built in, and must then be the same for all members."""
-    indices = law.members.variables.keys()
-    powers = (node for node in tree.walk(law.equation.tree) if isinstance(node, tree.Power))
-    return any(tree.names(node.exponent) & indices for node in powers)
-
-
-def _placed(pattern: ca.Sparsity, entries: ca.SX, table: Integers, environment: Environment) -> ca.SX:
-    """B (C, n) from the entries of all members: in each those of `pattern` (rows, m), table (m, K) of q rows."""
-    rows, columns = (np.asarray(part, dtype=np.int64) for part in pattern.get_triplet())
-    each, members, n = pattern.size1(), table.shape[1], environment.symbols.q.numel()
-    row = (np.arange(members)[:, None] * each + rows).ravel()
-    column = table[columns].T.ravel()
-    # By columns, as matrices are stored; one coordinate may be touched twice by a member.
-    indices, number = np.unique(column * (each * members) + row, return_inverse=True)
-    if indices.size == number.size:
-        values = entries[np.argsort(number).tolist()] if number.size else entries
-    else:
-        values = scattered(entries, number, indices.size)
-    sparsity = ca.Sparsity.triplet(
-        each * members, n, (indices % (each * members)).tolist(), (indices // (each * members)).tolist()
-    )
-    return ca.SX(sparsity, values)
-
-
 class MemberLeaves:
     """The leaves of one law as symbols of a single member. Raises `NotMappable` for dependent particles."""
 
     def __init__(self, environment: Environment) -> None:
-        self._environment = environment
+        self._environment, self.t = environment, environment.t
         self._indices: dict[bytes, int] = {}
         self._rows: list[Integers] = []
         self._u: list[ca.SX] = []
         self._w: list[ca.SX] = []
         self._c: dict[str, ca.SX] = {}
         self._columns: list[ca.DM] = []
-
-    @property
-    def t(self) -> ca.SX:
-        """Time."""
-        return self._environment.symbols.t
 
     @property
     def q(self) -> ca.SX:
@@ -155,20 +134,16 @@ class MemberLeaves:
         return self._environment.constant(name)
 
     def position(self, numbers: Integers) -> Triple:
-        """r of particles."""
         return self._components(numbers, self._u)
 
     def velocity(self, numbers: Integers) -> Triple:
-        """v of particles."""
         return self._components(numbers, self._w)
 
     def generalized(self, numbers: Integers, rates: bool) -> ca.SX:
-        """Generalized coordinates or their rates."""
         index = self._index(self._environment.first_generalized + numbers)
         return (self._w if rates else self._u)[index]
 
     def variable(self, name: str, values: Integers) -> ca.SX:
-        """An index variable."""
         if name not in self._c:
             self._c[name] = ca.SX.sym(f"index {name}")
             self._columns.append(ca.DM(values.astype(float)).T)

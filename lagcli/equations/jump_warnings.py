@@ -27,23 +27,41 @@ ROW_HINT = "write each surface as a condition of its own, or a step of finite wi
 
 
 def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
-    """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order."""
-    return (*_of_cuts(built), *_of_energies(built), *_of_rows(built))
+    """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order.
 
-
-def _of_cuts(built: System) -> tuple[diagnostics.Diagnostic, ...]:
-    """One warning for each constraint with an angle that jumps, and one for the forces."""
-    if all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
-        return ()
-    found: dict[diagnostics.Location, diagnostics.Diagnostic] = {}
-    for i, description in _cut_rows(built):
-        row = built.rows.rows[i]
-        found.setdefault(row.location, _warning(f"the row `{row.name}` {description}", row.location))
-    for j in _at_cuts(built, ca.densify(built.contacts.g)):
-        row = built.contacts.rows[j]
-        message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
-        found.setdefault(row.location, _warning(message, row.location))
-    return (*found.values(), *_cut_forces(built))
+    One for each constraint with an angle that jumps and one for the forces; one for each potential, Lagrangian or
+    position with a jump; one for each condition of `inequality` and each holonomic row that is found to jump near the
+    start.
+    """
+    found: list[tuple[str, str, diagnostics.Location, str]] = []
+    if not all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
+        at_cuts: dict[diagnostics.Location, str] = {}
+        for i, description in _cut_rows(built):
+            row = built.rows.rows[i]
+            at_cuts.setdefault(row.location, f"the row `{row.name}` {description}")
+        for j in _at_cuts(built, ca.densify(built.contacts.g)):
+            row = built.contacts.rows[j]
+            message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
+            at_cuts.setdefault(row.location, message)
+        found += [("branch-cut", message, location, CUT_HINT) for location, message in at_cuts.items()]
+        found += [("branch-cut", message, location, CUT_HINT) for message, location in _cut_forces(built)]
+    if built.jumps is not None:
+        state = built.model.simulation.start, *mechanics.start(built.model)
+        for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
+            message = (
+                f"{subject.description} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a"
+                " run that gets there stops"
+            )
+            found.append(("energy-jump", message, subject.location, ENERGY_HINT))
+    for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
+        message = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
+        found.append(("condition-jumps", message, row.location, ROW_HINT))
+    for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
+        message = (
+            f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
+        )
+        found.append(("row-jumps", message, row.location, ROW_HINT))
+    return tuple(diagnostics.Diagnostic(*each, "warning") for each in found)
 
 
 def out_of_sight(built: System) -> tuple[str, ...]:
@@ -78,7 +96,7 @@ def _cut_rows(built: System) -> Iterator[tuple[int, str]]:
         yield first + i, jumps
 
 
-def _cut_forces(built: System) -> Iterator[diagnostics.Diagnostic]:
+def _cut_forces(built: System) -> Iterator[tuple[str, diagnostics.Location]]:
     model = built.model
     hit = _at_cuts(built, ca.densify(ca.vertcat(built.dynamics.h, ca.vec(built.dynamics.M.nz[:]))))
     if not hit:
@@ -95,7 +113,7 @@ def _cut_forces(built: System) -> Iterator[diagnostics.Diagnostic]:
         f"the force {along} jumps where `atan2` or `atan` crosses its cut; a run goes on with the force on the other"
         " side"
     )
-    yield _warning(message, location)
+    yield message, location
 
 
 def _at_cuts(built: System, value: ca.SX) -> list[int]:
@@ -104,40 +122,6 @@ def _at_cuts(built: System, value: ca.SX) -> list[int]:
     return branch_cuts.jumping(
         value, built.symbols, built.p, (built.model.simulation.start, state, np.asarray(p))
     )
-
-
-def _warning(message: str, location: diagnostics.Location) -> diagnostics.Diagnostic:
-    return diagnostics.Diagnostic("branch-cut", message, location, CUT_HINT, "warning")
-
-
-def _of_energies(built: System) -> Iterator[diagnostics.Diagnostic]:
-    """One warning for each potential, Lagrangian or position with a jump."""
-    if built.jumps is None:
-        return
-    state = built.model.simulation.start, *mechanics.start(built.model)
-    for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
-        yield diagnostics.Diagnostic(
-            "energy-jump",
-            f"{subject.description} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a run"
-            " that gets there stops",
-            subject.location,
-            ENERGY_HINT,
-            "warning",
-        )
-
-
-def _of_rows(built: System) -> tuple[diagnostics.Diagnostic, ...]:
-    """One warning for each condition of `inequality` and each holonomic row that is found to jump near the start."""
-    found = []
-    for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
-        message = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
-        found.append(diagnostics.Diagnostic("condition-jumps", message, row.location, ROW_HINT, "warning"))
-    for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
-        message = (
-            f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
-        )
-        found.append(diagnostics.Diagnostic("row-jumps", message, row.location, ROW_HINT, "warning"))
-    return tuple(found)
 
 
 def _jumping(built: System, rows: Sequence[Row], values: ca.SX) -> Iterator[tuple[Row, str]]:

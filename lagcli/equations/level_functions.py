@@ -45,13 +45,36 @@ class UnknownName(Exception):
 
 
 def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts:
-    """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`.
+    """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`: dependent particles,
+    definitions, `d`, `rate` and results of a run do not occur in them.
 
     Raises `expression.ExpressionError` for a text that is no expression, `UnknownName` for another name.
     """
-    fixed = FixedExponents(system.model)
-    names = _LevelNames(system)
-    algebra = SymbolicAlgebra(names.atom, names.special, fixed)
+    s, fixed = system.symbols, FixedExponents(system.model)
+    values: dict[str, Value] = {"t": s.t, "pi": ca.SX(ca.pi)}
+    for name, value in s.parameters.items():
+        if isinstance(value, tuple):
+            values |= {f"{name}.{axis}": x for axis, x in zip("xyz", value, strict=True)}
+        else:
+            values[name] = value
+    values |= {name: s.q[i] for i, name in enumerate(system.model.coordinate_names)}
+
+    def atom(node: tree.Name | tree.Member | tree.Index) -> Value:
+        """A name, a component, or a member of a family with its indices as numbers."""
+        if isinstance(node, tree.Name):
+            name = node.name
+        else:
+            indices = node.indices if isinstance(node, tree.Index) else ()
+            name = family.name(node.owner, (int(integers.evaluate(i, unknown)) for i in indices))
+            name += f".{node.member}" if node.member else ""
+        if name not in values:
+            raise UnknownName(name)
+        return values[name]
+
+    def unknown(node: tree.Name | tree.Call, *_: object) -> NoReturn:
+        raise UnknownName(node.name if isinstance(node, tree.Name) else node.function)
+
+    algebra = SymbolicAlgebra(atom, unknown, fixed)
 
     def scalar(text: str) -> ca.SX:
         return evaluate.scalar(parser.parse(text), algebra)
@@ -90,40 +113,3 @@ def compiled(system: System, charts: Sequence[LevelExpression]) -> ca.Function:
     periods = [ca.SX(0) if c.period is None else c.period for c in charts]
     outputs = [ca.horzcat(above, below), ca.jacobian(above, s.q), ca.jacobian(below, s.q)]
     return SizedFunction("levels", [s.t, s.q, system.p], [*outputs, ca.densify(ca.vertcat(*periods))])
-
-
-class _LevelNames:
-    """The values of the names in a chart. Dependent particles and definitions do not occur in them."""
-
-    def __init__(self, system: System) -> None:
-        s = system.symbols
-        self._values: dict[str, Value] = {"t": s.t, "pi": ca.SX(ca.pi)}
-        for name, value in s.parameters.items():
-            if isinstance(value, tuple):
-                self._values |= {f"{name}.{axis}": x for axis, x in zip("xyz", value, strict=True)}
-            else:
-                self._values[name] = value
-        self._q = s.q
-        self._indices = {name: i for i, name in enumerate(system.model.coordinate_names)}
-
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value:
-        """A name, a component, or a member of a family with its indices as numbers."""
-        if isinstance(node, tree.Name):
-            name = node.name
-        else:
-            indices = node.indices if isinstance(node, tree.Index) else ()
-            name = family.name(node.owner, (int(integers.evaluate(i, _no_name)) for i in indices))
-            name += f".{node.member}" if node.member else ""
-        if name in self._indices:
-            return self._q[self._indices[name]]
-        if name not in self._values:
-            raise UnknownName(name)
-        return self._values[name]
-
-    def special(self, node: tree.Call, algebra: SymbolicAlgebra) -> NoReturn:
-        """`d`, `rate` and results of a run do not occur."""
-        raise UnknownName(node.function)
-
-
-def _no_name(node: tree.Name) -> float:
-    raise UnknownName(node.name)

@@ -8,7 +8,7 @@ outside its range, and a step may lead over all of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from lagcli.expression import evaluate, functions, tree
 from lagcli.frozen import frozen_value
@@ -50,59 +50,47 @@ class _Narrow(Exception):
 def are_any(model: nouns.Model, has_contacts: bool) -> bool:
     """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
     of the one-sided rows too, one of which is closed."""
+    names = _Names(model)
     try:
-        for names, node, variables in _laws(model, has_contacts):
-            names.look(node, variables)
+        for step in model.order:
+            if isinstance(step, str):
+                names.known[step] = names.look(names.meanings[step], {})
+        if model.lagrangian is not None:
+            names.look(model.lagrangian.tree, {})
+        for particle in model.particles:
+            for part in particle.position.parts:
+                names.look(part.tree, particle.members.variables)
+        for law in model.laws:
+            if has_contacts or not isinstance(law, nouns.Inequality):
+                names.look(law.equation.tree, law.members.variables)
+        own = names.on_a_particle()
+        for force in model.forces:
+            known = own if isinstance(force, nouns.ParticleForce) else names
+            for part in nouns.expressions_of(force):
+                known.look(part.tree, force.members.variables)
     except _Narrow:
         return True
     return False
-
-
-def _laws(model: nouns.Model, has_contacts: bool) -> Iterator[tuple[_Names, tree.Node, Mapping[str, object]]]:
-    """All that moves a model, with the names and the index variables in it. Raises `_Narrow` for a definition."""
-    names = _Names(model)
-    for step in model.order:
-        if isinstance(step, str):
-            names.define(step)
-    if model.lagrangian is not None:
-        yield names, model.lagrangian.tree, {}
-    for particle in model.particles:
-        yield from ((names, part.tree, particle.members.variables) for part in particle.position.parts)
-    for law in model.laws:
-        if has_contacts or not isinstance(law, nouns.Inequality):
-            yield names, law.equation.tree, law.members.variables
-    own = names.on_a_particle()
-    for force in model.forces:
-        variables = force.members.variables
-        if isinstance(force, nouns.ParticleForce):
-            yield from ((own, part.tree, variables) for part in force.force.parts)
-        else:
-            expression = force.expression if isinstance(force, nouns.Potential) else force.force
-            yield names, expression.tree, variables
 
 
 class _Names:
     """The values of names."""
 
     def __init__(self, model: nouns.Model) -> None:
-        self._meanings = {d.name: d.expression.tree for d in model.definitions}
+        self.meanings = {d.name: d.expression.tree for d in model.definitions}
         self._particles = {particle.members.base for particle in model.particles}
-        self._known: dict[str, evaluate.Value[MotionOrder]] = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
+        self.known: dict[str, evaluate.Value[MotionOrder]] = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
         for parameter in model.parameters:
             is_vector = isinstance(parameter.value, tuple)
-            self._known[parameter.name] = (_CONSTANT,) * 3 if is_vector else _CONSTANT
+            self.known[parameter.name] = (_CONSTANT,) * 3 if is_vector else _CONSTANT
 
     def on_a_particle(self) -> _Names:
         """The values in the force of a particle, where `m`, `r` and `v` are its own."""
         names = object.__new__(_Names)
-        names._meanings, names._particles = self._meanings, (self._particles - {"m"}) | {"r", "v"}
-        names._known = {name: value for name, value in self._known.items() if name not in ("r", "v")}
-        names._known["m"] = _CONSTANT
+        names.meanings, names._particles = self.meanings, (self._particles - {"m"}) | {"r", "v"}
+        names.known = {name: value for name, value in self.known.items() if name not in ("r", "v")}
+        names.known["m"] = _CONSTANT
         return names
-
-    def define(self, name: str) -> None:
-        """Evaluate a definition after those it uses."""
-        self._known[name] = self.look(self._meanings[name], {})
 
     def look(self, node: tree.Node, variables: Mapping[str, object]) -> evaluate.Value[MotionOrder]:
         """The value of an expression. Raises `_Narrow`."""
@@ -116,8 +104,8 @@ class _Names:
 
     def value(self, name: str, member: str) -> evaluate.Value[MotionOrder]:
         """The value of a name, or of a component or another member of it."""
-        if name in self._known:
-            value = self._known[name]
+        if name in self.known:
+            value = self.known[name]
             return value[0] if member and isinstance(value, tuple) else value
         if member == "m":
             return _CONSTANT
@@ -139,17 +127,14 @@ class _OrderAlgebra:
         self._names, self._variables = names, variables
 
     def number(self, node: tree.Number) -> MotionOrder:
-        """The value of a literal."""
         return MotionOrder(None, float(node.text))
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[MotionOrder]:
-        """The value a name stands for."""
         if isinstance(node, tree.Name):
             return _CONSTANT if node.name in self._variables else self._names.value(node.name, "")
         return self._names.value(node.owner, node.member)
 
     def special(self, node: tree.Call) -> evaluate.Value[MotionOrder]:
-        """Rates and differentials."""
         argument = node.arguments[0]
         if node.function == "d":
             return evaluate.value(argument, self)
@@ -157,7 +142,6 @@ class _OrderAlgebra:
         return self.atom(argument)
 
     def add(self, node: tree.Node, left: MotionOrder, sign: int, right: MotionOrder) -> MotionOrder:
-        """left + sign right."""
         _require_wide(left)
         _require_wide(right)
         orders = [value.order for value in (left, right) if value.order is not None]
@@ -166,17 +150,14 @@ class _OrderAlgebra:
         return MotionOrder(max([*orders, 0.0] if len(orders) == 1 else orders))
 
     def negate(self, node: tree.Node, value: MotionOrder) -> MotionOrder:
-        """-value."""
         return MotionOrder(value.order, None if value.number is None else -value.number)
 
     def multiply(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
-        """left right."""
         if left.order is None or right.order is None:
             return _CONSTANT if left.order is right.order else MotionOrder(left.order or right.order or 0.0)
         return MotionOrder(left.order + right.order)
 
     def divide(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
-        """left / right."""
         if right.order is None:
             if left.number is None or not right.number:
                 return MotionOrder(left.order)
@@ -193,7 +174,6 @@ class _OrderAlgebra:
         return MotionOrder((base.order or 0.0) * exponent.number)
 
     def function(self, node: tree.Node, name: str, arguments: tuple[MotionOrder, ...]) -> MotionOrder:
-        """A scalar function."""
         orders = [value.order for value in arguments if value.order is not None]
         for value in arguments:
             _require_wide(value)

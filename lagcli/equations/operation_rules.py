@@ -58,17 +58,9 @@ def _sizes(value: ca.SX, inputs: Sequence[ca.SX], of_leaf: Callable[[ca.SX], ca.
     return ca.vertcat(ca.SX(0, 1), *(size for _, size in found))
 
 
-def _sum(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
-    return a[1] + b[1]
-
-
 def _product(_: ca.SX, a: Sized, b: Sized) -> ca.SX:
     # Of factors that are nothing but rounding it is the product of that.
     return ca.fmax(ca.fmax(ca.fabs(a[0]) * b[1], a[1] * ca.fabs(b[0])), 2**-53 * a[1] * b[1])
-
-
-def _quotient(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
-    return (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + doubles.TINY)
 
 
 def _power(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
@@ -77,37 +69,26 @@ def _power(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
     return ca.fmax(of_base, ca.if_else(b[0] >= 1, (2**-53 * a[1]) ** b[0] * 2**53, 0))
 
 
-def _chosen(is_first: ca.SX, a: Sized, b: Sized) -> ca.SX:
-    return ca.if_else(is_first, a[1], b[1])
-
-
-def _wave(_: ca.SX, a: Sized) -> ca.SX:
-    # An argument that is large has roundings that are.
-    return ca.fmin(a[1], 1)
-
-
 _RULES: dict[int, Callable[..., ca.SX]] = {
-    ca.OP_ADD: _sum,
-    ca.OP_SUB: _sum,
+    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB), lambda _, a, b: a[1] + b[1]),
     ca.OP_MUL: _product,
-    ca.OP_DIV: _quotient,
-    ca.OP_NEG: lambda _, a: a[1],
-    ca.OP_FABS: lambda _, a: a[1],
+    ca.OP_DIV: lambda made, a, b: (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + doubles.TINY),
+    **dict.fromkeys((ca.OP_NEG, ca.OP_FABS), lambda _, a: a[1]),
     ca.OP_TWICE: lambda _, a: 2 * a[1],
     ca.OP_SQ: lambda made, a: _product(made, a, a),
     ca.OP_INV: lambda made, a: made * made * a[1],
     ca.OP_SQRT: lambda made, a: ca.fmin(a[1] / (made + doubles.TINY), ca.sqrt(a[1])),
-    ca.OP_SIN: _wave,
+    # An argument that is large has roundings that are.
+    **dict.fromkeys((ca.OP_SIN, ca.OP_TANH), lambda _, a: ca.fmin(a[1], 1)),
     ca.OP_COS: lambda _, a: ca.fmin(a[1], 1) * ca.fmin(a[1], 1),
     ca.OP_TAN: lambda made, a: (1 + made * made) * ca.fmin(a[1], 1),
     ca.OP_EXP: lambda made, a: made * a[1],
     ca.OP_LOG: lambda _, a: a[1] / (ca.fabs(a[0]) + doubles.TINY),
-    ca.OP_TANH: _wave,
     ca.OP_ATAN: lambda _, a: a[1] / (1 + a[0] * a[0]),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_FMIN: lambda _, a, b: _chosen(a[0] <= b[0], a, b),
-    ca.OP_FMAX: lambda _, a, b: _chosen(a[0] >= b[0], a, b),
+    ca.OP_FMIN: lambda _, a, b: ca.if_else(a[0] <= b[0], a[1], b[1]),
+    ca.OP_FMAX: lambda _, a, b: ca.if_else(a[0] >= b[0], a[1], b[1]),
     ca.OP_IF_ELSE_ZERO: lambda _, condition, a: ca.if_else(condition[0], a[1], 0),
 }
 
@@ -129,24 +110,23 @@ def has_total_columns(system: System) -> bool:
     symbols = system.symbols
     value = ca.vertcat(ca.densify(system.dynamics.energy), ca.densify(system.outputs))
     inputs = [system.p, symbols.t, symbols.q, symbols.v, system.a, system.lam]
-    return all(each.is_total for each in operation_graph.folded(value, inputs, _leaf, _look))
 
+    def leaf(number: int | None, constant: float) -> _Found:
+        if number is None:
+            return _Found(math.isfinite(constant), True, constant >= 0)
+        return _Found(True, number == 0)
 
-def _leaf(number: int | None, constant: float) -> _Found:
-    if number is None:
-        return _Found(math.isfinite(constant), True, constant >= 0)
-    return _Found(True, number == 0)
+    def look(op: int, parts: list[_Found], _: Expression) -> _Found:
+        is_fixed = all(part.is_fixed for part in parts)
+        is_known = op in TOTAL or is_fixed
+        if op == ca.OP_DIV:
+            is_known = parts[1].is_fixed
+        elif op == ca.OP_SQRT:
+            is_known = is_fixed or parts[0].is_positive
+        is_positive = op in SQUARES or (op in KEEPING and all(part.is_positive for part in parts))
+        return _Found(is_known and all(part.is_total for part in parts), is_fixed, is_positive)
 
-
-def _look(op: int, parts: list[_Found], _: Expression) -> _Found:
-    is_fixed = all(part.is_fixed for part in parts)
-    is_known = op in TOTAL or is_fixed
-    if op == ca.OP_DIV:
-        is_known = parts[1].is_fixed
-    elif op == ca.OP_SQRT:
-        is_known = is_fixed or parts[0].is_positive
-    is_positive = op in SQUARES or (op in KEEPING and all(part.is_positive for part in parts))
-    return _Found(is_known and all(part.is_total for part in parts), is_fixed, is_positive)
+    return all(each.is_total for each in operation_graph.folded(value, inputs, leaf, look))
 
 
 def edge_calls(system: System, row: int) -> tuple[list[str], ca.Function]:

@@ -76,26 +76,21 @@ class DependentForces:
         self, numbers: Integers, wanted: Sequence[rows.Row], node: tree.Name | tree.Member | tree.Index
     ) -> Triple:
         """df_i/dr_k of rows and dependent particles (K,). Raises `ExpressionError` where that is not determined."""
-        base = node.name if isinstance(node, tree.Name) else node.owner
-        gradient = self._of(base)
-        rank = np.searchsorted(self._environment.dependent, numbers)
+        env, base = self._environment, node.name if isinstance(node, tree.Name) else node.owner
+        gradient, count = self._of(base), env.dependent.size
+        rank = np.searchsorted(env.dependent, numbers)
         row = np.array([gradient.rows[one.name] for one in wanted], dtype=np.int64)
-        count = self._environment.dependent.size
-        self._require_named(gradient, row, rank, node)
-        x, y, z = (entries(gradient.B, row, rank + axis * count) for axis in range(3))
-        return x, y, z
-
-    def _require_named(
-        self, gradient: _Gradient, row: Integers, rank: Integers, node: tree.Name | tree.Member | tree.Index
-    ) -> None:
-        base = node.name if isinstance(node, tree.Name) else node.owner
-        count = self._environment.dependent.size
         named: Truths = np.any(_pattern(gradient.B).reshape(-1, 3, count), axis=1)
         unnamed = np.flatnonzero(~named[row, rank])
-        coordinates = self._coordinates_of(base) if unnamed.size else named
+        coordinates = named
+        if unnamed.size:
+            # A coordinate enters a row of a law by its differential, (rows, n).
+            s = env.symbols
+            way = s.v if self._is_differential(base) else s.q
+            coordinates = _pattern(ca.jacobian(self._values(base, env), way))
         for i, k in zip(row[unnamed].tolist(), rank[unnamed].tolist(), strict=True):
             if (coordinates[i] & self._moving[k]).any():
-                particle = self._environment.particles.names[int(self._environment.dependent[k])]
+                particle = env.particles.names[int(env.dependent[k])]
                 message = (
                     f"`{base}` acts on coordinates that move `{particle}` but does not name `{particle}`: which part"
                     " of its force falls to this particle is not determined"
@@ -103,12 +98,8 @@ class DependentForces:
                 hint = f"write the constraint with `{particle}.x`, `{particle}.y`, `{particle}.z`, or record"
                 hint += f" `multiplier({base})`"
                 raise ExpressionError("share-not-determined", message, node.start, node.end, hint)
-
-    def _coordinates_of(self, base: str) -> Truths:
-        """True where a coordinate enters a row of a law by its differential, (rows, n)."""
-        s = self._environment.symbols
-        values = self._values(base, self._environment)
-        return _pattern(ca.jacobian(values, s.v if self._is_differential(base) else s.q))
+        x, y, z = (entries(gradient.B, row, rank + axis * count) for axis in range(3))
+        return x, y, z
 
     @cached_property
     def _moving(self) -> Truths:
@@ -205,45 +196,46 @@ class OutputValues:
     def __call__(self, node: tree.Node, variables: Mapping[str, Integers]) -> Value:
         if isinstance(node, tree.Name) and node.name in self._energies:
             return self._energies[node.name]
-        if isinstance(node, tree.Call):
-            return self._called(node, variables)
-        assert isinstance(node, (tree.Name, tree.Member, tree.Index))
-        names = self._environment.names
-        if not isinstance(node, tree.Name) and node.owner in self._environment.particles:
-            numbers = names.numbers(node, self._environment.particles, variables)
-            found = self._solved.accelerations.vectors(numbers)
-            return found["xyz".index(node.member[1])] if len(node.member) == 2 else found
-        parts = self._outputs.take(names.numbers(node, self._member_index, variables))
-        return (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
-
-    def _called(self, node: tree.Call, variables: Mapping[str, Integers]) -> Value:
-        env, argument = self._environment, node.arguments[0]
+        env = self._environment
+        names, particles, accelerations = env.names, env.particles, self._solved.accelerations
+        if not isinstance(node, tree.Call):
+            assert isinstance(node, (tree.Name, tree.Member, tree.Index))
+            if not isinstance(node, tree.Name) and node.owner in particles:
+                found = accelerations.vectors(names.numbers(node, particles, variables))
+                return found["xyz".index(node.member[1])] if len(node.member) == 2 else found
+            parts = self._outputs.take(names.numbers(node, self._member_index, variables))
+            return (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
+        argument = node.arguments[0]
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
-        if is_second(node):
-            return self._second(argument, variables)
+        owner, member = (
+            (argument.name, "") if isinstance(argument, tree.Name) else (argument.owner, argument.member)
+        )
         if node.function == "multiplier":
-            return self._multipliers(argument, variables)
-        numbers = env.names.numbers(argument, env.particles, variables)
+            # lambda of a row, or of the three of a vector equation.
+            laws = names.names(argument, variables)
+            if member or all(name in self._rows for name in laws):
+                return self._lam_of(argument, [f"{name}.{member}" if member else name for name in laws])
+            x, y, z = (self._lam_of(argument, [f"{name}.{axis}" for name in laws]) for axis in "xyz")
+            return x, y, z
+        if is_second(node) and owner in env.coordinates:
+            numbers = names.numbers(argument, env.coordinates, variables)
+            return environment.taken(self._solved.a, env.first_generalized + numbers)
+        numbers = names.numbers(argument, particles, variables)
+        if is_second(node):
+            found = accelerations.vectors(numbers)
+            return found["xyz".index(member)] if member else found
         if len(node.arguments) == 1:
             return self._solved.R.vectors(numbers)
         law = node.arguments[1]
         assert isinstance(law, (tree.Name, tree.Member, tree.Index))
         return self._part(numbers, law, variables)
 
-    def _second(self, argument: Reference, variables: Mapping[str, Integers]) -> Value:
-        """`rate(x, 2)` of a coordinate, a particle or one of its components."""
-        env = self._environment
-        owner = argument.name if isinstance(argument, tree.Name) else argument.owner
-        if owner in env.coordinates:
-            numbers = env.names.numbers(argument, env.coordinates, variables)
-            return environment.taken(self._solved.a, env.first_generalized + numbers)
-        found = self._solved.accelerations.vectors(env.names.numbers(argument, env.particles, variables))
-        member = "" if isinstance(argument, tree.Name) else argument.member
-        return found["xyz".index(member)] if member else found
-
     def _part(self, numbers: Integers, law: Reference, variables: Mapping[str, Integers]) -> Triple:
         """sum_i lambda_i B_ik over the rows of a constraint, of particles (K,), or of one for each of K constraints."""
-        wanted = [self._rows_of(law, name) for name in self._environment.names.names(law, variables)]
+        names = self._environment.names.names(law, variables)
+        suffix = "" if isinstance(law, tree.Name) or not law.member else f".{law.member}"
+        # All rows of a constraint, or the one that is named.
+        wanted = [[self._row(law, name + suffix)] if suffix else self._of_constraint[name] for name in names]
         count = max(len(wanted), numbers.size)
         numbers, wanted = np.broadcast_to(numbers, count), wanted if len(wanted) == count else wanted * count
         # One entry for each pair of a particle and a row that acts on it.
@@ -269,38 +261,18 @@ class OutputValues:
             found.fill(dependent, self._forces.gradients(numbers[dependent], wanted, law))
         return found.vectors(np.arange(numbers.size))
 
-    def _rows_of(self, node: Reference, name: str) -> list[int]:
-        """All rows of a constraint, or the one that is named."""
-        member = "" if isinstance(node, tree.Name) else node.member
-        if not member:
-            return self._of_constraint[name]
-        self._require(node, f"{name}.{member}")
-        return [self._rows[f"{name}.{member}"]]
-
-    def _multipliers(self, node: Reference, variables: Mapping[str, Integers]) -> Value:
-        """lambda of a row, or of the three of a vector equation."""
-        member = "" if isinstance(node, tree.Name) else node.member
-        names = self._environment.names.names(node, variables)
-        if member:
-            return self._lam_of(node, [f"{name}.{member}" for name in names])
-        if all(name in self._rows for name in names):
-            return self._lam_of(node, names)
-        x, y, z = (self._lam_of(node, [f"{name}.{axis}" for name in names]) for axis in "xyz")
-        return x, y, z
-
     def _lam_of(self, node: Reference, names: list[str]) -> ca.SX:
-        for name in names:
-            self._require(node, name)
-        return environment.taken(
-            self._solved.lam, np.array([self._rows[name] for name in names], dtype=np.int64)
-        )
+        numbers = np.array([self._row(node, name) for name in names], dtype=np.int64)
+        return environment.taken(self._solved.lam, numbers)
 
-    def _require(self, node: Reference, name: str) -> None:
+    def _row(self, node: Reference, name: str) -> int:
+        """The number of a row by its name. Raises `ExpressionError`."""
         if name not in self._rows:
             message = f"there is no multiplier `{name}`"
             known = [row for row in self._rows if row.startswith(name.rpartition(".")[0] + ".")]
             hint = f"the rows are `{known[0]}` to `{known[-1]}`" if known else ""
             raise ExpressionError("unknown-row", message, node.start, node.end, hint)
+        return self._rows[name]
 
 
 def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:

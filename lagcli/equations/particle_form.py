@@ -58,13 +58,32 @@ def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
 
 def build(built: system.System, particle_model: nouns.Model) -> system.System:
     """The system of a model that `model` made of the one of `built`."""
+    own = built.model
+    is_dependent = np.repeat(
+        [p.is_dependent for p in own.particles], [p.members.count for p in own.particles]
+    )
+    numbers = np.flatnonzero(is_dependent)
+    indices = (3 * numbers[:, None] + np.arange(3)).ravel().tolist()
+    # The rows that tie, `r(a).x`: no constraint of a file can have such a name.
+    names = [
+        rows.Row(f"r({name}).{axis}", f"r({name})", particle.location)
+        for particle in own.particles
+        if particle.is_dependent
+        for name in particle.members.names
+        for axis in "xyz"
+    ]
 
     def tied(
         env: Environment, constraints: rows.ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[rows.ConstraintRows, energy.Dynamics]:
-        numbers = _dependent(built.model)
-        indices = (3 * numbers[:, None] + np.arange(3)).ravel()
-        block = family_rows.holonomic(_gap(built, env, indices), env)
+        # r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`.
+        everyone = np.arange(len(env.particles))
+        r = environment.interleaved(env.position(everyone), everyone.size)
+        coordinates = np.flatnonzero(np.repeat(~is_dependent, 3)).tolist()
+        q = ca.vertcat(env.q[coordinates], env.q[3 * everyone.size :])
+        old, new = [built.symbols.t, built.symbols.q, built.symbols.p], [env.t, q, env.symbols.p]
+        x = ca.substitute([built.r[indices]], old, new)[0]
+        block = family_rows.holonomic(ca.densify(r[indices] - x), env)
         masses = ca.repmat(environment.column(environment.taken(env.masses(), numbers), numbers.size).T, 3, 1)
         weighted = ca.mtimes(block.B.T, ca.diag(ca.vec(masses)))
         augmented = dataclasses.replace(
@@ -72,52 +91,15 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
             M=ca.sparsify(dynamics.M + ca.mtimes(weighted, block.B)),
             h=ca.densify(dynamics.h + ca.mtimes(weighted, block.gamma)),
         )
-        return _inserted(constraints, _names(built.model), block), augmented
+        # Holonomic rows, those that tie after them, then the differential ones.
+        s = constraints.f.numel()
+        inserted = rows.ConstraintRows(
+            (*constraints.rows[:s], *names, *constraints.rows[s:]),
+            ca.vertcat(constraints.f, block.f),
+            ca.sparsify(ca.vertcat(constraints.B[:s, :], block.B, constraints.B[s:, :])),
+            ca.vertcat(constraints.b[:s, :], block.b, constraints.b[s:, :]),
+            ca.vertcat(constraints.gamma[:s, :], block.gamma, constraints.gamma[s:, :]),
+        )
+        return inserted, augmented
 
     return system.build(particle_model, tied)
-
-
-def _gap(built: system.System, env: Environment, indices: npt.NDArray[np.int64]) -> ca.SX:
-    """r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`."""
-    everyone = np.arange(len(env.particles))
-    r = environment.interleaved(env.position(everyone), everyone.size)
-    own = built.model
-    cartesian = np.repeat(
-        [not p.is_dependent for p in own.particles], [p.members.count for p in own.particles]
-    )
-    coordinates = np.flatnonzero(np.repeat(cartesian, 3)).tolist()
-    q = ca.vertcat(env.q[coordinates], env.q[3 * everyone.size :])
-    old, new = [built.symbols.t, built.symbols.q, built.symbols.p], [env.t, q, env.symbols.p]
-    x = ca.substitute([built.r[indices.tolist()]], old, new)[0]
-    return ca.densify(r[indices.tolist()] - x)
-
-
-def _dependent(declared: nouns.Model) -> npt.NDArray[np.int64]:
-    """The numbers of the dependent particles among all."""
-    counts = [particle.members.count for particle in declared.particles]
-    return np.flatnonzero(np.repeat([particle.is_dependent for particle in declared.particles], counts))
-
-
-def _names(declared: nouns.Model) -> tuple[rows.Row, ...]:
-    """The rows that tie, `r(a).x`: no constraint of a file can have such a name."""
-    return tuple(
-        rows.Row(f"r({name}).{axis}", f"r({name})", particle.location)
-        for particle in declared.particles
-        if particle.is_dependent
-        for name in particle.members.names
-        for axis in "xyz"
-    )
-
-
-def _inserted(
-    constraints: rows.ConstraintRows, names: tuple[rows.Row, ...], block: family_rows.FamilyBlock
-) -> rows.ConstraintRows:
-    """Holonomic rows, those that tie after them, then the differential ones."""
-    s = constraints.f.numel()
-    return rows.ConstraintRows(
-        (*constraints.rows[:s], *names, *constraints.rows[s:]),
-        ca.vertcat(constraints.f, block.f),
-        ca.sparsify(ca.vertcat(constraints.B[:s, :], block.B, constraints.B[s:, :])),
-        ca.vertcat(constraints.b[:s, :], block.b, constraints.b[s:, :]),
-        ca.vertcat(constraints.gamma[:s, :], block.gamma, constraints.gamma[s:, :]),
-    )

@@ -7,6 +7,7 @@ as are known: one that says nothing is empty. Where a function switches, the bra
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -112,7 +113,8 @@ class _Rules:
             is_first = self._side(_sum(a, b, -1.0)) * (1.0 if op == ca.OP_FMAX else -1.0) >= 0.0
             return a if is_first else b
         if op in _COMPARED:
-            return constant(float(_COMPARED[op](self._side(_sum(parts[0], parts[-1], -1.0)))), self._count)
+            side = self._side(_sum(parts[0], parts[-1], -1.0))
+            return constant(float(_COMPARED[op](side, 0.0)), self._count)
         if op in (ca.OP_NOT, ca.OP_AND, ca.OP_OR):
             truths = [self._side(part) != 0.0 for part in parts]
             truth = not truths[0] if op == ca.OP_NOT else (all if op == ca.OP_AND else any)(truths)
@@ -131,25 +133,14 @@ class _Rules:
 _MULTIPLYING = frozenset(
     {ca.OP_EXP, ca.OP_TANH, ca.OP_MUL, ca.OP_SQ, ca.OP_DIV, ca.OP_INV, ca.OP_POW, ca.OP_CONSTPOW}
 )
-_COMPARED: dict[int, Callable[[float], bool]] = {
-    ca.OP_LT: lambda side: side < 0.0,
-    ca.OP_LE: lambda side: side <= 0.0,
-    ca.OP_EQ: lambda side: side == 0.0,
-    ca.OP_NE: lambda side: side != 0.0,
+_COMPARED: dict[int, Callable[[float, float], bool]] = {
+    ca.OP_LT: operator.lt,
+    ca.OP_LE: operator.le,
+    ca.OP_EQ: operator.eq,
+    ca.OP_NE: operator.ne,
 }
-_SWITCHING = frozenset(
-    {
-        ca.OP_FABS,
-        ca.OP_SIGN,
-        ca.OP_FMIN,
-        ca.OP_FMAX,
-        ca.OP_NOT,
-        ca.OP_AND,
-        ca.OP_OR,
-        ca.OP_IF_ELSE_ZERO,
-        *_COMPARED,
-    }
-)
+_LOGICAL = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
+_SWITCHING = frozenset({ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX, *_LOGICAL, *_COMPARED})
 
 
 def _sum(a: PowerSeries, b: PowerSeries, sign: float = 1.0) -> PowerSeries:
@@ -229,11 +220,12 @@ def _exponential(a: PowerSeries) -> PowerSeries:
     return _made(a.known, coefficient)
 
 
-def _wave(a: PowerSeries, of: Callable[[float], float], sign: float) -> tuple[PowerSeries, PowerSeries]:
-    """sin and cos, or sinh and cosh, of a series: `of` is the first, sign that of its second derivative."""
+def _wave(a: PowerSeries, is_hyperbolic: bool = False) -> tuple[PowerSeries, PowerSeries]:
+    """sin and cos, or sinh and cosh, of a series."""
     n = a.known
+    # The sign is that of the second derivative.
+    of, other, sign = (np.sinh, np.cosh, 1.0) if is_hyperbolic else (np.sin, np.cos, -1.0)
     c, size = np.zeros((2, n)), np.zeros((2, n))
-    other = np.cos if sign < 0 else np.cosh
     for k in range(n):
         if k == 0:
             c[:, 0] = of(a.c[0]), other(a.c[0])
@@ -353,11 +345,11 @@ _RULES: dict[int, Callable[..., PowerSeries]] = {
     ca.OP_CONSTPOW: _power,
     ca.OP_EXP: _exponential,
     ca.OP_LOG: _logarithm,
-    ca.OP_SIN: lambda a: _wave(a, np.sin, -1.0)[0],
-    ca.OP_COS: lambda a: _wave(a, np.sin, -1.0)[1],
-    ca.OP_TAN: lambda a: _quotient(*_wave(a, np.sin, -1.0)),
-    ca.OP_SINH: lambda a: _wave(a, np.sinh, 1.0)[0],
-    ca.OP_COSH: lambda a: _wave(a, np.sinh, 1.0)[1],
+    ca.OP_SIN: lambda a: _wave(a)[0],
+    ca.OP_COS: lambda a: _wave(a)[1],
+    ca.OP_TAN: lambda a: _quotient(*_wave(a)),
+    ca.OP_SINH: lambda a: _wave(a, is_hyperbolic=True)[0],
+    ca.OP_COSH: lambda a: _wave(a, is_hyperbolic=True)[1],
     ca.OP_TANH: _tanh,
     ca.OP_ASIN: lambda a: _arc(a, 1.0),
     ca.OP_ACOS: lambda a: _arc(a, -1.0),

@@ -85,10 +85,37 @@ def contacts(model: nouns.Model, environment: Environment) -> ContactRows:
 
 
 def _joined(names: tuple[Row, ...], blocks: Sequence[family_rows.FamilyBlock], q: ca.SX) -> ConstraintRows:
-    """The rows of all blocks. Raises `diagnostics.ModelError` for one without coordinates."""
+    """The rows of all blocks. Raises `diagnostics.ModelError` for one without coordinates.
+
+    A row in which no coordinate enters says nothing about the motion, or can never hold. A component 0 = 0 of a vector
+    equation says nothing either, but belongs to an equation that does: it stays, as a redundant row. g(q, t) dt = 0
+    moves no coordinate and demands g = 0.
+    """
     f, b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("f", "b", "gamma"))
     B = ca.sparsify(ca.vertcat(ca.SX(0, q.numel()), *(block.B for block in blocks)))
-    _refuse_empty(names, B, f, b[f.numel() :], q)
+    s = f.numel()
+    values = ca.vertcat(f, b[s:, :])
+    filled = np.bincount(np.asarray(B.sparsity().row(), dtype=int), minlength=len(names))
+    empty = [
+        names[i]
+        for i in np.flatnonzero(filled == 0).tolist()
+        if not (names[i].name != names[i].constraint and values[i].is_zero())
+        and not (i >= s and ca.jacobian(b[i], q).nnz())
+    ]
+    if empty:
+        # Of a family the first says it for all: they are one text.
+        empty = list({row.location: row for row in reversed(empty)}.values())[::-1]
+        hint = "take it out, or name the coordinate it is about"
+        raise diagnostics.ModelError(
+            diagnostics.Diagnostic(
+                "no-coordinates",
+                f"no coordinate enters the constraint `{row.name}` with a slope: its gradient vanishes everywhere,"
+                " so it cannot act on the motion",
+                row.location,
+                hint,
+            )
+            for row in empty
+        )
     return ConstraintRows(names, f, B, b, gamma)
 
 
@@ -166,12 +193,6 @@ def of_body(
     """The rows f of a rigid body, (k, 1)."""
     columns = environment.position(np.array(body.particles))
     positions = list(zip(*(ca.vertsplit(part) for part in columns), strict=True))
-    return ca.vertcat(*_rigid_rows(positions, geometry, constants))
-
-
-def _rigid_rows(
-    positions: Sequence[tuple[ca.SX, ca.SX, ca.SX]], geometry: Geometry, constants: Sequence[ca.SX]
-) -> list[ca.SX]:
     base = [positions[k] for k in geometry.base]
     rows = []
     for number, (i, j) in enumerate(geometry.pairs):
@@ -179,7 +200,11 @@ def _rigid_rows(
         rows.append(ca.sqrt(square) - constants[number])
     rest = iter(constants[len(geometry.pairs) :])
     alpha = [[next(rest) for _ in base] for _ in geometry.further]
-    normal = _normal(base) if geometry.gamma.size else None
+    normal = None
+    if geometry.gamma.size:
+        # (r_2 - r_1) x (r_3 - r_1)
+        (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
+        normal = b * z - c * y, c * x - a * z, a * y - b * x
     for k, weights in zip(geometry.further, alpha, strict=True):
         height = next(rest) if normal is not None else None
         for axis in range(3):
@@ -187,39 +212,5 @@ def _rigid_rows(
             if normal is not None and height is not None:
                 point += height * normal[axis]
             rows.append(positions[k][axis] - point)
-    return rows
-
-
-def _normal(base: Sequence[tuple[ca.SX, ca.SX, ca.SX]]) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """(r_2 - r_1) x (r_3 - r_1)."""
-    (a, b, c), (x, y, z) = ([p - q for p, q in zip(base[i], base[0], strict=True)] for i in (1, 2))
-    return b * z - c * y, c * x - a * z, a * y - b * x
-
-
-def _refuse_empty(names: Sequence[Row], B: ca.SX, f: ca.SX, b: ca.SX, q: ca.SX) -> None:
-    """A row in which no coordinate enters says nothing about the motion, or can never hold; b: of differential rows.
-
-    A component 0 = 0 of a vector equation says nothing either, but belongs to an equation that does: it stays, as
-    a redundant row. g(q, t) dt = 0 moves no coordinate and demands g = 0.
-    """
-    values, s = ca.vertcat(f, b), f.numel()
-    filled = np.bincount(np.asarray(B.sparsity().row(), dtype=int), minlength=len(names))
-    empty = [
-        names[i]
-        for i in np.flatnonzero(filled == 0).tolist()
-        if not (names[i].name != names[i].constraint and values[i].is_zero())
-        and not (i >= s and ca.jacobian(b[i - s], q).nnz())
-    ]
-    if empty:
-        # Of a family the first says it for all: they are one text.
-        empty = list({row.location: row for row in reversed(empty)}.values())[::-1]
-        raise diagnostics.ModelError(
-            diagnostics.Diagnostic(
-                "no-coordinates",
-                f"no coordinate enters the constraint `{row.name}` with a slope: its gradient vanishes everywhere,"
-                " so it cannot act on the motion",
-                row.location,
-                "take it out, or name the coordinate it is about",
-            )
-            for row in empty
-        )
+    found: ca.SX = ca.vertcat(*rows)
+    return found

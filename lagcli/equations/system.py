@@ -125,19 +125,30 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     everything = rows.with_contacts(equalities, contacts, lam)
     Q_R = reaction(everything.B, lam)
     everyone = np.arange(len(env.particles))
-    accelerations = _accelerations(env, a)
-    R = _reactions(env, dynamics, Q_R, accelerations)
+    accelerations, R = _solved(env, dynamics, Q_R, a)
     solved = output_values.SolvedValues(everything, lam, a, accelerations, R)
     named = output_values.OutputValues(
         env, dynamics, solved, output_values.DependentForces(model, env, bodies, constants)
     )
     p = ca.vertcat(s.p, *constants)
     begin = _begin(model, bodies)
-    kinks = _kinks(model, s, p, equalities)
+    kinks = cuts = jumps = None
+    # Loaded where the model names a function that they look for.
+    if named_functions.have_switches(model):
+        from lagcli.equations import kinks as switching
+
+        kinks = switching.find(s, p, equalities)
     if kinks is not None:
         kinks.require_smooth(*begin)
-    cuts = _cuts(model, s, p, equalities.f, begin)
+    if named_functions.have_angles(model):
+        from lagcli.equations import branch_cuts
+
+        cuts = branch_cuts.find(equalities.f, s, p, begin)
     numbers = p if cuts is None else ca.vertcat(p, cuts.references)
+    if named_functions.may_jump(model):
+        from lagcli.equations import energy_jumps
+
+        jumps = energy_jumps.find(model, s, numbers, env)
     recorded = output_values.outputs(model, env, named)
     return System(
         model=model,
@@ -158,35 +169,9 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         built_in=fixed.used(),
         kinks=kinks,
         cuts=cuts,
-        jumps=_jumps(model, s, numbers, env),
+        jumps=jumps,
         warnings=_reaction_warnings(model, s, env, dynamics),
     )
-
-
-def _kinks(model: nouns.Model, s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
-    if not named_functions.have_switches(model):
-        return None
-    from lagcli.equations import kinks
-
-    return kinks.find(s, p, equalities)
-
-
-def _cuts(
-    model: nouns.Model, s: Symbols, p: ca.SX, f: ca.SX, begin: tuple[float, Floats, Floats]
-) -> Cuts | None:
-    if not named_functions.have_angles(model):
-        return None
-    from lagcli.equations import branch_cuts
-
-    return branch_cuts.find(f, s, p, begin)
-
-
-def _jumps(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps | None:
-    if not named_functions.may_jump(model):
-        return None
-    from lagcli.equations import energy_jumps
-
-    return energy_jumps.find(model, s, p, env)
 
 
 def reaction(B: ca.SX, lam: ca.SX) -> ca.SX:
@@ -314,30 +299,21 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geomet
     return tuple(found)
 
 
-def _accelerations(env: Environment, a: ca.SX) -> Columns:
-    """a_k of all particles: components of a, or of a dependent particle the second derivative of x(q, t)."""
-    found = Columns(len(env.particles))
+def _solved(env: Environment, dynamics: energy.Dynamics, Q_R: ca.SX, a: ca.SX) -> tuple[Columns, Columns]:
+    """a_k of all particles: components of a, or of a dependent particle the second derivative of x(q, t); and R_k: the
+    particle's part of B^T lambda, or of a dependent particle m a_k - F_k (D.10)."""
+    accelerations, R = Columns(len(env.particles)), Columns(len(env.particles))
     if env.cartesian.size:
-        x, y, z = (a[axis : env.first_generalized : 3] for axis in range(3))
-        found.fill(env.cartesian, (x, y, z))
+        for found, column in ((accelerations, a), (R, Q_R)):
+            found.fill(env.cartesian, tuple(column[axis : env.first_generalized : 3] for axis in range(3)))
     if env.dependent.size:
         velocity = ca.vertcat(*env.velocity(env.dependent))
         acceleration = ca.densify(ca.jtimes(velocity, env.symbols.v, a) + env.rate(velocity))
-        found.fill(env.dependent, tuple(ca.vertsplit(acceleration, env.dependent.size)))
-    return found
-
-
-def _reactions(env: Environment, dynamics: energy.Dynamics, Q_R: ca.SX, accelerations: Columns) -> Columns:
-    """R_k: the particle's part of B^T lambda; of a dependent particle m a_k - F_k (D.10)."""
-    R = Columns(len(env.particles))
-    if env.cartesian.size:
-        R.fill(env.cartesian, tuple(Q_R[axis : env.first_generalized : 3] for axis in range(3)))
-    if env.dependent.size:
+        accelerations.fill(env.dependent, tuple(ca.vertsplit(acceleration, env.dependent.size)))
         m = environment.taken(env.masses(), env.dependent)
-        acceleration = ca.vertcat(*accelerations.take(env.dependent))
         force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
         R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))
-    return R
+    return accelerations, R
 
 
 def _reaction_warnings(
