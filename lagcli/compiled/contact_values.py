@@ -117,19 +117,8 @@ def function(parts: Parts) -> ca.Function:
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
     slow = ca.fmax(slow, ca.fmax(ROUNDINGS * doubles.EPS * g_t_off, FEW * across * pull))
     blurred = ROUNDINGS * doubles.EPS * gamma_off
-    columns = [
-        g,
-        g_t,
-        gamma,
-        has,
-        speeds,
-        noise,
-        touching_gap,
-        slow,
-        RESOLVED * doubles.EPS * extent,
-        pull,
-        blurred,
-    ]
+    lowest = RESOLVED * doubles.EPS * extent
+    columns = [g, g_t, gamma, has, speeds, noise, touching_gap, slow, lowest, pull, blurred]
     of_motion = own.a, ROUNDINGS * doubles.EPS * forces_off, size, speed
     packed = ca.densify(ca.vertcat(*columns, entries, own.units, *of_motion))[order(G.sparsity()).tolist()]
     return SizedFunction("contact_values", [t, q, v, parts.p, chosen], [packed], {"cse": parts.is_small})

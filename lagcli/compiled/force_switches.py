@@ -7,7 +7,7 @@ sides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 
 import casadi as ca
 import numpy as np
@@ -44,11 +44,16 @@ class ForceSwitches:
 
 def find(system: System) -> ForceSwitches | None:
     """The switches of a system; None where no force has one that depends on velocities."""
-    found = list(_candidates(system))
+    # The forces that may jump in the velocities by their texts, with Q_j (n,).
+    declared = named_functions.velocity_switches(system.model)
+    if not declared:
+        return None
     s, p = system.symbols, system.p
+    environment = Environment(system.model, s, FixedExponents(system.model))
+    loads = [energy.generalized(force, environment) for force in declared]
     inputs = [s.t, s.q, s.v, p]
     unique: dict[int, ca.SX] = {}
-    for _, Q in found:
+    for Q in loads:
         ends = (each.argument for each in switches.among(Q, inputs))
         unique.update((end.element_hash(), end) for end in ends if end is not None)
     if not unique:
@@ -57,12 +62,22 @@ def find(system: System) -> ForceSwitches | None:
     u = every[np.flatnonzero(ca.which_depends(every, s.v, 1, True)).tolist()]
     if not u.numel():
         return None
-    pattern = ca.jacobian_sparsity(u, s.v)
-    coordinates = [tuple(pattern.T.row()[a:b]) for a, b in zip(*_columns(pattern.T), strict=True)]
-    rates = _rates(system, u)
-    Q = ca.vertcat(*(Q for _, Q in found))
+    pattern = ca.jacobian_sparsity(u, s.v).T
+    coordinates = tuple(tuple(pattern.row()[a:b]) for a, b in itertools.pairwise(pattern.colind()))
+    n = s.q.numel()
+    y, rate = ca.SX.sym("y", 2 * n + 1), ca.SX.sym("rate", 2 * n + 1)
+    slope = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, rate[: 2 * n]))
+    outputs = [ca.densify(x) for x in ca.substitute([u, slope], [s.q, s.v], [y[:n], y[n : 2 * n]])]
+    rates = SizedFunction("rates", [s.t, y, rate, p], outputs)
+    t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", p.numel())
+    y, k, new, k_new = (ca.SX.sym(name, 2 * n + 1) for name in ("y", "k", "new", "k_new"))
+    (u, slope), (u_new, slope_new) = rates(t, y, k, p), rates(t + h, new, k_new, p)
+    reaches = ca.logic_and(u * slope <= 0, ca.fabs(u) <= h * ca.fabs(slope))
+    drawn = ca.logic_and(reaches, u_new * slope_new < 0)
+    watched = SizedFunction("drawn", [t, h, y, k, new, k_new, p], [drawn])
+    Q = ca.vertcat(*loads)
     forces = SizedFunction("forces", inputs, [Q, operation_rules.roundings(Q, inputs)])
-    return ForceSwitches(tuple(name for name, _ in found), tuple(coordinates), rates, _drawn(rates), forces)
+    return ForceSwitches(tuple(force.members.base for force in declared), coordinates, rates, watched, forces)
 
 
 def at_contacts(system: System) -> tuple[list[int], ca.Function]:
@@ -81,36 +96,3 @@ def at_contacts(system: System) -> tuple[list[int], ca.Function]:
     outputs = [u, ca.densify(rates), ca.densify(operation_rules.term_sizes(u, inputs))]
     function = SizedFunction("switch_rates", [s.t, s.q, s.v, system.a, system.p], outputs)
     return [j for j, _ in values], function
-
-
-def _columns(pattern: ca.Sparsity) -> tuple[list[int], list[int]]:
-    starts = pattern.colind()
-    return starts[:-1], starts[1:]
-
-
-def _candidates(system: System) -> Iterator[tuple[str, ca.SX]]:
-    """The forces that may jump in the velocities by their texts: names, and Q_j (n,)."""
-    forces = named_functions.velocity_switches(system.model)
-    if not forces:
-        return
-    environment = Environment(system.model, system.symbols, FixedExponents(system.model))
-    for force in forces:
-        yield force.members.base, energy.generalized(force, environment)
-
-
-def _rates(system: System, u: ca.SX) -> ca.Function:
-    s, p, n = system.symbols, system.p, system.symbols.q.numel()
-    y, rate = ca.SX.sym("y", 2 * n + 1), ca.SX.sym("rate", 2 * n + 1)
-    slope = ca.jtimes(u, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, rate[: 2 * n]))
-    outputs = [ca.densify(x) for x in ca.substitute([u, slope], [s.q, s.v], [y[:n], y[n : 2 * n]])]
-    return SizedFunction("rates", [s.t, y, rate, p], outputs)
-
-
-def _drawn(rates: ca.Function) -> ca.Function:
-    size = rates.size1_in(1)
-    t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", rates.size1_in(3))
-    y, k, new, k_new = (ca.SX.sym(name, size) for name in ("y", "k", "new", "k_new"))
-    (u, slope), (u_new, slope_new) = rates(t, y, k, p), rates(t + h, new, k_new, p)
-    reaches = ca.logic_and(u * slope <= 0, ca.fabs(u) <= h * ca.fabs(slope))
-    drawn = ca.logic_and(reaches, u_new * slope_new < 0)
-    return SizedFunction("drawn", [t, h, y, k, new, k_new, p], [drawn])

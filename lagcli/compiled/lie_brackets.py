@@ -51,27 +51,24 @@ class Brackets:
     def values(self, shape: Shape) -> ca.Function:
         """values(x, p, U) -> omega of the bracket on the independent differential rows; U (N, leaves)."""
         if shape not in self._known:
-            x, p = ca.MX.sym("x", self._block.size), ca.MX.sym("p", self._block.p.numel())
-            U = ca.MX.sym("U", self._block.size, leaves(shape))
-            self._known[shape] = SizedFunction("values", [x, p, U], [ca.densify(self._value(shape, x, p, U))])
+            size, count = self._block.size, len(self._independent)
+            x, p = ca.MX.sym("x", size), ca.MX.sym("p", self._block.p.numel())
+            U, split = ca.MX.sym("U", size, leaves(shape)), leaves(shape[0])
+            given = list(zip(shape, (U[:, :split], U[:, split:]), strict=True))
+            w = [None if part == LEAF else self.values(part)(x, p, u) for part, u in given]
+            Y, Z = (
+                self._field(x, p, u, ca.MX.zeros(count))
+                if value is None
+                else self._field(x, p, ca.MX.zeros(size), value)
+                for (_, u), value in zip(given, w, strict=True)
+            )
+            found = -self._block.curl(x, p, Y, Z)[self._independent]
+            if w[1] is not None:
+                found += ca.jtimes(w[1], x, Y)
+            if w[0] is not None:
+                found -= ca.jtimes(w[0], x, Z)
+            self._known[shape] = SizedFunction("values", [x, p, U], [ca.densify(found)])
         return self._known[shape]
-
-    def _value(self, shape: Shape, x: ca.MX, p: ca.MX, U: ca.MX) -> ca.MX:
-        split = leaves(shape[0])
-        given = list(zip(shape, (U[:, :split], U[:, split:]), strict=True))
-        w = [None if part == LEAF else self.values(part)(x, p, u) for part, u in given]
-        Y, Z = (
-            self._field(x, p, u, ca.MX.zeros(len(self._independent)))
-            if value is None
-            else self._field(x, p, ca.MX.zeros(self._block.size), value)
-            for (_, u), value in zip(given, w, strict=True)
-        )
-        found = -self._block.curl(x, p, Y, Z)[self._independent]
-        if w[1] is not None:
-            found += ca.jtimes(w[1], x, Y)
-        if w[0] is not None:
-            found -= ca.jtimes(w[0], x, Z)
-        return found
 
 
 class TooMuchFill(Exception):
@@ -88,7 +85,19 @@ def pivots(A: ca.DM, fill: int) -> list[tuple[int, int]]:
         rows[i][j] = value
     found: list[tuple[int, int]] = []
     while rows:
-        work, i, j = _pivot(rows)
+        # The operations that each pivot would bring: that of least work is taken.
+        counts = Counter(j for row in rows.values() for j in row)
+        candidates: list[tuple[int, float, int, int]] = []
+        for i, row in rows.items():
+            largest = max((abs(value) for value in row.values()), default=0.0)
+            if largest == 0.0:
+                raise TooMuchFill  # a row that vanishes is not independent
+            candidates += (
+                ((len(row) - 1) * (counts[j] - 1), -abs(value) / largest, i, j)
+                for j, value in row.items()
+                if abs(value) >= PIVOT * largest
+            )
+        work, _, i, j = min(candidates)
         fill -= work
         if fill < 0:
             raise TooMuchFill
@@ -98,24 +107,6 @@ def pivots(A: ca.DM, fill: int) -> list[tuple[int, int]]:
             if j in row:
                 _eliminate(row, pivot, j, row.pop(j) / pivot[j], 0.0)
     return found
-
-
-def _pivot(rows: dict[int, dict[int, float]]) -> tuple[int, int, int]:
-    """The operations that the pivot of least work brings, its row and its column."""
-    counts = Counter(j for row in rows.values() for j in row)
-    found: list[tuple[int, float, int, int]] = []
-    for i, row in rows.items():
-        largest = max((abs(value) for value in row.values()), default=0.0)
-        if largest == 0.0:
-            raise TooMuchFill  # a row that vanishes is not independent
-        work = len(row) - 1
-        found += (
-            (work * (counts[j] - 1), -abs(value) / largest, i, j)
-            for j, value in row.items()
-            if abs(value) >= PIVOT * largest
-        )
-    best = min(found)
-    return best[0], best[2], best[3]
 
 
 def _eliminate(row: dict[int, T], pivot: dict[int, T], j: int, factor: T, nothing: T) -> None:

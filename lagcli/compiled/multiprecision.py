@@ -53,12 +53,9 @@ def perturbed_constant(value: float) -> Decimal:
 
 def require_known(program: Program) -> None:
     """Raise `Unknown` where a program holds a function that is not known here."""
+    known = {*functions.OPERATIONS, *BINARY, "input", "output", "const"}
     for name, *_ in program.steps:
-        if (
-            name not in functions.OPERATIONS
-            and name not in BINARY
-            and name not in ("input", "output", "const")
-        ):
+        if name not in known:
             raise Unknown(name)
 
 
@@ -167,13 +164,6 @@ def _real(name: str, a: Decimal, digits: int) -> Decimal:
         return Decimal(mpmath.nstr(value, digits + 2))
 
 
-def _real_angle(y: Decimal, x: Decimal, digits: int) -> Decimal:
-    import mpmath
-
-    with mpmath.workdps(digits + 5):
-        return Decimal(mpmath.nstr(mpmath.atan2(mpmath.mpf(str(y)), mpmath.mpf(str(x))), digits + 2))
-
-
 def _first(a: Number) -> Decimal:
     """The number without its changes."""
     while isinstance(a, Changing):
@@ -194,14 +184,15 @@ def _power(a: Number, b: Number) -> Number:
 
 def _angle(y: Number, x: Number) -> Number:
     if isinstance(y, Decimal) and isinstance(x, Decimal):
-        return _real_angle(y, x, decimal.getcontext().prec)
+        import mpmath  # here, as for `_real`
+
+        digits = decimal.getcontext().prec
+        with mpmath.workdps(digits + 5):
+            angle = mpmath.atan2(mpmath.mpf(str(y)), mpmath.mpf(str(x)))
+            return Decimal(mpmath.nstr(angle, digits + 2))
     tag = max(a.tag for a in (y, x) if isinstance(a, Changing))
     ((y, x), (dy, dx)) = parts((y, x), tag)
     return Changing(tag, _angle(y, x), (x * dy - y * dx) / (x * x + y * y))
-
-
-def _length(a: Number, b: Number) -> Number:
-    return along("sqrt", a * a + b * b)
 
 
 def _where(holds: Callable[[Decimal, Decimal], bool]) -> Callable[[Number, Number], Number]:
@@ -230,7 +221,7 @@ BINARY: dict[str, Callable[[Number, Number], Number]] = {
     "pow": _power,
     "constpow": _power,
     "atan2": _angle,
-    "hypot": _length,
+    "hypot": lambda a, b: along("sqrt", a * a + b * b),
     "fmin": lambda a, b: a if _first(a) <= _first(b) else b,
     "fmax": lambda a, b: a if _first(a) >= _first(b) else b,
     "lt": _where(lambda a, b: a < b),

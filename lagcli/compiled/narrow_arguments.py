@@ -8,7 +8,6 @@ ends of a step, and at one point between, show turns and zeros.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import casadi as ca
@@ -102,7 +101,16 @@ def find(system: System, has_contacts: bool) -> NarrowArguments | None:
     found: dict[int, tuple[ca.SX, _Kind]] = {}
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        for u, kind in _of_operation(op, parts):
+        row, u, kind = operation_graph.FUNCTIONS.get(op), None, _Kind(0.0, 1.0, True)
+        if switches.is_comparing(op):
+            u = switches.comparison(op, parts)
+        elif row is not None and row.arguments == 1 and row.far in ("narrow", "exponential"):
+            u, kind = parts[0], _Kind(1.0, 0.0, True)
+        elif op in (ca.OP_DIV, ca.OP_INV) and parts[-1].op() not in _POWERS:  # of which the base is looked at
+            u, kind = parts[-1], _Kind(0.0, 1.0, False)
+        elif op in _POWERS and parts[1].is_constant():
+            u, kind = parts[0], _Kind(0.0, 1 / max(1.0, abs(float(parts[1]))), False)
+        if u is not None:
             _, known = found.get(u.element_hash(), (u, kind))
             found[u.element_hash()] = u, known.or_smaller(kind)
         return result
@@ -119,41 +127,19 @@ def find(system: System, has_contacts: bool) -> NarrowArguments | None:
         return None
     kinds = [list(found.values())[k][1] for k in chosen]
     absolute, relative, crosses = (np.array(each) for each in zip(*kinds, strict=True))
-    values, waves = _values(system, every[chosen.tolist()]), _waves(absolute, relative)
-    piece = _piece(absolute, relative, crosses.astype(float))
-    return NarrowArguments(absolute, relative, values, piece, waves, _passes(piece, waves, values))
-
-
-def _of_operation(op: int, parts: list[ca.SX]) -> Iterator[tuple[ca.SX, _Kind]]:
-    """The argument of an operation that may be narrow."""
-    row = operation_graph.FUNCTIONS.get(op)
-    if switches.is_comparing(op):
-        u = switches.comparison(op, parts)
-        if u is not None:
-            yield u, _Kind(0.0, 1.0, True)
-    elif row is not None and row.arguments == 1 and row.far in ("narrow", "exponential"):
-        yield parts[0], _Kind(1.0, 0.0, True)
-    elif op in (ca.OP_DIV, ca.OP_INV) and parts[-1].op() not in _POWERS:  # of which the base is looked at
-        yield parts[-1], _Kind(0.0, 1.0, False)
-    elif op in _POWERS and parts[1].is_constant():
-        yield parts[0], _Kind(0.0, 1 / max(1.0, abs(float(parts[1]))), False)
-
-
-def _values(system: System, u: ca.SX) -> ca.Function:
-    s, n = system.symbols, system.symbols.q.numel()
+    u, n = every[chosen.tolist()], s.q.numel()
     y = ca.SX.sym("y", 2 * n + 1)
     slope = ca.jtimes(u, ca.vertcat(s.t, s.q), ca.vertcat(1, s.v))
     outputs = [ca.densify(x) for x in ca.substitute([u, slope], [s.q, s.v], [y[:n], y[n : 2 * n]])]
-    return SizedFunction("narrow_arguments", [s.t, y, system.p], outputs)
-
-
-def _passes(piece: ca.Function, waves: ca.Function, values: ca.Function) -> ca.Function:
-    size, x = values.size1_in(1), PARAMETERS.inner
-    t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", values.size1_in(2))
-    y, k, new, k_new = (ca.SX.sym(name, size) for name in ("y", "k", "new", "k_new"))
+    values = SizedFunction("narrow_arguments", [s.t, y, system.p], outputs)
+    waves, piece = _waves(absolute, relative), _piece(absolute, relative, crosses.astype(float))
+    # The pieces of a step before and after a point within it.
+    x = PARAMETERS.inner
+    t, h, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("p", system.p.numel())
+    y, k, new, k_new = (ca.SX.sym(name, 2 * n + 1) for name in ("y", "k", "new", "k_new"))
     states = (0.0, y), (x, _cubic(y, h * k, new, h * k_new)), (1.0, new)
-    found = [values(t + at * h, state, p) for at, state in states]
-    (u, slope), (inner, inner_slope), (end, end_slope) = [(value, h * rate) for value, rate in found]
+    looked = [values(t + at * h, state, p) for at, state in states]
+    (u, slope), (inner, inner_slope), (end, end_slope) = [(value, h * rate) for value, rate in looked]
     passes = waves(u, slope, inner, end, end_slope, PARAMETERS.units)
     for ends in (
         (u, x * slope, inner, x * inner_slope),
@@ -161,7 +147,8 @@ def _passes(piece: ca.Function, waves: ca.Function, values: ca.Function) -> ca.F
     ):
         vanishes, turns = piece(*ends, PARAMETERS.units)
         passes += vanishes + turns
-    return SizedFunction("passes", [t, h, y, k, new, k_new, p], [ca.sum1(passes)])
+    passing = SizedFunction("passes", [t, h, y, k, new, k_new, p], [ca.sum1(passes)])
+    return NarrowArguments(absolute, relative, values, piece, waves, passing)
 
 
 def _cubic(u: ca.SX, slope: ca.SX, end: ca.SX, end_slope: ca.SX) -> ca.SX:

@@ -24,16 +24,15 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.compiled import parts as shared
 from lagcli.compiled import selection as choice
-from lagcli.compiled.factorization import Expanded
+from lagcli.compiled.factorization import Expanded, Factored
 from lagcli.compiled.selection import Selection
-from lagcli.equations import narrow_functions
+from lagcli.equations import narrow_functions, operation_rules
 from lagcli.equations.system import System
 from lagcli.memory import Memory
 from lagcli.smoothness import named_functions
 from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
-    from lagcli.compiled.factorization import Factored
     from lagcli.compiled.force_switches import ForceSwitches
     from lagcli.compiled.narrow_arguments import NarrowArguments
     from lagcli.equations.level_functions import LevelExpression
@@ -94,13 +93,7 @@ class NumericSystem:
     @cached_property
     def has_narrow_functions(self) -> bool:
         """True if a function of place that moves the system may be narrow, see `narrow_functions`."""
-        return narrow_functions.are_any(self._system.model, self._has_contacts)
-
-    @property
-    def _has_contacts(self) -> bool:
-        """True if a one-sided row is closed."""
-        count = len(self._system.rows.rows)
-        return any(row >= count for row in self.selection.present)
+        return narrow_functions.are_any(self._system.model, bool(self._parts.closed))
 
     @cached_property
     def narrow_arguments(self) -> NarrowArguments | None:
@@ -110,7 +103,7 @@ class NumericSystem:
         # Most models have no such function.
         from lagcli.compiled import narrow_arguments
 
-        return narrow_arguments.find(self._system, self._has_contacts)
+        return narrow_arguments.find(self._system, bool(self._parts.closed))
 
     @cached_property
     def has_linear_momenta(self) -> bool:
@@ -159,11 +152,7 @@ class NumericSystem:
     def _way(self) -> Expanded | Factored:
         parts = self._parts
         largest = max(map(choice.operations, (parts.S, parts.S_enforced) if parts.g.numel() else (parts.S,)))
-        if largest <= EXPANDED_OPERATIONS:
-            return Expanded(parts)
-        from lagcli.compiled.factorization import Factored
-
-        return Factored(parts)
+        return Expanded(parts) if largest <= EXPANDED_OPERATIONS else Factored(parts)
 
     @property
     def rhs(self) -> ca.Function:
@@ -300,7 +289,7 @@ class NumericSystem:
     @cached_property
     def event_values(self) -> ca.Function:
         """event_values(t, y, y', lambda, p) -> `when` of the declared events, (E,)."""
-        inputs = _solved_inputs(self._system, self._parts)
+        inputs = [self._parts.t, self._parts.y, *_solved(self._system), self._parts.p]
         return SizedFunction("event_values", inputs, [ca.densify(self._system.event_values)])
 
     @_of_steps
@@ -328,22 +317,29 @@ class NumericSystem:
     @cached_property
     def sizes(self) -> ca.Function:
         """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
-        return SizedFunction("sizes", self._inputs, [shared.own_sizes(self._parts)])
+        parts = self._parts
+        return SizedFunction("sizes", self._inputs, [shared.sizes(parts, parts.v, parts.h, parts.M).packed])
 
     @cached_property
     def term_sizes(self) -> ca.Function:
         """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
-        return SizedFunction("terms", self._inputs, [shared.term_sizes(self._parts, self._inputs)])
+        parts = self._parts
+        terms = operation_rules.term_sizes(ca.densify(parts.h), self._inputs)
+        return SizedFunction("terms", self._inputs, [shared.sizes(parts, parts.v, terms, parts.M).packed])
 
     @cached_property
     def row_terms(self) -> ca.Function:
         """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
-        return SizedFunction("row_terms", self._inputs, shared.row_terms(self._parts, self._inputs))
+        values = (self._parts.f, self._parts.b)
+        terms = [operation_rules.term_sizes(ca.densify(value), self._inputs) for value in values]
+        return SizedFunction("row_terms", self._inputs, terms)
 
     @cached_property
     def force_roundings(self) -> ca.Function:
         """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
-        return _roundings("force_roundings", self._inputs, self._parts.h, self._parts.gamma)
+        values = (self._parts.h, self._parts.gamma)
+        units = [operation_rules.roundings(ca.densify(value), self._inputs) for value in values]
+        return SizedFunction("force_roundings", self._inputs, units)
 
     @_of_steps
     def state_roundings(self) -> ca.Function:
@@ -354,7 +350,8 @@ class NumericSystem:
     @cached_property
     def energy_terms(self) -> ca.Function:
         """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
-        return _roundings("energy_terms", self._inputs, self._system.dynamics.jacobi)
+        units = operation_rules.roundings(ca.densify(self._system.dynamics.jacobi), self._inputs)
+        return SizedFunction("energy_terms", self._inputs, [units])
 
     @property
     def force(self) -> ca.Function:
@@ -379,20 +376,14 @@ class NumericSystem:
         return y
 
 
-def _roundings(name: str, inputs: list[ca.SX], *values: ca.SX) -> ca.Function:
-    from lagcli.equations import operation_rules
-
-    units = [operation_rules.roundings(ca.densify(value), inputs) for value in values]
-    return SizedFunction(name, inputs, units)
-
-
 def _inputs(function: ca.Function) -> list[ca.MX]:
     return [ca.MX.sym(name, function.size1_in(i)) for i, name in enumerate("typ")]
 
 
-def _solved_inputs(system: System, parts: shared.Parts) -> list[ca.SX]:
+def _solved(system: System) -> list[ca.SX]:
+    """y' and lambda as arguments."""
     rate = ca.vertcat(ca.SX.sym("v", system.symbols.q.numel()), system.a, ca.SX.sym("power"))
-    return [parts.t, parts.y, rate, system.lam, parts.p]
+    return [rate, system.lam]
 
 
 def table(system: System, parts: shared.Parts) -> ca.Function:
@@ -410,6 +401,6 @@ def table(system: System, parts: shared.Parts) -> ca.Function:
         dynamics.jacobi,
         dynamics.rest,
     )
-    inputs = _solved_inputs(system, parts)
+    inputs = [parts.t, parts.y, *_solved(system), parts.p]
     options = {"cse": parts.is_small}
     return SizedFunction("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

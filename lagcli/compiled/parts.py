@@ -174,20 +174,18 @@ class Parts:
         """gamma of the independent rows."""
         return self.of(self.selection.independent, self.gamma, self.acting.gamma)
 
-    @property
-    def _independent_holonomic(self) -> list[int]:
-        return [i for i in self.selection.independent if self._is_holonomic(i)]
-
     @cached_property
     def enforced(self) -> ca.SX:
         """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero."""
-        f = self.of(self._independent_holonomic, self.f, self.acting.g)
+        holonomic = [i for i in self.selection.independent if self._is_holonomic(i)]
+        f = self.of(holonomic, self.f, self.acting.g)
         return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
     def B_enforced(self) -> ca.SX:
         """Their gradients by q."""
-        B = self.of(self._independent_holonomic, self.B_holonomic, self.acting.G)
+        holonomic = [i for i in self.selection.independent if self._is_holonomic(i)]
+        B = self.of(holonomic, self.B_holonomic, self.acting.G)
         return ca.vertcat(B, self.dg) if self.g.numel() else B
 
     @property
@@ -247,8 +245,13 @@ class Parts:
         a period g = above - a less its whole periods.
         """
         c = ca.SX.sym("c", 2 * len(charts))
-        each = ca.vertsplit(c)
-        g = [_level(chart, a, b) for chart, a, b in zip(charts, each[::2], each[1::2], strict=True)]
+        each, g = ca.vertsplit(c), []
+        for chart, a, b in zip(charts, each[::2], each[1::2], strict=True):
+            if chart.period is None:
+                g.append(chart.above * b - chart.below * a)
+            else:
+                turned = chart.above - a
+                g.append(turned - chart.period * ca.floor(turned / chart.period + 0.5))
         levels = ca.densify(ca.vertcat(*g)) if g else ca.SX(0, 1)
         dg = ca.jacobian(levels, self.y[: self.v.numel()])
         return dataclasses.replace(self, p=ca.vertcat(self.p, c), g=levels, dg=dg)
@@ -284,13 +287,6 @@ def build(system: System) -> Parts:
     return Parts(
         t, y, system.p, v, *equations, is_small, nothing, no_rows, contacts, open_, cartesian, nothing
     )
-
-
-def _level(chart: LevelExpression, a: ca.SX, b: ca.SX) -> ca.SX:
-    if chart.period is None:
-        return chart.above * b - chart.below * a
-    turned = chart.above - a
-    return turned - chart.period * ca.floor(turned / chart.period + 0.5)
 
 
 def state_rate(parts: Parts, a: ca.SX, lam: ca.SX) -> ca.SX:
@@ -353,26 +349,6 @@ def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
     return Sizes(units, *largest)
 
 
-def own_sizes(parts: Parts) -> ca.SX:
-    """`Sizes.packed` (n + 3,) of a state."""
-    return ca.densify(sizes(parts, parts.v, parts.h, parts.M).packed)
-
-
-def term_sizes(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
-    """`Sizes.packed` with the terms of h in its place, which may cancel; inputs: t, q, v, p."""
-    from lagcli.equations import operation_rules
-
-    terms = operation_rules.term_sizes(ca.densify(parts.h), inputs)
-    return sizes(parts, parts.v, terms, parts.M).packed
-
-
-def row_terms(parts: Parts, inputs: list[ca.SX]) -> list[ca.SX]:
-    """The sizes of the terms of f (s,) and of b (C,), which may cancel; inputs: t, q, v, p."""
-    from lagcli.equations import operation_rules
-
-    return [operation_rules.term_sizes(ca.densify(value), inputs) for value in (parts.f, parts.b)]
-
-
 def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
     """(2, 3): positions, velocities and accelerations, as `Sizes`, and what the rounding of the rows in which t occurs
     makes of the former two, and it and that of h of the latter, in units of rounding; inputs: t, q, v, p."""
@@ -397,13 +373,30 @@ def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
 
 
 def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
-    """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and `departure`;
-    how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes with a row."""
+    """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and of how far the rows
+    left out have departed; how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes
+    with a row.
+
+    Rows left out depart by the largest B_i v + b_i, as a part of what v, q and t make in it: do they still follow?
+    Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
+    """
     f, B = _position_rows(parts)
-    left = (
-        ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + doubles.TINY) if f.numel() else ca.SX(0)
-    )
-    residual = ca.fmax(left, _departure(parts, v, sizes))
+    residual = ca.SX(0)
+    if f.numel():
+        residual = ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + doubles.TINY)
+    departure = ca.SX(0)
+    rest = [dependency[0] for dependency in parts.selection.dependencies]
+    if rest:
+        B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
+        slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
+        # The rounding of t counts as a part of the errors that q may have, and at rest that of velocities as a part of
+        # those that the forces would make over the size of q.
+        speed = sizes.v + doubles.ROOT * ca.sqrt(sizes.a * sizes.q) + doubles.TINY
+        size = _row_norms(B, sizes.units) * speed + doubles.ROOT * ca.fabs(by_time * parts.t)
+        if slope.nnz():
+            size += _row_norms(slope, sizes.units) * sizes.q
+        departure = ca.mmax(ca.fabs(B @ v + b) / size)
+    residual = ca.fmax(residual, departure)
     return ca.densify(ca.vertcat(residual, rank_margin(parts, smallest_angle)))
 
 
@@ -417,25 +410,6 @@ def rank_margin(parts: Parts, smallest_angle: ca.SX | float) -> ca.SX:
         )
     smallest_diagonal = ca.mmin(diagonal) if parts.selection.independent else 1.0
     return ca.densify(ca.vertcat(smallest_angle, smallest_diagonal))
-
-
-def _departure(parts: Parts, v: ca.SX, sizes: Sizes) -> ca.SX:
-    """Largest B_i v + b_i of the rows left out, as a part of what v, q and t make in it: do they still follow?
-
-    Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
-    """
-    rest = [dependency[0] for dependency in parts.selection.dependencies]
-    if not rest:
-        return ca.SX(0)
-    B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
-    slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
-    # The rounding of t counts as a part of the errors that q may have, and at rest that of velocities as a part of
-    # those that the forces would make over the size of q.
-    speed = sizes.v + doubles.ROOT * ca.sqrt(sizes.a * sizes.q) + doubles.TINY
-    size = _row_norms(B, sizes.units) * speed + doubles.ROOT * ca.fabs(by_time * parts.t)
-    if slope.nnz():
-        size += _row_norms(slope, sizes.units) * sizes.q
-    return ca.mmax(ca.fabs(B @ v + b) / size)
 
 
 def velocity_residual(parts: Parts) -> ca.SX:

@@ -117,14 +117,6 @@ class PathSteps:
         )
         return ahead.reshape(Z.shape), J_z, J_u * h
 
-    def _instructions(self, name: str) -> int:
-        """Operations for one point; those of derivatives are as many as of the field for each of its values."""
-        once: int = self._field.n_instructions()
-        if name == "rate":
-            return once
-        stages = len((ROUGH if name == "turned" else self._scheme)[0])
-        return once * stages * (self._field.size1_out(0) if name == "turned" else 1)
-
     def _function(self, name: str) -> ca.Function:
         """The field, a step of length one, or a rough one with its derivatives.
 
@@ -182,7 +174,11 @@ class PathSteps:
             mapped = function.map(many) if many > 1 else function
             known = mapped, buffer(mapped)
             self._mapped[name, many] = known
-        progress.reckon(many * self._instructions(name) * progress.PARAMETERS.operation)
+        # Operations for one point; those of derivatives are as many as of the field for each of its values.
+        stages = 1 if name == "rate" else len((ROUGH if name == "turned" else self._scheme)[0])
+        operations = self._field.n_instructions() * stages
+        operations *= self._field.size1_out(0) if name == "turned" else 1
+        progress.reckon(many * operations * progress.PARAMETERS.operation)
         mapped, (arrays, run) = known
         # The buffer holds addresses alone: the arrays must live until it has run.
         arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]

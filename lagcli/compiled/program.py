@@ -53,16 +53,10 @@ def written_out(function: ca.Function) -> Program:
     """The operations of an expanded function, whose first output is dense."""
     from lagcli.smoothness import operation_graph  # here, as most commands write nothing out
 
-    steps = []
+    names, steps = operation_graph.names(), []
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)
         value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
-        steps.append(
-            (
-                operation_graph.names()[code],
-                tuple(function.instruction_output(k)),
-                tuple(function.instruction_input(k)),
-                value,
-            )
-        )
+        out, of = function.instruction_output(k), function.instruction_input(k)
+        steps.append((names[code], tuple(out), tuple(of), value))
     return Program(tuple(steps), int(function.sz_w()), int(function.numel_out(0)))

@@ -115,10 +115,7 @@ class RowBlock:
         """The terms of (J Y) . Z and (J Z) . Y, (m, N) each, with J the derivatives of the differential rows."""
         *_, Y, Z = self._arguments
         omega = self.A[len(self.holonomic) :, :]
-        entries, columns = (
-            ca.vec(omega.nz[:]),
-            np.asarray(omega.sparsity().get_col(), dtype=np.int64).tolist(),
-        )
+        entries, columns = ca.vec(omega.nz[:]), omega.sparsity().get_col()
         found = []
         for along, into in ((Y, Z), (Z, Y)):
             change = ca.densify(ca.jtimes(entries, self.x, along)) * into[columns, 0]

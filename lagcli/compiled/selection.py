@@ -37,21 +37,21 @@ def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
         return (lambda right: right), 1.0
     if matrix.sparsity().is_diag():
         inverse = 1 / ca.diag(matrix)
-        return (lambda right: _scaled(inverse, right)), 1.0
+
+        def scaled(right: ca.SX) -> ca.SX:
+            """Each row of a matrix, times its factor."""
+            if right.shape[1] == 1:
+                return inverse * right
+            rows = np.asarray(right.sparsity().row(), dtype=np.int64)
+            if not rows.size:
+                return right
+            each = ca.vec(inverse[rows.tolist()])  # CasADi takes of a single factor a line, not a column
+            return ca.SX(right.sparsity(), each * ca.vec(right.nz[:]))
+
+        return scaled, 1.0
     D, LT, order = ca.ldl(matrix)
     parts = D / ca.diag(matrix)[order]
     return (lambda right: ca.ldl_solve(right, D, LT, order)), ca.mmin(parts)
-
-
-def _scaled(factors: ca.SX, right: ca.SX) -> ca.SX:
-    """Each row of a matrix, times its factor."""
-    if right.shape[1] == 1:
-        return factors * right
-    rows = np.asarray(right.sparsity().row(), dtype=np.int64)
-    if not rows.size:
-        return right
-    each = ca.vec(factors[rows.tolist()])  # CasADi takes of a single factor a line, not a column
-    return ca.SX(right.sparsity(), each * ca.vec(right.nz[:]))
 
 
 def operations(S: ca.SX) -> float:
@@ -199,7 +199,15 @@ def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     """
     k, r = pattern.shape
     among, given = ca.SX.sym("S", k + r, k + r), ca.SX.sym("lam", r)
-    T = ca.vertcat(*(_weights(among, i, k, pattern[i]) for i in range(k)))
+    lines = []
+    for i in range(k):
+        # Row i of T, (1, r): S_iK S_KK^-1 over the independent rows K that row i depends on.
+        support = np.flatnonzero(pattern[i])
+        kept = (support + k).tolist()
+        line = ca.SX(1, r)
+        line[0, support.tolist()] = solver(among[kept, kept])(among[kept, i]).T
+        lines.append(ca.densify(line))
+    T = ca.vertcat(*lines)
     D = ca.diag(among)
     TD = T * ca.repmat(D[k:].T, k, 1)
     rest = solver(ca.diag(D[:k] + doubles.TINY) + TD @ T.T)(TD @ given)
@@ -221,13 +229,3 @@ def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
     columns = G[:, k:]
     weights = ca.solve(columns.T @ columns, G[k:, k:] @ (lengths[k:] * lam), SOLVER)
     return ca.densify((columns @ weights) / lengths)
-
-
-def _weights(S: ca.SX, i: int, k: int, support: npt.NDArray[np.bool_]) -> ca.SX:
-    """Row i of T, (1, r): S_iK S_KK^-1 over the independent rows K that row i depends on."""
-    among = (np.flatnonzero(support) + k).tolist()
-    right = S[among, i]
-    found = solver(S[among, among])(right)
-    row = ca.SX(1, support.size)
-    row[0, (np.array(among) - k).tolist()] = found.T
-    return ca.densify(row)
