@@ -10,8 +10,8 @@ import itertools
 from collections.abc import Callable, Collection
 from typing import Generic, Protocol, Self, TypeAlias, TypeVar
 
-from lagcli.errors import diagnostics
-from lagcli.expression import functions, hints, messages, tree
+from lagcli.errors import diagnostics, meant
+from lagcli.expression import functions, hints, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
@@ -236,7 +236,7 @@ class _Walk(Generic[S]):
             wanted = f"{least}" if least == most else f"{least} or {most}"
             counted = {0: "none was", 1: "1 was"}.get(given, f"{given} were")
             message = f"`{node.function}` takes {wanted} {plural}, but {counted} given"
-            hint = hints.ARGUMENTS.get(node.function, "")
+            hint = meant.words("arguments of functions").get(node.function, "")
             raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
 
     def _vector_function(self, node: tree.Node, name: str, vectors: list[Triple[S]]) -> Value[S]:
@@ -264,7 +264,7 @@ class _Walk(Generic[S]):
 def unknown_function(node: tree.Call) -> ExpressionError:
     """The error for a function the format does not have."""
     end = node.start + len(node.function)
-    hint = messages.UNKNOWN_FUNCTIONS.get(node.function) or diagnostics.nearest(node.function, FUNCTION_NAMES)
+    hint = hints.unknown_function(node.function) or diagnostics.nearest(node.function, FUNCTION_NAMES)
     message = f"there is no function `{node.function}`"
     return ExpressionError("unknown-function", message, node.start, end, hint)
 

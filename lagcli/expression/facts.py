@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.expression import evaluate, functions, messages, tokens, tree
+from lagcli.expression import evaluate, functions, hints, tokens, tree
 from lagcli.expression.tree import ExpressionError
 
 Flag = Literal["position", "cartesian", "velocity", "time", "differential", "mass", "acceleration", "result"]
@@ -122,7 +122,7 @@ class FactsAlgebra:
         for flag, (code, words) in FLAG_ERRORS.items():
             if flag in fact.reads and flag not in self._allowed:
                 message = f"{self._subject} {words}"
-                hint = messages.way_out(flag, self._subject, _written(node))
+                hint = hints.way_out(flag, self._subject, _written(node))
                 raise ExpressionError(code, message, node.start, node.end, hint)
         self._checked(node, fact)
 
@@ -131,7 +131,7 @@ class FactsAlgebra:
         if not self._linear or fact.high <= 1:
             return fact
         term = self._text[node.start : node.end]
-        message, hint = messages.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
+        message, hint = hints.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
     def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:

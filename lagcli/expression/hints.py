@@ -1,6 +1,7 @@
-"""Hints for notations of other programs, of paper, and for numbers with units.
+"""Hints for notations of other programs, of paper, for numbers with units, and for what an expression may not hold.
 
-Each function returns a sentence, or an empty text where nothing is known.
+Each function returns a sentence, or an empty text where nothing is known; most words with their sentences stand in
+`errors/meant.toml`.
 """
 
 from __future__ import annotations
@@ -8,7 +9,9 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Collection, Container
+
+from lagcli.errors import meant
 
 _DEGREES = frozenset(("deg", "degs", "degree", "degrees", "Deg", "DEG", "grad", "°"))
 _RADIANS = frozenset(("rad", "rads", "radian", "radians", "Rad", "RAD"))
@@ -22,50 +25,29 @@ _CERTAIN_UNITS = frozenset("kg mm cm km mg ms rpm rps kN mN Nm kJ kW kPa MPa Hz 
 NO_UNITS = "numbers carry no unit: convert them to one system; labels go under `units`"
 _IN_RADIANS = "angles are in radians: leave the unit out"
 ONE_SIDED = "one-sided constraints, with `>=` or `<=`, have an entry under `inequality`"
-_NO_CHOICE = (
-    "a formula has no conditions: use `sign`, `min`, `max`, `abs`; (1 + sign(t - t0))/2 is 0 before t0"
-)
 _QUOTED_UNIT = re.compile(r"(?:[0-9]|[0-9]\.)\s*([A-Za-z]+)(?:\s*[*/·⋅ ]\s*[A-Za-z]+)*\s*$")
 _LAST_NAME = re.compile(r"([^\W\d]\w*)\.?([xyz]?)$")
 _LAST_NUMBER = re.compile(r"([0-9.]+)\s*$")
+NO_ACCELERATION = (
+    "accelerations are results: under `outputs` or `events`, and only there, write `a.ax` or `a.a` for a particle,"
+    " `rate(theta, 2)` for a coordinate; a law in accelerations is integrated to one in velocities, under"
+    " `differential`, or replaced by a force"
+)
+_ACCELERATIONS = ("acc", "accel", "acceleration")
+_OTHER_MEMBER = (
+    "a particle has `.x .y .z`, `.vx .vy .vz` and the vector `.v`; under `outputs` and `events` also"
+    " `.ax .ay .az`, `.a`"
+)
+AT_A_TIME = "a name is its value at the time `t`: write it alone, without parentheses, or `*` for a product"
 
-_CHARACTERS = {
-    "^": "write `**` for a power",
-    "×": "write `*`, or `cross(u, w)` for vectors",
-    **dict.fromkeys("·⋅∙•", "write `*`, or `dot(u, w)` for vectors"),
-    "−": "this is a Unicode minus; write `-`",
-    **dict.fromkeys("–—‐‑‒―－", "this is a dash; write `-`"),
-    **dict.fromkeys("÷∕⁄", "write `/`"),
-    "²": "write `**2`",
-    "³": "write `**3`",
-    **dict.fromkeys("₀₁₂₃₄₅₆₇₈₉", "names have no subscripts: `x1`; a member of a family is `x[1]`"),
-    "√": "write `sqrt(...)`",
-    "½": "write `1/2`",
-    "¼": "write `1/4`",
-    "∂": "write `d(x)` for a differential, `rate(x)` for a time derivative",
-    "∫": "there are no integrals in a formula: differentiate the law, or add a coordinate for the integral",
-    "∞": "every number of a model is finite",
-    "&": "conditions are joined with `and`, and are used in `if:` of a family only",
-    "|": "write `abs(x)` for |x|, `norm(u)` for |u|",
-    **dict.fromkeys("{}", "only round brackets group; `[x, y, z]` is a vector"),
-    "≥": "write `>=`",
-    "≤": "write `<=`",
-    "≠": "write `!=`",
-    "!": "write `!=`, or `not`",
-    ":": "a range is written `1..N`",
-    "…": "write two dots: `1..N`",
-    ";": "an entry has one formula and no `;` at its end; the components of a vector have commas between them",
-    "%": "there is no remainder of a division; `sin` and `cos` take angles of any size",
-    "?": _NO_CHOICE,
-    "\\": "names are written without a backslash: `theta`",
-    "$": "names are written without `$`",
-    "#": "a comment needs a space before the `#`",
-    '"': "a formula has no quoted texts inside",
-    **dict.fromkeys("“”„‘’", "a formula has no quotes inside"),
-    **dict.fromkeys("\u200b\u200c\u200d\u2060\ufeff", "this is an invisible character: delete it"),
-    **dict.fromkeys("，、", "this is a comma of another script; write `,`"),
-    **dict.fromkeys("（）", "this is a bracket of another script; write `(` and `)`"),
-}
+_ORDERS = {2: "quadratic", 3: "cubic"}
+_LONGEST_TERM = 60  # letters of a term that a message quotes
+
+_NONLINEAR = (
+    "write a law that is linear, without terms that cancel. A fixed speed, `rate(x)**2 + rate(y)**2 = c`, is no"
+    " ideal constraint: d'Alembert's principle gives no reaction for it, and Chetaev's rule is not computed. Hold it"
+    " by a force; if a constant length is behind it, state that under `holonomic`"
+)
 
 
 def character(text: str, at: int) -> str:
@@ -91,7 +73,7 @@ def character(text: str, at: int) -> str:
         return "write `=`"
     if sign in "µμ" or unicodedata.combining(sign):
         return "a time derivative is written `rate(x)`"
-    return _CHARACTERS.get(sign, "")
+    return meant.words("characters of formulas").get(sign, "")
 
 
 @functools.cache
@@ -156,7 +138,7 @@ def relation(sign: str, in_equation: bool) -> str:
         return "write `=`" if in_equation else "a formula has one value and no `==`"
     if sign == "!=":
         return "an equation has one `=`"
-    return ONE_SIDED if in_equation else _NO_CHOICE
+    return ONE_SIDED if in_equation else meant.words("characters of formulas")["?"]
 
 
 def condition(sign: str, is_second: bool, after: str) -> tuple[str, str]:
@@ -188,93 +170,6 @@ def crossing(sign: str) -> str:
     return f"write left - right, such as `a.z - 1`{more}"
 
 
-NAMES = {
-    **dict.fromkeys(_DEGREES - {"deg", "°"}, "angles are in radians, and `deg` is pi/180: `30*deg`"),
-    **dict.fromkeys(_RADIANS, _IN_RADIANS),
-    **dict.fromkeys(_CERTAIN_UNITS, NO_UNITS),
-    **dict.fromkeys(("e", "E", "ℯ"), "the exponential function is `exp(x)`"),
-    **dict.fromkeys(("PI", "Pi", "π", "M_PI"), "write `pi`"),
-    **dict.fromkeys(("time", "Time"), "time is `t`"),
-    **dict.fromkeys(
-        ("KE", "Ekin", "E_kin", "kinetic_energy"), "write `kinetic`, under `outputs` or `events` only"
-    ),
-    **dict.fromkeys(
-        ("PE", "Epot", "E_pot", "potential_energy"), "write `potential`, under `outputs` or `events` only"
-    ),
-    "T": "time is `t`; the kinetic energy is `kinetic`, under `outputs` or `events` only",
-    "V": "the potential energy is `potential`, under `outputs` or `events` only",
-    **dict.fromkeys(
-        ("math", "Math", "np", "numpy", "sp", "sympy", "ca", "casadi", "torch"),
-        "functions and constants are written without a prefix: `sin(x)`, `pi`",
-    ),
-    **dict.fromkeys(("true", "false", "True", "False"), "a formula has numbers only"),
-}
-
-_NORM = "the length of a vector is `norm(u)`"
-_ROUNDING = "there is no rounding of numbers in a formula"
-DEGREE_FUNCTION = "angles are in radians, and `deg` is pi/180: `30*deg`, `sin(x*deg)`, `angle/deg`"
-FUNCTIONS = {
-    **dict.fromkeys(("mag", "magnitude", "length", "len", "modulus", "vecnorm", "norm2", "hypot3"), _NORM),
-    **dict.fromkeys(("ln", "Ln", "LN"), "the natural logarithm is `log(x)`"),
-    **dict.fromkeys(("log10", "lg"), "write `log(x)/log(10)`"),
-    "log2": "write `log(x)/log(2)`",
-    **dict.fromkeys(("sqr", "square"), "a square is `x**2`, a square root `sqrt(x)`"),
-    **dict.fromkeys(("pow", "power"), "a power is `x**y`"),
-    "root": "a root is `x**(1/n)`",
-    "cbrt": "a cube root is `sign(x)*abs(x)**(1/3)`",
-    "hypot": "write `sqrt(x**2 + y**2)`, or `norm([x, y, z])`",
-    "arctan2": "write `atan2(x)`",
-    "sec": "write `1/cos(x)`",
-    **dict.fromkeys(("csc", "cosec"), "write `1/sin(x)`"),
-    **dict.fromkeys(("cot", "cotan", "ctg"), "write `1/tan(x)`"),
-    **dict.fromkeys(("asinh", "arsinh", "arcsinh"), "write `log(x + sqrt(x**2 + 1))`"),
-    **dict.fromkeys(("acosh", "arcosh", "arccosh"), "write `log(x + sqrt(x**2 - 1))`"),
-    **dict.fromkeys(("atanh", "artanh", "arctanh"), "write `log((1 + x)/(1 - x))/2`"),
-    **dict.fromkeys(("sgn", "signum"), "write `sign(x)`"),
-    **dict.fromkeys(("fabs", "Abs"), "write `abs(x)`"),
-    **dict.fromkeys(("heaviside", "Heaviside", "step", "stepfun", "unitstep"), "write `(1 + sign(x))/2`"),
-    **dict.fromkeys(("floor", "ceil", "round", "trunc", "int"), _ROUNDING),
-    **dict.fromkeys(("mod", "fmod", "rem"), _CHARACTERS["%"]),
-    **dict.fromkeys(("if", "ite", "iif", "where", "ifelse", "Piecewise", "piecewise", "cond"), _NO_CHOICE),
-    **dict.fromkeys(("clip", "clamp", "saturate", "sat"), "write `min(max(x, low), high)`"),
-    **dict.fromkeys(("deg", "degree", "degrees", "radians", "deg2rad", "rad", "rad2deg"), DEGREE_FUNCTION),
-    **dict.fromkeys(("vec", "vector", "Vector", "array", "tuple", "list"), "a vector is written `[x, y, z]`"),
-    **dict.fromkeys(("inner", "scalar_product", "vdot"), "the scalar product is `dot(u, w)`"),
-    **dict.fromkeys(("dist", "d2"), "write `distance(u, w)`"),
-    **dict.fromkeys(("pos", "position", "r"), "the name of a particle alone is its position vector"),
-    **dict.fromkeys(("vel", "v"), "the velocity of a particle `a` is `a.v`, of a coordinate `rate(theta)`"),
-    **dict.fromkeys(
-        ("lambda", "lam", "lagrange", "mult", "λ"),
-        "write `multiplier(NAME)`, under `outputs` or `events` only",
-    ),
-    **dict.fromkeys(("R", "reac", "reactions"), "write `reaction(NAME)`, under `outputs` or `events` only"),
-    **dict.fromkeys(("sum", "prod", "mean"), "there is no sum over members: write out its terms"),
-    **dict.fromkeys(
-        ("kinetic", "potential"), "write it without parentheses, under `outputs` or `events` only"
-    ),
-    **dict.fromkeys(("integral", "integrate", "int_"), _CHARACTERS["∫"]),
-    **dict.fromkeys(
-        ("grad", "gradient", "jacobian"), "gradients are taken by the program: write the function"
-    ),
-    **dict.fromkeys(("dt", "d_dt"), "a time derivative is written `rate(x)`"),
-}
-
-# Of functions that are there, called with another number of arguments.
-ARGUMENTS = {
-    "dot": "`dot(u, w)` is the scalar product of two vectors; a time derivative is written `rate(theta)`",
-    "cross": "`cross(u, w)` is the vector product of two vectors",
-    "norm": "`norm(u)` is the length of one vector; between two points write `distance(u, w)`",
-    "distance": "`distance(u, w)` is taken between two points; the length of one vector is `norm(u)`",
-    "atan": "the angle of a point is `atan2(y, x)`",
-    "atan2": "the angle of a point is `atan2(y, x)`",
-    "log": "a logarithm to another base is `log(x)/log(base)`",
-    "rate": "`rate(theta)` is the rate of a coordinate, `rate(theta, 2)` its acceleration",
-    "reaction": "`reaction(a)` is the constraint force on a particle, `reaction(a, rod)` the part of one constraint",
-    "multiplier": "`multiplier(rod)` is the multiplier of one constraint",
-    "d": "a differential has one argument: `d(x)`",
-}
-
-
 def vector(count: int) -> str:
     """For a vector of another number of components than three."""
     if count == 2:
@@ -284,21 +179,10 @@ def vector(count: int) -> str:
     return "commas separate the components: `[1, 0, 0]`" if count == 1 else ""
 
 
-_VELOCITY = (
-    "the velocity of a coordinate is `rate({0})`, its acceleration `rate({0}, 2)` under `outputs` or `events`"
-)
-_VALUE = "the name alone is the value: `{0}`"
-_OF_COORDINATE = {
-    **dict.fromkeys(
-        ("rate", "dot", "v", "vel", "velocity", "speed", "vx", "d", "ddot", "a", "acc"), _VELOCITY
-    ),
-    **dict.fromkeys(("value", "q", "pos", "position", "x", "val"), _VALUE),
-}
-
-
 def coordinate_member(name: str, member: str) -> str:
     """For `theta.dot` and its like."""
-    return _OF_COORDINATE.get(member, "a coordinate is a number and has no components").format(name)
+    known = meant.words("members of coordinates")
+    return known.get(member, "a coordinate is a number and has no components").format(name)
 
 
 _PARTS = "(v?[xyz]|a[xyz]|v|r|a)"
@@ -345,3 +229,105 @@ def dotted(name: str) -> str:
     parts = unicodedata.normalize("NFD", name)
     plain = "".join(c for c in parts if c not in "\u0307\u0308")
     return plain if plain != parts else ""
+
+
+def undeclared(name: str) -> str:
+    """For a name that nothing declares: what it may be meant as."""
+    if name in _CERTAIN_UNITS:
+        return NO_UNITS
+    if name in _RADIANS:
+        return _IN_RADIANS
+    if name in _DEGREES - {"deg", "°"}:
+        return "angles are in radians, and `deg` is pi/180: `30*deg`"
+    return meant.words("names of formulas").get(name, "")
+
+
+def unknown_function(name: str) -> str:
+    """For a function that the format does not have."""
+    from lagcli.expression import functions  # here, as what loads no numbers reads formulas too
+
+    known = meant.words("functions of formulas")
+    if name in known:
+        return known[name]
+    if name in (*_ACCELERATIONS, "ddot"):
+        return NO_ACCELERATION
+    for row in functions.ROWS:
+        if name == row.written:
+            return f"write `{row.name}(x)`"
+        if name == f"{row.name}d" and row.angle and row.arguments == 1:
+            return known["degrees"]
+    return ""
+
+
+def particle_member(member: str) -> str:
+    """For what follows the dot of a particle."""
+    if member in _ACCELERATIONS:
+        return NO_ACCELERATION
+    return meant.words("members of particles").get(member, _OTHER_MEMBER)
+
+
+def nonlinear(term: str, degree: int, kinds: frozenset[str], quotient: bool) -> tuple[str, str]:
+    """Message and hint for a term that is not linear in differentials or velocities.
+
+    `kinds`: what it reads, "differential" and "velocity" among it; `quotient`: whether it divides by them.
+    """
+    mixed = kinds >= {"differential", "velocity"}
+    what = "differentials" if "differential" in kinds else "velocities"
+    order = "not linear" if term.startswith(("norm(", "distance(")) else _ORDERS.get(degree, "not linear")
+    words = "mixes differentials and velocities" if mixed else f"is {order} in the {what}"
+    shown = term if len(term) <= _LONGEST_TERM else term[: _LONGEST_TERM - 3] + "..."
+    message = (
+        f"{f'`{shown}`' if shown else 'a term'} {words}; a differential constraint must be linear in them, term by"
+        " term, with coefficients of positions, coordinates and time only"
+    )
+    if quotient:
+        hint = "multiply the law by the denominator, so that each term holds one velocity or differential"
+        per_time = "; a differential divided by `dt` is written `rate(x)`, `a.vx`"
+        return message, hint + (per_time if "differential" in kinds else "")
+    return message, "differentials and rates do not mix in one equation" if mixed else _NONLINEAR
+
+
+def derivative_of(name: str, coordinates: Container[str]) -> str:
+    """The text to write for an undeclared `xdot`, `x_dot`, `dx`, `ẋ` where x is a coordinate, or an empty text."""
+    plain = dotted(name)
+    if plain:
+        known = f"write `rate({plain})`" if plain in coordinates else ""
+        return known or meant.words("functions of formulas")["derivative"]
+    above = name.removesuffix("dt").removesuffix("_")[1:]
+    if name[:1] == "d" and above in coordinates and name.endswith("dt"):
+        return f"write `rate({above})`"
+    stem = name.removesuffix("dot")
+    if stem == name:
+        prefixed = name[:1] == "d" and name[1:] in coordinates
+        return f"write `rate({name[1:]})`, or `d({name[1:]})` for a differential" if prefixed else ""
+    for candidate in (stem, stem.removesuffix("_")):
+        if candidate in coordinates:
+            return f"write `rate({candidate})`"
+        if candidate.endswith("d") and candidate[:-1].removesuffix("_") in coordinates:
+            return NO_ACCELERATION
+    return ""
+
+
+def way_out(flag: str, subject: str, written: str) -> str:
+    """The advice where an expression may not read `flag`, or an empty text; `written`: the name or call.
+
+    A subject is how the error calls the expression, with its article: "a potential", "the force on a particle".
+    """
+    if flag != "result":
+        if flag == "velocity" and subject.startswith("a differential `d("):
+            return NO_ACCELERATION
+        ways = meant.words(f"ways out of {flag}").items()
+        found = next((hint for start, hint in ways if subject.startswith(start)), "")
+        return NO_ACCELERATION if flag == "acceleration" and not found else found
+    # A result of the motion stands in what determines it.
+    if written in ("kinetic", "potential"):
+        return "energies follow from the motion and are recorded under `outputs`; write the formula out here"
+    record = f"record `{written}` under `outputs`"
+    if "force" in subject or "definition" in subject:
+        return (
+            "a force that depends on a constraint force, such as friction mu*N, does virtual work (D.11) and is not"
+            " supported. Where N is known beforehand write its formula: m*g on a level floor, m*g*cos(alpha) on a"
+            " slope, with `tanh(v/1e-3)` for its direction: with `sign(v)` a run stops where the body comes to rest."
+            f" Else only friction of given size, such as -c*v, can be declared; {record}"
+        )
+    return f"constraint forces follow from the laws and the forces, and may not enter them; {record}"

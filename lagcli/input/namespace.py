@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Literal
 
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, hints, integers, messages, tokens, tree
+from lagcli.expression import evaluate, hints, integers, tokens, tree
 from lagcli.expression.facts import Either, Facts, Value
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
@@ -200,14 +200,14 @@ class Namespace:
         """The error for a name that nothing declares, where those of a kind and further ones may stand, or all."""
         if name in evaluate.FUNCTION_NAMES:
             hint = f"`{name}` is a function: write `{name}(...)`"
-        elif name in messages.UNDECLARED:
-            hint = messages.UNDECLARED[name]
+        elif undeclared := hints.undeclared(name):
+            hint = undeclared
         elif name == "g":
             hint = "declare it under `parameters`, for example `g: 9.81`"
         else:
             if name not in self._hints:
                 known = self.of(kind) if kind else [*self._keys, *RESERVED]
-                derivative = messages.derivative_of(name, self.of("coordinate"))
+                derivative = hints.derivative_of(name, self.of("coordinate"))
                 folded = {coordinate.casefold() for coordinate in self.of("coordinate")}
                 if not derivative and name.casefold() not in folded:
                     derivative = hints.part_of(name, set(self.of("particle")), self.laws)

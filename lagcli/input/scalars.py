@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, facts, hints, messages, parser, tree
+from lagcli.expression import evaluate, facts, hints, parser, tree
 from lagcli.expression.facts import Either, Facts, FactsAlgebra, Flag, Lookup
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
@@ -90,7 +90,7 @@ class Formulas:
             if error.code == "unknown-function" and (
                 self.scope.names.kind(origin.value[error.start : error.end]) is not None
             ):
-                hint = messages.AT_A_TIME
+                hint = hints.AT_A_TIME
             message = error.message + self.where(error.member)
             self.found.add(diagnostics.Diagnostic(error.code, message, location, hint))
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from lagcli.errors import diagnostics
-from lagcli.expression import evaluate, facts, hints, messages, tree
+from lagcli.expression import evaluate, facts, hints, tree
 from lagcli.expression.facts import Either, Facts, Lookup
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
@@ -262,12 +262,12 @@ class Scope:
                 if getattr(argument, "member", "") in evaluate.COMPONENTS:
                     return found
                 message = "rates of velocities are accelerations"
-                raise ExpressionError("bad-rate", message, node.start, node.end, messages.NO_ACCELERATION)
+                raise ExpressionError("bad-rate", message, node.start, node.end, hints.NO_ACCELERATION)
         if isinstance(argument, (tree.Name, tree.Index)):
             self._known_argument(argument, "coordinate", "rate(...)")
         if isinstance(argument, tree.Call) and argument.function == "rate":
             message = "rates of rates are accelerations"
-            raise ExpressionError("bad-rate", message, node.start, node.end, messages.NO_ACCELERATION)
+            raise ExpressionError("bad-rate", message, node.start, node.end, hints.NO_ACCELERATION)
         hint = "in a differential constraint, `d(...)` takes any expression"
         message = "`rate(...)` takes the name of a generalized coordinate"
         raise ExpressionError("bad-rate", message, argument.start, argument.end, hint)
@@ -301,7 +301,7 @@ def _particle_member(node: tree.Member | tree.Index, position: Either, member: s
         found = _MOTIONS[member]
         return (found,) * 3 if len(member) == 1 else found
     if member not in evaluate.COMPONENTS:
-        hint = messages.PARTICLE_MEMBERS.get(member, messages.OTHER_MEMBER)
+        hint = hints.particle_member(member)
         message = f"a particle has no `.{member}`"
         raise ExpressionError("unknown-component", message, node.start, node.end, hint)
     return evaluate.component(node, position, member, node.owner)
