@@ -70,7 +70,6 @@ class YamlNode:
 
     @property
     def location(self) -> diagnostics.Location:
-        """The location of the node."""
         return self.text.locate(self.start, self.end)
 
 
@@ -145,7 +144,6 @@ class Mapping(YamlNode):
     entries: tuple[tuple[Scalar, Scalar | Sequence | Mapping], ...]
 
     def get(self, key: str) -> AnyNode | None:
-        """The value under `key`, or None."""
         return next((value for name, value in self.entries if name.value == key), None)
 
     def key(self, key: str) -> Scalar | None:

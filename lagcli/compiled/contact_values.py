@@ -129,10 +129,10 @@ def floors(parts: Parts) -> ca.Function:
     n = parts.v.numel()
     t_low, t_high = ca.SX.sym("t_low"), ca.SX.sym("t_high")
     low, high, p = ca.SX.sym("q_low", n), ca.SX.sym("q_high", n), ca.SX.sym("p", parts.p.numel())
-    below, above = (_scalars(ca.vertcat(*each)) for each in ((t_low, low, p), (t_high, high, p)))
+    below, above = (ca.vertsplit(ca.vertcat(*each)) for each in ((t_low, low, p), (t_high, high, p)))
     given: list[Ends] = list(zip(below, above, strict=True))
 
-    own = _scalars(ca.vertcat(parts.t, parts.y[:n], parts.p))
+    own = ca.vertsplit(ca.vertcat(parts.t, parts.y[:n], parts.p))
     graph, names = _GraphIntervals(), operation_graph.names()
 
     def leaf(number: int | None, constant: float) -> Ends:
@@ -143,10 +143,6 @@ def floors(parts: Parts) -> ca.Function:
 
     found = (low for low, _ in operation_graph.folded(parts.contacts.g, own, leaf, look))
     return SizedFunction("floors", [t_low, t_high, low, high, p], [ca.vertcat(ca.SX(0, 1), *found)])
-
-
-def _scalars(column: ca.SX) -> list[ca.SX]:
-    return ca.vertsplit(column) if column.numel() else []
 
 
 class _GraphIntervals(Intervals):

@@ -28,7 +28,6 @@ class Expanded:
 
     @cached_property
     def rhs(self) -> ca.Function:
-        """rhs(t, y, p) -> y'."""
         a, lam = _acceleration(self._parts, self._parts.inertia, self._schur)
         return SizedFunction("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
 
@@ -89,7 +88,6 @@ class Expanded:
 
     @cached_property
     def response(self) -> ca.Function:
-        """See `NumericSystem.response`."""
         parts = self._parts
         f = ca.SX.sym("f", parts.v.numel())
         free = parts.inertia(f)
@@ -134,14 +132,12 @@ class Factored:
 
     @cached_property
     def rhs(self) -> ca.Function:
-        """rhs(t, y, p) -> y'."""
         inputs = self._inputs()
         rate, _ = self._acceleration(*inputs)
         return SizedFunction("rhs", inputs, [rate])
 
     @cached_property
     def position(self) -> ca.Function:
-        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T."""
         parts = self._parts
         y, n = parts.y, parts.v.numel()
         if parts.enforced.numel() == 0:
@@ -174,7 +170,6 @@ class Factored:
 
     @cached_property
     def projected(self) -> ca.Function:
-        """projected(t, y, p) -> the results of `project` but the first, all that a row of the table needs."""
         inputs, results, _ = self._projected()
         return SizedFunction("projected", inputs, results)
 
@@ -194,7 +189,6 @@ class Factored:
 
     @cached_property
     def response(self) -> ca.Function:
-        """See `NumericSystem.response`."""
         parts = self._parts
         f = ca.SX.sym("f", parts.v.numel())
         lam = ca.SX.sym("lam", len(parts.selection.independent))

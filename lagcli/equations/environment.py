@@ -163,7 +163,6 @@ class Environment:
         return SymbolicAlgebra(found.atom, found.special, self._fixed)
 
     def scalar(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> ca.SX:
-        """SX of a scalar expression."""
         return evaluate.scalar(expression.tree, algebra or self._plain)
 
     def either(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> list[ca.SX]:
@@ -172,7 +171,6 @@ class Environment:
         return list(value) if isinstance(value, tuple) else [value]
 
     def vector(self, vector: nouns.VectorExpression, algebra: SymbolicAlgebra | None = None) -> Triple:
-        """SX of the three components."""
         used = algebra or self._plain
         if len(vector.parts) == 1:
             return evaluate.vector(vector.parts[0].tree, used)
@@ -195,7 +193,6 @@ class Environment:
         return ca.vertcat(*values) if values else ca.SX(0, 1)
 
     def constant(self, name: str) -> Value | None:
-        """t, dt, a constant or a parameter; None for another name."""
         return self._constants.get(name)
 
     def position(self, numbers: Integers) -> Triple:
@@ -226,11 +223,9 @@ class Environment:
         return taken(self.symbols.v if rates else self.symbols.q, self.first_generalized + numbers)
 
     def variable(self, name: str, values: Integers) -> ca.SX:
-        """The values of an index variable, (K, 1)."""
         return ca.SX(ca.DM(values.astype(float)))
 
     def definition(self, name: str) -> Value:
-        """The value of a definition."""
         if name not in self._values:
             self._values[name] = evaluate.value(self.names.definitions[name], self._plain)
         return self._values[name]

@@ -130,7 +130,6 @@ class MemberLeaves:
         return np.array(rows, dtype=np.int64).reshape(-1, count)
 
     def constant(self, name: str) -> Value | None:
-        """t, dt, a constant or a parameter; None for another name."""
         return self._environment.constant(name)
 
     def position(self, numbers: Integers) -> Triple:

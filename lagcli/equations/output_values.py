@@ -189,7 +189,6 @@ class OutputValues:
         self._outputs = Columns(len(self._member_index))
 
     def store(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:
-        """An output that later outputs may use."""
         values = tuple(environment.column(part, count) for part in parts)
         self._outputs.fill(np.arange(count) + self._member_index.first(entry), values)
 

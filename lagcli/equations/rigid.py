@@ -51,11 +51,6 @@ class Geometry:
         return self.base, self.further, bool(self.gamma.size)
 
     @property
-    def row_constants(self) -> int:
-        """Number of constants in the rows."""
-        return len(self.numbers)
-
-    @property
     def numbers(self) -> tuple[float, ...]:
         """The constants of the rows: distances, alpha row by row, gamma."""
         return (*self.distances, *self.alpha.ravel().tolist(), *self.gamma.tolist())

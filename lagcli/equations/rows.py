@@ -148,7 +148,6 @@ class _RowGroup:
         self._parts: list[family_rows.FamilyBlock | list[ca.SX]] = []
 
     def add(self, law: nouns.Law) -> None:
-        """The rows of a law."""
         if not law.members.count:
             return
         block = family_rows.block(law, self._environment)

@@ -112,7 +112,7 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     env = Environment(model, s, fixed)
     bodies = geometries(model, s, env)
     constants = [
-        ca.SX.sym(f"body {body.name}", g.row_constants) for body, g in zip(model.rigid, bodies, strict=True)
+        ca.SX.sym(f"body {body.name}", len(g.numbers)) for body, g in zip(model.rigid, bodies, strict=True)
     ]
     equalities = rows.equalities(
         model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)]

@@ -73,10 +73,6 @@ def _is_less(a: ivmpf, b: ivmpf) -> bool:
     return bool(a.b < b.a)
 
 
-def _comparison(of: MPIntervalContext, a: ivmpf, b: ivmpf) -> ivmpf:
-    return of.mpf(int(_is_less(a, b)))
-
-
 def _power(of: MPIntervalContext, a: ivmpf, b: ivmpf) -> ivmpf:
     if b.a == b.b and float(b.a) == round(float(b.a)):
         exponent = int(float(b.a))
@@ -113,8 +109,7 @@ _RULES: dict[str, Callable[..., ivmpf]] = {
     "atan2": lambda of, y, x: of.atan2(y, x),
     "fabs": lambda of, a: abs(a),
     "sign": _sign,
-    "lt": _comparison,
-    "le": _comparison,
+    **dict.fromkeys(("lt", "le"), lambda of, a, b: of.mpf(int(_is_less(a, b)))),
     "fmin": lambda of, a, b: a if _is_less(a, b) else b,
     "fmax": lambda of, a, b: b if _is_less(a, b) else a,
     "if_else_zero": lambda of, condition, value: condition * value,

@@ -80,7 +80,7 @@ class FactsAlgebra:
         linear: bool = False,
         text: str = "",
     ) -> None:
-        self._lookup = lookup
+        self.lookup = lookup
         self._allowed = allowed
         self._subject = subject
         self._linear = linear
@@ -97,14 +97,14 @@ class FactsAlgebra:
         return known
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> Either:
-        return self._leaf(node, self._lookup(node))
+        return self._leaf(node, self.lookup(node))
 
     def special(self, node: tree.Call) -> Either:
         if node.function != "d":
-            return self._leaf(node, self._lookup(node))
+            return self._leaf(node, self.lookup(node))
         if "differential" not in self._allowed:
             self._refuse(node, _differential_of(Facts()))
-        inner = FactsAlgebra(self._lookup, POSITION, "a differential `d(...)` is of positions and time; it")
+        inner = FactsAlgebra(self.lookup, POSITION, "a differential `d(...)` is of positions and time; it")
         value = evaluate.value(node.arguments[0], inner)
         if isinstance(value, tuple):
             x, y, z = map(_differential_of, value)

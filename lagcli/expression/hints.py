@@ -224,13 +224,6 @@ def second_dot(owner: str, member: str, further: str) -> str:
     return ""
 
 
-def dotted(name: str) -> str:
-    """The letters of a name with dots over them, `ẋ`, without the dots; an empty text where there are none."""
-    parts = unicodedata.normalize("NFD", name)
-    plain = "".join(c for c in parts if c not in "\u0307\u0308")
-    return plain if plain != parts else ""
-
-
 def undeclared(name: str) -> str:
     """For a name that nothing declares: what it may be meant as."""
     if name in _CERTAIN_UNITS:
@@ -289,8 +282,10 @@ def nonlinear(term: str, degree: int, kinds: frozenset[str], quotient: bool) -> 
 
 def derivative_of(name: str, coordinates: Container[str]) -> str:
     """The text to write for an undeclared `xdot`, `x_dot`, `dx`, `ẋ` where x is a coordinate, or an empty text."""
-    plain = dotted(name)
-    if plain:
+    # `ẋ` without its dots.
+    parts = unicodedata.normalize("NFD", name)
+    plain = "".join(c for c in parts if c not in "\u0307\u0308")
+    if plain != parts:
         known = f"write `rate({plain})`" if plain in coordinates else ""
         return known or meant.words("functions of formulas")["derivative"]
     above = name.removesuffix("dt").removesuffix("_")[1:]

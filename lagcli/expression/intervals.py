@@ -64,19 +64,15 @@ class Intervals:
         return low - INTERVAL_ROUNDOFF * abs(low), high + INTERVAL_ROUNDOFF * abs(high)
 
     def least(self, *numbers: End) -> End:
-        """The least of some numbers."""
         return min(numbers)
 
     def largest(self, *numbers: End) -> End:
-        """The largest of some numbers."""
         return max(numbers)
 
     def where(self, holds: End, one: End, other: End) -> End:
-        """The first number where a condition holds, else the other one."""
         return one if holds else other
 
     def both(self, one: End, other: End) -> End:
-        """True where two conditions hold."""
         return one and other
 
     def times(self, x: End, y: End) -> End:
@@ -84,7 +80,6 @@ class Intervals:
         return x * y if x and y else 0.0
 
     def power(self, x: End, exponent: End) -> End:
-        """x ** exponent."""
         try:
             return x**exponent
         except OverflowError:
@@ -106,7 +101,6 @@ class Intervals:
         return a[0] if a[0] == a[1] else None
 
     def multiply(self, a: Ends, b: Ends) -> Ends:
-        """a b."""
         return self.wide(*self.corners(self.times, a, b))
 
     def divide(self, a: Ends, b: Ends) -> Ends:

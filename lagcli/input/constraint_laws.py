@@ -76,13 +76,20 @@ def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra)
 def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> bool:
     """True if the law is written in differentials; raises where it is in neither form, or in both."""
     everything = frozenset[facts.Flag]().union(*(part.reads for part in found))
-    terms = list(_terms(node))
     if "differential" not in everything:
         if "velocity" not in everything:
             hint = "write `d(x)` or `rate(x)`, `a.vx`; a law in positions belongs under `holonomic`"
             message = "a differential constraint needs differentials or velocities"
             raise ExpressionError("no-differential", message, node.start, node.end, hint)
         return False
+    # The terms a user sees: the summands of both sides.
+    waiting, terms = [node], list[tree.Node]()
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, (tree.Relation, tree.Sum)):
+            waiting += reversed(tree.children(part))
+        else:
+            terms.append(part)
     for term in terms:
         value = evaluate.value(term, algebra)
         parts = value if isinstance(value, tuple) else (value,)
@@ -94,15 +101,6 @@ def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> b
             message = "every term of a law in differentials holds a differential, and this one holds none"
             raise ExpressionError("no-differential", message, term.start, term.end, "multiply it by `dt`")
     return True
-
-
-def _terms(node: tree.Node) -> list[tree.Node]:
-    """The terms a user sees: the summands of both sides."""
-    if isinstance(node, tree.Relation):
-        return _terms(node.left) + _terms(node.right)
-    if isinstance(node, tree.Sum):
-        return [part for _, term in node.terms for part in _terms(term)]
-    return [node]
 
 
 def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | None:

@@ -248,7 +248,13 @@ class _Document:
             found, formula = entries.parameter(self._formulas, node)
             self._scope.names.define(name.value, namespace.known(found))
             if found is not None:
-                read.append(model.Parameter(name.value, entries.parameter_value(found), formula))
+                value: float | model.Vector3
+                if isinstance(found, tuple):
+                    x, y, z = (float(facts.constant(part)) for part in found)
+                    value = x, y, z
+                else:
+                    value = float(facts.constant(found))
+                read.append(model.Parameter(name.value, value, formula))
                 self._scope.names.settle(name.value)
         return tuple(read)
 

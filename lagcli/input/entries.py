@@ -79,14 +79,6 @@ def parameter(
     return formulas.either_facts(expression, facts.NOTHING, subject), expression
 
 
-def parameter_value(found: facts.Either) -> float | model.Vector3:
-    """The number or the vector these facts are of."""
-    if isinstance(found, tuple):
-        x, y, z = (float(facts.constant(part)) for part in found)
-        return x, y, z
-    return float(facts.constant(found))
-
-
 def coordinate(
     formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode
 ) -> model.Coordinate | None:
@@ -337,9 +329,9 @@ def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: mode
             # An output cannot be used in a force at all, so it is not shadowed there.
             if kind not in (None, "output") and not same:
                 message = f"`{name}` is the particle's own {_OWN_WORDS[name]} here, not the {kind} `{name}`"
-                formulas.warn(
-                    part.location, "shadowed-name", message, f"rename the {kind} to use it in a force"
-                )
+                hint = f"rename the {kind} to use it in a force"
+                warning = diagnostics.Diagnostic("shadowed-name", message, part.location, hint, "warning")
+                formulas.found.add(warning)
 
 
 def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.RigidBody | None:

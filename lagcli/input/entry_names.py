@@ -110,7 +110,6 @@ class EntryNames:
                     self.refuse_repeated(name, found, names.number(name.value, found))
 
     def refuse_repeated(self, name: yaml_tree.Scalar, found: Family, repeated: str) -> None:
-        """Report two members of one name."""
         if repeated and len(found.base) < len(repeated):
             hint = "different indices need different names; an index that is not in the name makes copies"
             self._formulas.report(name, "duplicate-name", f"`{repeated}` is declared twice", hint)

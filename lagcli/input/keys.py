@@ -33,7 +33,6 @@ class Key:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the keys below."""
         return tuple(key.name for key in self.keys)
 
 

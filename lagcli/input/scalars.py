@@ -65,7 +65,6 @@ class Formulas:
         self.lookup = scope.lookup_in(self.members)
 
     def within(self, members: Family) -> Formulas:
-        """The formulas for an entry with these members."""
         return Formulas(self.scope, self.found, members, self._reading)
 
     def report(self, node: yaml_tree.AnyNode, code: str, message: str, hint: str = "") -> None:
@@ -74,16 +73,11 @@ class Formulas:
             hint = yaml_tree.QUOTES
         self.found.add(diagnostics.Diagnostic(code, message, node.location, hint))
 
-    def warn(self, location: diagnostics.Location, code: str, message: str, hint: str = "") -> None:
-        """A warning."""
-        self.found.add(diagnostics.Diagnostic(code, message, location, hint, "warning"))
-
     def silent(self) -> Formulas:
         """The formulas with a collector of their own, for asking without reporting."""
         return Formulas(self.scope, diagnostics.Collector(), self.members)
 
     def trouble(self, origin: yaml_tree.Scalar, error: ExpressionError) -> None:
-        """An error inside an expression."""
         if error.code != namespace.BROKEN:
             location = origin.locate(error.start, error.end)
             hint = yaml_tree.QUOTES if origin.is_torn else error.hint
@@ -141,33 +135,29 @@ class Formulas:
         return False
 
     def facts(
-        self,
-        expression: Expression,
-        allowed: frozenset[Flag],
-        subject: str,
-        lookup: Lookup | None = None,
+        self, expression: Expression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
     ) -> Facts | None:
         """Facts of a checked scalar expression, or None where it is wrong."""
-        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
-        return self._checked(expression, lookup, lambda: evaluate.scalar(expression.tree, algebra))
+        return self._checked(
+            evaluate.scalar, expression, FactsAlgebra(lookup or self.lookup, allowed, subject)
+        )
 
     def either_facts(
-        self,
-        expression: Expression,
-        allowed: frozenset[Flag],
-        subject: str,
-        lookup: Lookup | None = None,
+        self, expression: Expression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
     ) -> Either | None:
         """Facts of a checked expression of a scalar or a vector, or None where it is wrong."""
-        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
-        return self._checked(expression, lookup, lambda: evaluate.value(expression.tree, algebra))
+        return self._checked(
+            evaluate.value, expression, FactsAlgebra(lookup or self.lookup, allowed, subject)
+        )
 
-    def _checked(self, expression: Expression, lookup: Lookup | None, compute: Callable[[], T]) -> T | None:
+    def _checked(
+        self, read: Callable[[tree.Node, FactsAlgebra], T], expression: Expression, algebra: FactsAlgebra
+    ) -> T | None:
         try:
-            return compute()
+            return read(expression.tree, algebra)
         except ExpressionError as error:
             self.trouble(expression.origin, error)
-            self.unknown_names(expression, lookup or self.lookup)
+            self.unknown_names(expression, algebra.lookup)
             return None
 
     def unknown_names(self, expression: Expression, lookup: Lookup) -> None:
@@ -185,7 +175,6 @@ class Formulas:
                 waiting += tree.children(node)
 
     def scalar(self, node: yaml_tree.AnyNode, allowed: frozenset[Flag], subject: str) -> Expression | None:
-        """A checked scalar expression."""
         expression = self.parse(node, parser.parse)
         if expression is None or self.facts(expression, allowed, subject) is None:
             return None
@@ -235,8 +224,8 @@ class Formulas:
     ) -> tuple[Facts, Facts, Facts] | None:
         """Facts of the three components, or None."""
         if len(vector.parts) == 1:
-            whole, algebra = vector.parts[0], FactsAlgebra(lookup or self.lookup, allowed, subject)
-            return self._checked(whole, lookup, lambda: evaluate.vector(whole.tree, algebra))
+            algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
+            return self._checked(evaluate.vector, vector.parts[0], algebra)
         x, y, z = (self.facts(part, allowed, subject, lookup) for part in vector.parts)
         return None if x is None or y is None or z is None else (x, y, z)
 

@@ -45,7 +45,6 @@ class LawNames:
         return base in self._laws
 
     def take(self, base: str, is_family: bool) -> None:
-        """Take the name of a constraint."""
         self._laws.setdefault(base, LawShape(is_family))
         self._names.laws.add(base)
 

@@ -41,7 +41,6 @@ class Expression:
 
     @property
     def text(self) -> str:
-        """The text as the user wrote it."""
         return self.origin.value.strip()
 
     @functools.cached_property
@@ -51,7 +50,6 @@ class Expression:
 
     @property
     def location(self) -> diagnostics.Location:
-        """The location of the expression."""
         return self.origin.location
 
 
@@ -190,7 +188,6 @@ class Holonomic:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """The names of its scalar rows."""
         return _with_axes(self.members, self.is_vector)
 
 
@@ -205,7 +202,6 @@ class Differential:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """The names of its scalar rows."""
         return _with_axes(self.members, self.is_vector)
 
 
@@ -223,7 +219,6 @@ class Inequality:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """The names of its rows."""
         return self.members.names
 
 
@@ -255,7 +250,6 @@ class Output:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The names of its columns."""
         return _with_axes(self.members, self.is_vector)
 
 
@@ -284,8 +278,7 @@ CONSTANTS = {"pi": math.pi, "deg": math.pi / 180.0}
 class Origin(Protocol):
     """Something that a model was read from, and can be read from again with other values."""
 
-    def changed(self, changes: Mapping[str, object]) -> Model:
-        """The model with more changes."""
+    def changed(self, changes: Mapping[str, object]) -> Model: ...
 
 
 @frozen
