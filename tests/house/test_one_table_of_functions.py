@@ -17,7 +17,6 @@ METHODS = {
     "lagcli.equations.operation_rules": "sizes of terms in CasADi",
     "lagcli.equations.power_series": "recurrences of coefficients",
     "lagcli.expression.enclosures": "enclosures by mpmath",
-    "lagcli.expression.hints": "hints for arguments that are wrong",
     "lagcli.expression.integers": "whole numbers between bounds that are formulas",
     "lagcli.pfaffian.exact.normal_form": "the generators of an algebra",
     "lagcli.pfaffian.potential": "antiderivatives",
