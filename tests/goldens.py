@@ -21,7 +21,7 @@ import numpy as np
 
 import lagcli
 from lagcli.cli import commands
-from lagcli.input.starting import model_templates
+from lagcli.input.starting import first_models
 from tests.helpers import golden_outputs
 from tests.helpers.in_process import run
 
@@ -70,7 +70,7 @@ def results() -> Iterator[Part]:
     """Those of the commands that need no model, or one small model."""
     yield "models.json", said("models", "--json")
     yield "schema.txt", said("schema")
-    for template in model_templates.TEMPLATES:
+    for template in first_models.TEMPLATES:
         yield f"new/{template}.txt", said("new", "-", "--template", template)
     pendulum, double = MODELS / "pendulum.yaml", MODELS / "double-pendulum.yaml"
     yield "plot/pendulum.txt", golden_outputs.drawing("plot", pendulum, *BRIEF)

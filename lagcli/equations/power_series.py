@@ -68,7 +68,7 @@ class SeriesFunction:
         rounding: coefficients that are this part of their terms are zero where a switch is decided. Raises
         `UnderflowError`.
         """
-        rules, work = _Rules(count, rounding), dict[int, PowerSeries]()
+        work: dict[int, PowerSeries] = {}
         found = [[constant(0.0, count)] * size for size in self._sizes]
         with np.errstate(all="ignore"):
             for op, operands, result, value in self._instructions:
@@ -80,11 +80,37 @@ class SeriesFunction:
                     work[result[0]] = constant(value, count)
                 else:
                     parts = [work[index] for index in operands]
-                    made = rules.of(op, parts)
+                    made = _result(op, parts, count, rounding)
                     if self._is_strict and _is_lost(op, parts, made):
                         raise UnderflowError
                     work[result[0]] = made if np.isfinite(made.size).all() else NOTHING
         return found
+
+
+def _result(op: int, parts: list[PowerSeries], count: int, rounding: float) -> PowerSeries:
+    """An operation on series; one that is not known says nothing."""
+
+    def side(u: PowerSeries) -> float:
+        """The sign just after the instant: that of the first coefficient that is not zero."""
+        leading = np.flatnonzero(np.abs(u.c) > rounding * u.size)
+        return float(np.sign(u.c[leading[0]])) if leading.size else 0.0
+
+    if op in (ca.OP_FABS, ca.OP_SIGN):
+        sign = side(parts[0])
+        return _scaled(parts[0], sign) if op == ca.OP_FABS else constant(sign, count)
+    if op in (ca.OP_FMIN, ca.OP_FMAX):
+        a, b = parts
+        return a if side(_sum(a, b, -1.0)) * (1.0 if op == ca.OP_FMAX else -1.0) >= 0.0 else b
+    if op in _COMPARED:
+        return constant(float(_COMPARED[op](side(_sum(parts[0], parts[-1], -1.0)), 0.0)), count)
+    if op in _LOGICAL:
+        truths = [side(part) != 0.0 for part in parts]
+        if op == ca.OP_IF_ELSE_ZERO:
+            return parts[1] if truths[0] else constant(0.0, count)
+        truth = not truths[0] if op == ca.OP_NOT else (all if op == ca.OP_AND else any)(truths)
+        return constant(float(truth), count)
+    rule = _RULES.get(op)
+    return NOTHING if rule is None or not all(part.known for part in parts) else rule(*parts)
 
 
 def _is_lost(op: int, parts: list[PowerSeries], made: PowerSeries) -> bool:
@@ -95,39 +121,6 @@ def _is_lost(op: int, parts: list[PowerSeries], made: PowerSeries) -> bool:
         return bool(1.0 - abs(made.c[0]) <= doubles.VALUE)
     of_none = op != ca.OP_EXP and any(part.c[0] == 0.0 for part in parts)
     return not of_none and bool(abs(made.c[0]) < doubles.LOST)
-
-
-class _Rules:
-    """Operations on series."""
-
-    def __init__(self, count: int, rounding: float) -> None:
-        self._count, self._rounding = count, rounding
-
-    def of(self, op: int, parts: list[PowerSeries]) -> PowerSeries:
-        """An operation on series; one that is not known says nothing."""
-        if op in (ca.OP_FABS, ca.OP_SIGN):
-            side = self._side(parts[0])
-            return _scaled(parts[0], side) if op == ca.OP_FABS else constant(side, self._count)
-        if op in (ca.OP_FMIN, ca.OP_FMAX):
-            a, b = parts
-            is_first = self._side(_sum(a, b, -1.0)) * (1.0 if op == ca.OP_FMAX else -1.0) >= 0.0
-            return a if is_first else b
-        if op in _COMPARED:
-            side = self._side(_sum(parts[0], parts[-1], -1.0))
-            return constant(float(_COMPARED[op](side, 0.0)), self._count)
-        if op in (ca.OP_NOT, ca.OP_AND, ca.OP_OR):
-            truths = [self._side(part) != 0.0 for part in parts]
-            truth = not truths[0] if op == ca.OP_NOT else (all if op == ca.OP_AND else any)(truths)
-            return constant(float(truth), self._count)
-        if op == ca.OP_IF_ELSE_ZERO:
-            return parts[1] if self._side(parts[0]) != 0.0 else constant(0.0, self._count)
-        rule = _RULES.get(op)
-        return NOTHING if rule is None else rule(*parts)
-
-    def _side(self, u: PowerSeries) -> float:
-        """The sign just after the instant: that of the first coefficient that is not zero."""
-        leading = np.flatnonzero(np.abs(u.c) > self._rounding * u.size)
-        return float(np.sign(u.c[leading[0]])) if leading.size else 0.0
 
 
 _MULTIPLYING = frozenset(
@@ -266,22 +259,18 @@ def _inverse(a: PowerSeries) -> PowerSeries:
 
 def _arc(a: PowerSeries, sign: float) -> PowerSeries:
     """asin with the sign 1, acos with -1."""
-    if not a.known:
-        return NOTHING
     under = _shifted(_scaled(_square(a), -1.0), 1.0)
     value = np.arcsin(a.c[0]) if sign > 0 else np.arccos(a.c[0])
     return _integral(_scaled(_inverse(_root(under)), sign), float(value), a)
 
 
 def _logarithm(a: PowerSeries) -> PowerSeries:
-    if not a.known or not a.c[0] > 0.0:
+    if not a.c[0] > 0.0:
         return NOTHING
     return _integral(_inverse(a), float(np.log(a.c[0])), a)
 
 
 def _power(a: PowerSeries, b: PowerSeries) -> PowerSeries:
-    if not (a.known and b.known):
-        return NOTHING
     exponent = float(b.c[0])
     if not b.c[1:].any() and exponent == int(exponent):
         # By products: a logarithm of what is nearly zero would lose all digits.
@@ -294,11 +283,8 @@ def _power(a: PowerSeries, b: PowerSeries) -> PowerSeries:
 
 
 def _tanh(a: PowerSeries) -> PowerSeries:
-    n = a.known
-    if not n:
-        return NOTHING
     made = constant(float(np.tanh(a.c[0])), 1)
-    for k in range(1, n):
+    for k in range(1, a.known):
         # Each turn knows one coefficient more of 1 - tanh^2.
         rate = _shifted(_scaled(_square(made), -1.0), 1.0)
         made = _integral(rate, float(made.c[0]), PowerSeries(a.c[: k + 1], a.size[: k + 1]))
@@ -307,8 +293,6 @@ def _tanh(a: PowerSeries) -> PowerSeries:
 
 def _angle(y: PowerSeries, x: PowerSeries) -> PowerSeries:
     """atan2(y, x), of the turned quotient that has a divisor."""
-    if not (y.known and x.known):
-        return NOTHING
     value = float(np.arctan2(y.c[0], x.c[0]))
     if abs(x.c[0]) >= abs(y.c[0]):
         return _shifted_to(_arctangent(_quotient(y, x)), value)

@@ -11,7 +11,7 @@ import pytest
 
 from lagcli.cli.commands import COMMANDS, completing
 from lagcli.errors import catalogue
-from lagcli.input.starting import gallery_models, model_outline, model_templates
+from lagcli.input.starting import first_models, model_outline
 from tests.helpers import in_process
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -149,8 +149,8 @@ def test_names_of_constraints_and_what_can_be_set() -> None:
 
 def test_names_of_the_program() -> None:
     assert completed("models", "wat") == ["water-slide", "water-molecule", "water-vibrations"]
-    assert len(completed("models", "")) == len(gallery_models.models())
-    assert completed("new", "x", "--template", "") == list(model_templates.TEMPLATES)
+    assert len(completed("models", "")) == len(first_models.models())
+    assert completed("new", "x", "--template", "") == list(first_models.TEMPLATES)
     assert completed("report", "x.yaml", "--pdf", "") == ["browser", "latex"]
     assert completed("explain", "") == list(catalogue.codes())
     assert completed("simulate", "m.yaml", "--method", "d") == ["dop853"]

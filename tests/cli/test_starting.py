@@ -13,7 +13,7 @@ import pytest
 import lagcli
 from lagcli import yaml_tree
 from lagcli.input import format_schema
-from lagcli.input.starting import gallery_models, model_templates
+from lagcli.input.starting import first_models
 from tests.helpers.in_process import Command, command
 
 __all__ = ["command"]
@@ -47,19 +47,19 @@ def test_the_gallery_of_a_wheel_is_found_and_none_is_reported(
 ) -> None:
     package = folder / "place" / "lagcli"
     shutil.copytree(ROOT / "models", package / "gallery")
-    monkeypatch.setattr(gallery_models, "_PACKAGE", package)
-    gallery_models.models.cache_clear()
+    monkeypatch.setattr(first_models, "_PACKAGE", package)
+    first_models.models.cache_clear()
     try:
-        assert gallery_models.find("pendulum").path == package / "gallery" / "pendulum.yaml"  # type: ignore[union-attr]
+        assert first_models.find("pendulum").path == package / "gallery" / "pendulum.yaml"  # type: ignore[union-attr]
         # What another project has beside the package is no gallery.
         shutil.rmtree(package / "gallery")
         shutil.copytree(ROOT / "models", package.parent / "models")
-        gallery_models.models.cache_clear()
+        first_models.models.cache_clear()
         out, err, code = command("models")
         assert (out, code) == ("", 2)
         assert "no gallery" in err
     finally:
-        gallery_models.models.cache_clear()
+        first_models.models.cache_clear()
 
 
 def test_the_gallery_as_json(command: Command) -> None:
@@ -69,7 +69,7 @@ def test_the_gallery_as_json(command: Command) -> None:
     assert pendulum["title"] == "Pendulum"
     assert pendulum["subject"] == "Holonomic constraints"
     one = json.loads(command("models", "pendulum", "--json")[0])
-    assert one["text"] == gallery_models.find("pendulum").text()  # type: ignore[union-attr]
+    assert one["text"] == first_models.find("pendulum").text()  # type: ignore[union-attr]
     assert pathlib.Path(one["path"]).is_file()
 
 
@@ -150,7 +150,7 @@ def test_what_is_mistyped_is_answered_by_what_was_meant(
     assert os.listdir() == ["swing.yaml"]
 
 
-@pytest.mark.parametrize("template", model_templates.TEMPLATES)
+@pytest.mark.parametrize("template", first_models.TEMPLATES)
 def test_every_template_is_a_model_that_runs_as_it_is(
     command: Command, folder: pathlib.Path, template: str
 ) -> None:
@@ -169,8 +169,8 @@ def test_every_template_is_a_model_that_runs_as_it_is(
 def test_what_is_commented_out_in_a_template_can_be_taken_in(command: Command, folder: pathlib.Path) -> None:
     """Lines of the form `# key: value`, each by itself."""
     count = 0
-    for template in model_templates.TEMPLATES:
-        text = model_templates.text(template, "x")
+    for template in first_models.TEMPLATES:
+        text = first_models.text(template, "x")
         for line in text.splitlines():
             head, sign, rest = line.partition("# ")
             key = rest.partition(":")[0].strip('"')

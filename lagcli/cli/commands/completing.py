@@ -88,16 +88,16 @@ def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def gallery_names(ctx: typer.Context, incomplete: str) -> Described:
     """The models of the gallery."""
-    from lagcli.input.starting import gallery_models
+    from lagcli.input.starting import first_models
 
-    return [(m.name, m.teaches) for m in gallery_models.models() if m.name.startswith(incomplete)]
+    return [(m.name, m.teaches) for m in first_models.models() if m.name.startswith(incomplete)]
 
 
 def templates(ctx: typer.Context, incomplete: str) -> Described:
     """The templates of `new`."""
-    from lagcli.input.starting import model_templates
+    from lagcli.input.starting import first_models
 
-    return [item for item in model_templates.TEMPLATES.items() if item[0].startswith(incomplete)]
+    return [item for item in first_models.TEMPLATES.items() if item[0].startswith(incomplete)]
 
 
 def codes(ctx: typer.Context, incomplete: str) -> list[str]:

@@ -11,8 +11,8 @@ import typer
 from lagcli.cli.commands import completing, new_command, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
-from lagcli.input.starting import gallery_models
-from lagcli.input.starting.gallery_models import GalleryModel
+from lagcli.input.starting import first_models
+from lagcli.input.starting.first_models import GalleryModel
 from lagcli.output.files import formats
 
 INDENT = 2  # spaces
@@ -39,7 +39,7 @@ def models(
     """List the models of the gallery by subject, print one, or copy it with -o."""
     if name is None and output is not None:
         raise exits.UsageError("-o copies one model: give its NAME; `lagcli models` lists them")
-    gallery = gallery_models.models()
+    gallery = first_models.models()
     if not gallery:
         raise exits.UsageError(
             "this installation holds no gallery: install the wheel, or run from a checkout"
@@ -47,7 +47,7 @@ def models(
     if name is None:
         _list(gallery, as_json, quiet)
         return
-    model = gallery_models.find(name)
+    model = first_models.find(name)
     if model is None:
         hint = diagnostics.nearest(name, [one.name for one in gallery]) or "`lagcli models` lists them"
         raise exits.UsageError(f"there is no model `{name}` in the gallery; {hint}")

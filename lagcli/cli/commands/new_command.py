@@ -15,10 +15,10 @@ import typer
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
-from lagcli.input.starting import model_templates
+from lagcli.input.starting import first_models
 from lagcli.output.files import atomic_file, formats, write_guard
 
-FIRST = next(iter(model_templates.TEMPLATES))
+FIRST = next(iter(first_models.TEMPLATES))
 ENDINGS = (".yaml", ".yml")
 ANSWERS = 5  # wrong ones that are taken before the questions end
 STDOUT = "-"
@@ -54,9 +54,9 @@ def new(
 
     On a terminal what is not given is asked for.
     """
-    if template is not None and template not in model_templates.TEMPLATES:
-        known = diagnostics.listed(list(model_templates.TEMPLATES))
-        hint = diagnostics.nearest(template, model_templates.TEMPLATES) or f"there are {known}"
+    if template is not None and template not in first_models.TEMPLATES:
+        known = diagnostics.listed(list(first_models.TEMPLATES))
+        hint = diagnostics.nearest(template, first_models.TEMPLATES) or f"there are {known}"
         raise exits.UsageError(f"there is no template `{template}`; {hint}")
     asks = sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
     if name is None:
@@ -72,14 +72,14 @@ def new(
     if template is None:
         template = _asked_template() if asks and name != STDOUT else FIRST
     if name == STDOUT:
-        print(model_templates.text(template, "A new model", for_editors=False), end="")
+        print(first_models.text(template, "A new model", for_editors=False), end="")
         return
     stem, ending = os.path.splitext(name)
     path = name if ending.lower() in ENDINGS else f"{name}.yaml"
     title = os.path.basename(stem if ending.lower() in ENDINGS else name)
     if title != title.encode("utf-8", "replace").decode("utf-8"):
         raise exits.UsageError("the name of a model is text in UTF-8")
-    text = model_templates.text(template, title, for_editors=not no_schema)
+    text = first_models.text(template, title, for_editors=not no_schema)
     is_new = write(path, text, force=force)
     schema_message = "" if no_schema else schema_beside(path)
     if as_json:
@@ -95,10 +95,10 @@ def new(
 
 
 def _asked_template() -> str:
-    names = list(model_templates.TEMPLATES)
+    names = list(first_models.TEMPLATES)
     width = max(map(len, names))
     for number, name in enumerate(names, 1):
-        exits.print_err(f"  {number}  {name:{width}}  {model_templates.TEMPLATES[name]}")
+        exits.print_err(f"  {number}  {name:{width}}  {first_models.TEMPLATES[name]}")
     for _ in range(ANSWERS):
         answer = _answer(f"template (1 to {len(names)}, or its name; {FIRST}): ")
         if not answer:

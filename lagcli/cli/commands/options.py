@@ -130,12 +130,12 @@ WatchOption = Annotated[
 
 def missing(path: str) -> exits.UsageError:
     """The error of a MODEL that does not exist, with the file or the model of the gallery that may be meant."""
-    from lagcli.input.starting import gallery_models
+    from lagcli.input.starting import first_models
 
     for ending in (".yaml", ".yml"):
         if os.path.isfile(path + ending):
             return exits.UsageError(f"there is no file {path}; did you mean {path}{ending}?")
-    found = gallery_models.find(os.path.basename(path))
+    found = first_models.find(os.path.basename(path))
     if found is None:
         return exits.UsageError(f"there is no file {path}")
     copy = f"lagcli models {found.name} -o {found.name}.yaml"
