@@ -28,14 +28,14 @@ class Expanded:
 
     @cached_property
     def rhs(self) -> ca.Function:
-        a, lam = _acceleration(self._parts, self._parts.inertia, self._schur)
+        a, lam = _acceleration(self._parts, self._parts.inertia, self._watched[0])
         return SizedFunction("rhs", self._parts.inputs, [shared.state_rate(self._parts, a, lam)])
 
     @cached_property
     def stage(self) -> ca.Function:
         """stage(t, y, p) -> y', and `parts.rank_margin`."""
         parts = self._parts
-        a, lam = _acceleration(parts, parts.inertia, self._schur)
+        a, lam = _acceleration(parts, parts.inertia, self._watched[0])
         outputs = [shared.state_rate(parts, a, lam), shared.rank_margin(parts, self._watched[1])]
         return SizedFunction("stage", parts.inputs, outputs)
 
@@ -49,7 +49,7 @@ class Expanded:
         y, n = parts.y, parts.v.numel()
         if parts.enforced.numel() == 0:
             return SizedFunction("position", parts.inputs, [y])
-        schur = self._schur if parts.S_enforced is parts.S else selection.solver(parts.S_enforced)
+        schur = self._watched[0] if parts.S_enforced is parts.S else selection.solver(parts.S_enforced)
         q = y[:n] - parts.inertia(parts.B_enforced.T @ schur(parts.enforced))
         return SizedFunction("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
 
@@ -73,7 +73,7 @@ class Expanded:
     @cached_property
     def _projected(self) -> tuple[Parts, ca.SX, ca.SX, ca.SX]:
         """The parts at the projected velocity; y with it, y' and lambda."""
-        parts, inertia, schur = self._parts, self._parts.inertia, self._schur
+        parts, inertia, schur = self._parts, self._parts.inertia, self._watched[0]
         y, v, n = parts.y, parts.v, parts.v.numel()
         if parts.selection.independent:
             v = v - inertia(parts.B_independent.T @ schur(parts.B_independent @ v + parts.b_independent))
@@ -92,7 +92,7 @@ class Expanded:
         f = ca.SX.sym("f", parts.v.numel())
         free = parts.inertia(f)
         lam = (
-            ca.densify(self._schur(-(parts.B_independent @ free)))
+            ca.densify(self._watched[0](-(parts.B_independent @ free)))
             if parts.selection.independent
             else ca.SX(0, 1)
         )
@@ -104,10 +104,6 @@ class Expanded:
     def _watched(self) -> tuple[selection.Solve, ca.SX | float]:
         """r -> S^-1 r, and the smallest angle of S."""
         return selection.watched(self._parts.S)
-
-    @property
-    def _schur(self) -> selection.Solve:
-        return self._watched[0]
 
 
 def _acceleration(parts: Parts, inertia: selection.Solve, schur: selection.Solve) -> tuple[ca.SX, ca.SX]:

@@ -395,12 +395,7 @@ def table(system: System, parts: shared.Parts) -> ca.Function:
     generalized = ca.horzcat(symbols.q[first:], symbols.v[first:])
     values = [ca.vec(moving), ca.vec(generalized.T), system.lam, system.R, system.Q_R[first:]]
     values += [dynamics.energy, system.outputs]
-    account = ca.vertcat(
-        shared.position_residual(parts),
-        shared.velocity_residual(parts),
-        dynamics.jacobi,
-        dynamics.rest,
-    )
+    account = ca.vertcat(*shared.residuals(parts), dynamics.jacobi, dynamics.rest)
     inputs = [parts.t, parts.y, *_solved(system), parts.p]
     options = {"cse": parts.is_small}
     return SizedFunction("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)

@@ -303,10 +303,17 @@ def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
     return ca.densify(ca.vertcat(ca.dot(f, x), square, left))
 
 
-def position_residual(parts: Parts) -> ca.SX:
-    """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths."""
+def residuals(parts: Parts) -> tuple[ca.SX, ca.SX]:
+    """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths; and largest
+    |B_i v + b_i| / |B_i| of all equality rows and closed contacts, of a row without a gradient |b_i|."""
     f, B = _position_rows(parts)
-    return ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
+    position = ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
+    every, velocity = [*range(parts.B.shape[0]), *parts.closed], ca.SX(0)
+    if every:
+        B, b = parts.of(every, parts.B, parts.acting.G), parts.of(every, parts.b, parts.acting.g_t)
+        empty = np.bincount(B.sparsity().row(), minlength=B.shape[0]) == 0
+        velocity = ca.mmax(ca.fabs(B @ parts.v + b) / (_row_norms(B) + ca.DM(empty.astype(float))))
+    return position, velocity
 
 
 def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
@@ -410,16 +417,6 @@ def rank_margin(parts: Parts, smallest_angle: ca.SX | float) -> ca.SX:
         )
     smallest_diagonal = ca.mmin(diagonal) if parts.selection.independent else 1.0
     return ca.densify(ca.vertcat(smallest_angle, smallest_diagonal))
-
-
-def velocity_residual(parts: Parts) -> ca.SX:
-    """Largest |B_i v + b_i| / |B_i| of all equality rows and closed contacts; of a row without a gradient |b_i|."""
-    every = [*range(parts.B.shape[0]), *parts.closed]
-    if not every:
-        return ca.SX(0)
-    B, b = parts.of(every, parts.B, parts.acting.G), parts.of(every, parts.b, parts.acting.g_t)
-    empty = np.bincount(B.sparsity().row(), minlength=B.shape[0]) == 0
-    return ca.mmax(ca.fabs(B @ parts.v + b) / (_row_norms(B) + ca.DM(empty.astype(float))))
 
 
 def _row_norms(B: ca.SX, units: ca.SX | None = None) -> ca.SX:
