@@ -360,20 +360,19 @@ def _require_plain(event: yaml.NodeEvent, text: Text, count: int, depth: int) ->
     """Raise `ModelError` for an anchor, a tag, one node too many, or one too deep."""
     # Every event of this kind has a tag; the type stubs know it of some only.
     tag: str | None = getattr(event, "tag", None)
-    hint = ""
-    if count > MAX_NODES:
-        code, message = "too-large", f"the file holds more than {MAX_NODES} entries"
-    elif event.anchor is not None:
-        code, message = "yaml-alias", "YAML anchors (`&name`) are not allowed in a model file"
-        hint = "a text that begins with `&` needs quotes"
-    elif tag is not None:
-        code, message = "yaml-tag", f"YAML tags (`{tag}`) are not allowed in a model file"
-        hint = "a text that begins with `!` needs quotes"
-    elif depth >= MAX_DEPTH and not isinstance(event, yaml.ScalarEvent):
-        code, message = "too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels"
-    else:
+    is_deep = depth >= MAX_DEPTH and not isinstance(event, yaml.ScalarEvent)
+    if count <= MAX_NODES and event.anchor is None and tag is None and not is_deep:
         return
-    raise _refused(code, message, text.locate(*_span(event)), hint)
+    at = text.locate(*_span(event))
+    if count > MAX_NODES:
+        raise _refused("too-large", f"the file holds more than {MAX_NODES} entries", at)
+    if event.anchor is not None:
+        message = "YAML anchors (`&name`) are not allowed in a model file"
+        raise _refused("yaml-alias", message, at, "a text that begins with `&` needs quotes")
+    if tag is not None:
+        message = f"YAML tags (`{tag}`) are not allowed in a model file"
+        raise _refused("yaml-tag", message, at, "a text that begins with `!` needs quotes")
+    raise _refused("too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels", at)
 
 
 def _entries(items: list[AnyNode], found: diagnostics.Collector) -> tuple[tuple[Scalar, AnyNode], ...]:

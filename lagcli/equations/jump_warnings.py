@@ -33,7 +33,7 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     position with a jump; one for each condition of `inequality` and each holonomic row that is found to jump near the
     start.
     """
-    found: list[tuple[str, str, diagnostics.Location, str]] = []
+    found: list[diagnostics.Diagnostic] = []
     if not all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
         at_cuts: dict[diagnostics.Location, str] = {}
         for i, description in _cut_rows(built):
@@ -43,8 +43,8 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
             row = built.contacts.rows[j]
             message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
             at_cuts.setdefault(row.location, message)
-        found += [("branch-cut", message, location, CUT_HINT) for location, message in at_cuts.items()]
-        found += [("branch-cut", message, location, CUT_HINT) for message, location in _cut_forces(built)]
+        for location, message in (*at_cuts.items(), *_cut_forces(built)):
+            found.append(diagnostics.Diagnostic("branch-cut", message, location, CUT_HINT, "warning"))
     if built.jumps is not None:
         state = built.model.simulation.start, *mechanics.start(built.model)
         for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
@@ -52,16 +52,17 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
                 f"{subject.description} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a"
                 " run that gets there stops"
             )
-            found.append(("energy-jump", message, subject.location, ENERGY_HINT))
+            location = subject.location
+            found.append(diagnostics.Diagnostic("energy-jump", message, location, ENERGY_HINT, "warning"))
     for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
         message = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
-        found.append(("condition-jumps", message, row.location, ROW_HINT))
+        found.append(diagnostics.Diagnostic("condition-jumps", message, row.location, ROW_HINT, "warning"))
     for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
         message = (
             f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
         )
-        found.append(("row-jumps", message, row.location, ROW_HINT))
-    return tuple(diagnostics.Diagnostic(*each, "warning") for each in found)
+        found.append(diagnostics.Diagnostic("row-jumps", message, row.location, ROW_HINT, "warning"))
+    return tuple(found)
 
 
 def out_of_sight(built: System) -> tuple[str, ...]:
@@ -96,7 +97,7 @@ def _cut_rows(built: System) -> Iterator[tuple[int, str]]:
         yield first + i, jumps
 
 
-def _cut_forces(built: System) -> Iterator[tuple[str, diagnostics.Location]]:
+def _cut_forces(built: System) -> Iterator[tuple[diagnostics.Location, str]]:
     model = built.model
     hit = _at_cuts(built, ca.densify(ca.vertcat(built.dynamics.h, ca.vec(built.dynamics.M.nz[:]))))
     if not hit:
@@ -113,7 +114,7 @@ def _cut_forces(built: System) -> Iterator[tuple[str, diagnostics.Location]]:
         f"the force {along} jumps where `atan2` or `atan` crosses its cut; a run goes on with the force on the other"
         " side"
     )
-    yield message, location
+    yield location, message
 
 
 def _at_cuts(built: System, value: ca.SX) -> list[int]:

@@ -70,7 +70,8 @@ def _power(made: ca.SX, a: Sized, b: Sized) -> ca.SX:
 
 
 _RULES: dict[int, Callable[..., ca.SX]] = {
-    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB), lambda _, a, b: a[1] + b[1]),
+    ca.OP_ADD: lambda _, a, b: a[1] + b[1],
+    ca.OP_SUB: lambda _, a, b: a[1] + b[1],
     ca.OP_MUL: _product,
     ca.OP_DIV: lambda made, a, b: (a[1] + ca.fabs(made) * b[1]) / (ca.fabs(b[0]) + doubles.TINY),
     **dict.fromkeys((ca.OP_NEG, ca.OP_FABS), lambda _, a: a[1]),
