@@ -193,7 +193,7 @@ def read(path: str | os.PathLike[str]) -> bytes:
         return sys.stdin.buffer.read(MAX_BYTES + 1)
     if pathlib.Path(name).is_dir():
         at = as_text("", name).locate(0)
-        raise _refused("not-a-file", "this is a directory, not a model file", at)
+        raise diagnostics.error("not-a-file", "this is a directory, not a model file", at)
     with open(name, "rb") as file:
         return file.read(MAX_BYTES + 1)
 
@@ -208,21 +208,17 @@ def parse(data: bytes | str, path: str) -> Mapping:
         raise diagnostics.ModelError([_yaml_error(error, text)]) from None
     hint = "a model begins with the line `lagcli: 1`"
     if root is None or (isinstance(root, Scalar) and is_empty(root)):
-        raise _refused("empty-model", "the file holds no model", text.locate(0), hint)
+        raise diagnostics.error("empty-model", "the file holds no model", text.locate(0), hint)
     if not isinstance(root, Mapping):
-        raise _refused("not-a-mapping", "a model file is a mapping of sections", root.location, hint)
+        raise diagnostics.error("not-a-mapping", "a model file is a mapping of sections", root.location, hint)
     found.raise_errors()
     return root
-
-
-def _refused(code: str, message: str, at: diagnostics.Location, hint: str = "") -> diagnostics.ModelError:
-    return diagnostics.ModelError([diagnostics.Diagnostic(code, message, at, hint)])
 
 
 def _decode(data: bytes | str, path: str) -> str:
     if len(data) > MAX_BYTES:
         message = f"the file is larger than {MAX_BYTES // 2**20} MiB"
-        raise _refused("too-large", message, as_text("", path).locate(0))
+        raise diagnostics.error("too-large", message, as_text("", path).locate(0))
     if isinstance(data, str):
         content = data
     else:
@@ -245,7 +241,7 @@ def _not_text(message: str, good: str, path: str) -> diagnostics.ModelError:
     """The refusal of a file that is text only as far as `good`."""
     at = as_text(good.removeprefix(BYTE_ORDER_MARK), path)
     location = dataclasses.replace(at.locate(len(at.content)), source_line="")
-    return _refused("not-text", message, location, "save the model as plain text in UTF-8")
+    return diagnostics.error("not-text", message, location, "save the model as plain text in UTF-8")
 
 
 def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
@@ -327,12 +323,12 @@ def _build(text: Text, found: diagnostics.Collector) -> AnyNode | None:
                 documents += 1
                 if documents > 1:
                     message = "a model file holds one YAML document"
-                    raise _refused("several-documents", message, text.locate(*_span(event)))
+                    raise diagnostics.error("several-documents", message, text.locate(*_span(event)))
                 continue
             case yaml.AliasEvent():
                 message = "YAML aliases (`*name`) are not allowed in a model file"
                 hint = "a text that begins with `*` needs quotes"
-                raise _refused("yaml-alias", message, text.locate(*_span(event)), hint)
+                raise diagnostics.error("yaml-alias", message, text.locate(*_span(event)), hint)
             case yaml.NodeEvent():
                 count += 1
                 _require_plain(event, text, count, len(stack))
@@ -365,14 +361,14 @@ def _require_plain(event: yaml.NodeEvent, text: Text, count: int, depth: int) ->
         return
     at = text.locate(*_span(event))
     if count > MAX_NODES:
-        raise _refused("too-large", f"the file holds more than {MAX_NODES} entries", at)
+        raise diagnostics.error("too-large", f"the file holds more than {MAX_NODES} entries", at)
     if event.anchor is not None:
         message = "YAML anchors (`&name`) are not allowed in a model file"
-        raise _refused("yaml-alias", message, at, "a text that begins with `&` needs quotes")
+        raise diagnostics.error("yaml-alias", message, at, "a text that begins with `&` needs quotes")
     if tag is not None:
         message = f"YAML tags (`{tag}`) are not allowed in a model file"
-        raise _refused("yaml-tag", message, at, "a text that begins with `!` needs quotes")
-    raise _refused("too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels", at)
+        raise diagnostics.error("yaml-tag", message, at, "a text that begins with `!` needs quotes")
+    raise diagnostics.error("too-deep", f"brackets or indents nest deeper than {MAX_DEPTH} levels", at)
 
 
 def _entries(items: list[AnyNode], found: diagnostics.Collector) -> tuple[tuple[Scalar, AnyNode], ...]:

@@ -83,9 +83,7 @@ class Kinks:
                 " `min` or `max` switches there, and the constraint force has no direction"
             )
             hint = "start clear of that point, or state the branch that is meant as an equation without the switch"
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("kink-at-start", message, row.location, hint)]
-            )
+            raise diagnostics.error("kink-at-start", message, row.location, hint)
 
     def _slopes(self, t: float, q: Floats, p: Floats) -> Floats:
         return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)

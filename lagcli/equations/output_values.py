@@ -292,8 +292,7 @@ def _located(expression: nouns.Expression, env: Environment, algebra: SymbolicAl
         return env.either(expression, algebra)
     except ExpressionError as error:
         location = expression.origin.locate(error.start, error.end)
-        found = diagnostics.Diagnostic(error.code, error.message, location, error.hint)
-        raise diagnostics.ModelError([found]) from None
+        raise diagnostics.error(error.code, error.message, location, error.hint) from None
 
 
 def events(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:

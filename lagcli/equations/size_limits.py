@@ -68,4 +68,4 @@ def _too_large(message: str, sizes: list[tuple[int, diagnostics.Location]]) -> d
     """The error, at the largest entry."""
     _, location = max(sizes, key=lambda each: each[0])
     hint = "model fewer members"
-    return diagnostics.ModelError([diagnostics.Diagnostic("too-large-to-build", message, location, hint)])
+    return diagnostics.error("too-large-to-build", message, location, hint)

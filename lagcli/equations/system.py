@@ -286,16 +286,12 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geomet
         positions = points[np.searchsorted(numbers, body.particles)]
         if not np.abs(positions).max() < rigid.FAR:
             message = f"the particles of the body `{body.name}` do not start at finite positions"
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("not-finite-at-start", message, body.location)]
-            )
+            raise diagnostics.error("not-finite-at-start", message, body.location)
         try:
             found.append(rigid.geometry(positions))
         except rigid.DegenerateBody:
             message = f"all particles of the body `{body.name}` start at one point"
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("rigid-degenerate", message, body.location)]
-            ) from None
+            raise diagnostics.error("rigid-degenerate", message, body.location) from None
     return tuple(found)
 
 

@@ -52,9 +52,7 @@ def number(model: nouns.Model, label: str, value: object) -> float:
         return float(facts.constant(evaluate.scalar(parser.parse(value), algebra)))
     except ExpressionError as error:
         location = origin.locate(error.start, error.end)
-        raise diagnostics.ModelError(
-            [diagnostics.Diagnostic(error.code, error.message, location, error.hint)]
-        ) from None
+        raise diagnostics.error(error.code, error.message, location, error.hint) from None
 
 
 def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:

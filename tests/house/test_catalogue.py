@@ -30,6 +30,7 @@ def _codes_in_source() -> set[str]:
         "ExpressionError": 0,
         "Fault": 0,
         "_refused": 0,
+        "error": 0,
         "report": 1,
         "warn": 1,
         "_refuse": 1,
