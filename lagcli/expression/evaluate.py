@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Callable, Collection
 from typing import Generic, Protocol, Self, TypeAlias, TypeVar
 
-from lagcli.errors import diagnostics, meant
+from lagcli.errors import diagnostics
 from lagcli.expression import functions, hints, tree
 from lagcli.expression.tree import ExpressionError
 
@@ -236,7 +236,7 @@ class _Walk(Generic[S]):
             wanted = f"{least}" if least == most else f"{least} or {most}"
             counted = {0: "none was", 1: "1 was"}.get(given, f"{given} were")
             message = f"`{node.function}` takes {wanted} {plural}, but {counted} given"
-            hint = meant.words("arguments of functions").get(node.function, "")
+            hint = diagnostics.meant("arguments of functions").get(node.function, "")
             raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
 
     def _vector_function(self, node: tree.Node, name: str, vectors: list[Triple[S]]) -> Value[S]:

@@ -11,7 +11,7 @@ import re
 import unicodedata
 from collections.abc import Collection, Container
 
-from lagcli.errors import meant
+from lagcli.errors import diagnostics
 
 _DEGREES = frozenset(("deg", "degs", "degree", "degrees", "Deg", "DEG", "grad", "°"))
 _RADIANS = frozenset(("rad", "rads", "radian", "radians", "Rad", "RAD"))
@@ -73,7 +73,7 @@ def character(text: str, at: int) -> str:
         return "write `=`"
     if sign in "µμ" or unicodedata.combining(sign):
         return "a time derivative is written `rate(x)`"
-    return meant.words("characters of formulas").get(sign, "")
+    return diagnostics.meant("characters of formulas").get(sign, "")
 
 
 @functools.cache
@@ -138,7 +138,7 @@ def relation(sign: str, in_equation: bool) -> str:
         return "write `=`" if in_equation else "a formula has one value and no `==`"
     if sign == "!=":
         return "an equation has one `=`"
-    return ONE_SIDED if in_equation else meant.words("characters of formulas")["?"]
+    return ONE_SIDED if in_equation else diagnostics.meant("characters of formulas")["?"]
 
 
 def condition(sign: str, is_second: bool, after: str) -> tuple[str, str]:
@@ -181,7 +181,7 @@ def vector(count: int) -> str:
 
 def coordinate_member(name: str, member: str) -> str:
     """For `theta.dot` and its like."""
-    known = meant.words("members of coordinates")
+    known = diagnostics.meant("members of coordinates")
     return known.get(member, "a coordinate is a number and has no components").format(name)
 
 
@@ -232,14 +232,14 @@ def undeclared(name: str) -> str:
         return _IN_RADIANS
     if name in _DEGREES - {"deg", "°"}:
         return "angles are in radians, and `deg` is pi/180: `30*deg`"
-    return meant.words("names of formulas").get(name, "")
+    return diagnostics.meant("names of formulas").get(name, "")
 
 
 def unknown_function(name: str) -> str:
     """For a function that the format does not have."""
     from lagcli.expression import functions  # here, as what loads no numbers reads formulas too
 
-    known = meant.words("functions of formulas")
+    known = diagnostics.meant("functions of formulas")
     if name in known:
         return known[name]
     if name in (*_ACCELERATIONS, "ddot"):
@@ -256,7 +256,7 @@ def particle_member(member: str) -> str:
     """For what follows the dot of a particle."""
     if member in _ACCELERATIONS:
         return NO_ACCELERATION
-    return meant.words("members of particles").get(member, _OTHER_MEMBER)
+    return diagnostics.meant("members of particles").get(member, _OTHER_MEMBER)
 
 
 def nonlinear(term: str, degree: int, kinds: frozenset[str], quotient: bool) -> tuple[str, str]:
@@ -287,7 +287,7 @@ def derivative_of(name: str, coordinates: Container[str]) -> str:
     plain = "".join(c for c in parts if c not in "\u0307\u0308")
     if plain != parts:
         known = f"write `rate({plain})`" if plain in coordinates else ""
-        return known or meant.words("functions of formulas")["derivative"]
+        return known or diagnostics.meant("functions of formulas")["derivative"]
     above = name.removesuffix("dt").removesuffix("_")[1:]
     if name[:1] == "d" and above in coordinates and name.endswith("dt"):
         return f"write `rate({above})`"
@@ -311,7 +311,7 @@ def way_out(flag: str, subject: str, written: str) -> str:
     if flag != "result":
         if flag == "velocity" and subject.startswith("a differential `d("):
             return NO_ACCELERATION
-        ways = meant.words(f"ways out of {flag}").items()
+        ways = diagnostics.meant(f"ways out of {flag}").items()
         found = next((hint for start, hint in ways if subject.startswith(start)), "")
         return NO_ACCELERATION if flag == "acceleration" and not found else found
     # A result of the motion stands in what determines it.
