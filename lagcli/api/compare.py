@@ -320,11 +320,11 @@ def compare_to_files(
     if plot is not None:
         with write_guard.drawing(plot):
             # matplotlib takes a third of a second to load: only where a figure is asked for.
-            from lagcli.output.figures import figure_page, principles_figure
+            from lagcli.output.figures import figure_page, result_figures
 
             tables = (
-                principles_figure.MotionTable("d'Alembert", first.columns, first.table),
-                principles_figure.MotionTable("vakonomic", vakonomic.columns, vakonomic.table),
+                result_figures.MotionTable("d'Alembert", first.columns, first.table),
+                result_figures.MotionTable("vakonomic", vakonomic.columns, vakonomic.table),
             )
             # Positions in the order of the table, those that differ most of all where they are many.
             kinds = comparison.kinds(model, first.columns)
@@ -335,8 +335,8 @@ def compare_to_files(
                 one, two = (run.table[:count, run.columns.index(name)] for run in (first, vakonomic))
                 return float(np.abs(one - two).max(initial=0.0))
 
-            most = set(sorted(shown, key=gap, reverse=True)[: principles_figure.MOST])
+            most = set(sorted(shown, key=gap, reverse=True)[: result_figures.MOST_COLUMNS])
             shown = [name for name in shown if name in most]
             title = f"{model.title or pathlib.Path(model.path).stem}: two principles"
-            figure_page.write(plot, principles_figure.compose(tables, shown, title, model.units.time))
+            figure_page.write(plot, result_figures.motions(tables, shown, title, model.units.time))
     return found, lines

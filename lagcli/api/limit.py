@@ -80,7 +80,7 @@ def limit_to_files(
     if plot is not None and found.rungs:
         with write_guard.drawing(plot):
             # matplotlib takes a third of a second to load: only where a figure is asked for.
-            from lagcli.output.figures import figure_page, limit_figure
+            from lagcli.output.figures import figure_page, result_figures
 
             rungs = found.rungs
             if found.force is not None:
@@ -89,7 +89,7 @@ def limit_to_files(
                 ends = [rungs[0], rungs[-1]] if len(rungs) > 1 else [rungs[0]]
                 forces = [(f"-k f, k = {one.stiffness:.3g}", one.force) for one in ends]
             rate = "" if found.rate is None else f", slope {-found.rate.slope:.3f}".replace("-", "−")
-            curves = limit_figure.LimitCurves(
+            curves = result_figures.LimitCurves(
                 found.constraint,
                 found.t,
                 found.multiplier,
@@ -101,5 +101,5 @@ def limit_to_files(
                 "mean error without swings" if found.rate_of == "weighted_mean" else "largest error",
             )
             title = f"{model.title or pathlib.Path(model.path).stem}: `{found.constraint}` as a stiff spring"
-            figure_page.write(plot, limit_figure.compose(curves, title, model.units.time))
+            figure_page.write(plot, result_figures.limit(curves, title, model.units.time))
     return found, lines

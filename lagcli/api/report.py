@@ -17,7 +17,7 @@ from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.output.animation import builder, page
 from lagcli.output.charts import chart_figure
-from lagcli.output.figures import audit_figure, panels
+from lagcli.output.figures import panels, result_figures
 from lagcli.reporting import model_on_page, report_page, report_sections
 from lagcli.reporting.model_on_page import PageEquations, PageFigure
 from lagcli.reporting.report_page import ReportPage
@@ -73,7 +73,7 @@ def report(
         curves,
         model_on_page.picture(
             "audit",
-            audit_figure.compose(audited, model.units.time),
+            result_figures.audit(audited, model.units.time),
             "The checks of the audit over time, each as a part of its limit.",
         ),
         step_tolerance.sentence(model.simulation),

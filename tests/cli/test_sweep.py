@@ -547,7 +547,7 @@ def test_a_row_that_was_changed_is_named_in_any_format(ending: str, tmp_path: pa
             patch.setattr(sweep_table, "checksum", lambda shard, row: sums[row.number])
             table = sweep_table.SweepTable(path, planned.columns, None, planned.shard_of)
             table.write(shown)
-            table.commit(len(shown))
+            table.sink.commit(planned=len(shown))
         return sweep_table.rows(path, table_format.opened(path), 1)
 
     sums = {row.number: sweep_table.checksum(planned.shard_of, row) for row in rows}

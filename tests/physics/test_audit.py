@@ -19,7 +19,7 @@ from lagcli.auditing.evidence import differences, model_values, table_input
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.auditing.evidence.tolerances import Evidence, Tolerance
-from lagcli.output.figures import audit_figure
+from lagcli.output.figures import result_figures
 from lagcli.output.tables import sinks, table_format
 from lagcli.running.trajectory import Trajectory
 from tests.helpers.in_process import Command, command
@@ -365,7 +365,7 @@ def test_what_cannot_be_done_is_usage(tmp_path: Path, command: Command, argument
 def test_the_figure_has_a_strip_for_each_check(double: tuple[lagcli.Model, Trajectory]) -> None:
     model, run = double
     found = lagcli.audit(model, run)
-    drawn = audit_figure.compose(found)
+    drawn = result_figures.audit(found)
     labels = [strip.get_ylabel() for strip in drawn.axes]
     assert labels == [check.name for check in found.checks if check.entries and check.law]
 

@@ -87,9 +87,9 @@ def audit(
             raise exits.UsageError(f"--run {run}: {error}") from None
     if plot is not None:
         with write_guard.drawing(plot):
-            from lagcli.output.figures import audit_figure, figure_page
+            from lagcli.output.figures import figure_page, result_figures
 
-            figure_page.write(plot, audit_figure.compose(found, read.units.time))
+            figure_page.write(plot, result_figures.audit(found, read.units.time))
     if as_json:
         print(formats.json_line(found.as_json()))
     else:

@@ -69,10 +69,10 @@ def modes(
     if plot is not None:
         # matplotlib takes a third of a second to load: only where a figure is asked for.
         with write_guard.drawing(plot):
-            from lagcli.output.figures import figure_page, modes_figure
+            from lagcli.output.figures import figure_page, result_figures
 
             title = read.title or pathlib.Path(read.path).stem
-            figure_page.write(plot, modes_figure.compose(found, title))
+            figure_page.write(plot, result_figures.modes(found, title))
     if animate is not None:
         # Other answers draw no scene.
         from lagcli.api import animate as animating

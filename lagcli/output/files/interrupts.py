@@ -125,8 +125,9 @@ def _handle(number: int, frame: FrameType | None) -> None:
         is_first = not _pending and not _raised
         if not _pending:
             _pending.append(number)
-            if _patience:
-                _alarm(min(_patience))
+            if _patience and hasattr(signal, "setitimer"):
+                signal.signal(signal.SIGALRM, _out_of_patience)
+                signal.setitimer(signal.ITIMER_REAL, min(_patience))
         elif _patience:
             # What waits for a reader may wait for ever: a second signal gives it up.
             _pending.clear()
@@ -228,12 +229,6 @@ def window() -> Iterator[None]:
         yield
     finally:
         _shielded, _is_window = depth, False
-
-
-def _alarm(seconds: float) -> None:
-    if hasattr(signal, "setitimer"):
-        signal.signal(signal.SIGALRM, _out_of_patience)
-        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _out_of_patience(number: int, frame: FrameType | None) -> None:

@@ -181,15 +181,11 @@ def require_writable(
     require_separate(everything, together)
     for file in everything:
         if file.is_written and file.number is None:
-            _require_writable(file.name)
-
-
-def _require_writable(name: str) -> None:
-    with writing(name):
-        target = atomic_file.destination(pathlib.Path(name))
-        # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
-        is_replaced = atomic_file.is_replaced(target)
-        path, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
-        os.stat(path)
-        if not os.access(path, rights):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            with writing(file.name):
+                target = atomic_file.destination(pathlib.Path(file.name))
+                # Files are written aside and moved, so that the folder counts; a pipe or a device is written in place.
+                is_replaced = atomic_file.is_replaced(target)
+                path, rights = (target.parent, os.W_OK | os.X_OK) if is_replaced else (target, os.W_OK)
+                os.stat(path)
+                if not os.access(path, rights):
+                    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

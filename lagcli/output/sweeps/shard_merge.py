@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -57,17 +58,13 @@ def write(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
         except (*table_format.UNREADABLE, BadShards) as error:
             raise BadRequest(f"--merge: {error}") from None
         with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
-            target = request.target
-            table = (
-                SweepTable.on_stdout(found.columns)
-                if target is None
-                else SweepTable(Path(target), found.columns, None)
-            )
-            stack.callback(table.discard)
+            target = sys.stdout.buffer if request.target is None else Path(request.target)
+            table = SweepTable(target, found.columns, None)
+            stack.callback(table.sink.discard)
             for rows in sweep_table.blocks(found.rows):
                 table.write(rows)
             stack.pop_all()
-            table.commit(len(found.rows))
+            table.sink.commit(durably=True, planned=len(found.rows))
         account = SweepAccount([], False)
         account.take(found.rows)
         notes = () if found.has_checksums else (UNSEEN,)
@@ -113,13 +110,8 @@ def _read(path: str) -> tuple[tuple[str, ...], str, bool, list[PointRow]]:
     """The columns of the whole sweep, the cell that tells it, whether its rows have checksums, and the rows of a
     shard."""
     table = table_format.opened(path)
-    for name in (
-        sweep_table.NUMBER,
-        sweep_table.STATUS,
-        sweep_table.MESSAGE,
-        sweep_table.END,
-        sweep_table.SHARD,
-    ):
+    needed = (sweep_table.NUMBER, sweep_table.STATUS, sweep_table.MESSAGE, sweep_table.END, sweep_table.SHARD)
+    for name in needed:
         if name not in table.columns:
             raise BadShards(f"{path}: it is no table of a shard: it has no column `{name}`")
     of_shard = (sweep_table.SHARD, sweep_table.CHECKSUM)

@@ -44,37 +44,36 @@ class SweepJournal:
 
     def __init__(self, path: Path, identity: Mapping[str, object], resume: bool) -> None:
         self.path, self.count = path, 0
-        if resume and path.is_file() and path.stat().st_size and not _ended_with(path):
-            end = self._require_same(identity)
-            self._file: BinaryIO = path.open("r+b", buffering=0)
-            self._file.truncate(end)
-            self._file.seek(end)
-        else:
-            _require_no_rows(path)
-            pending = atomic_file.PendingFile(path)
-            with atomic_file.undone_by(pending.discard):
-                pending.path.write_bytes(_line({"kind": KIND, **identity}))
-                pending.commit()
-            self._file = path.open("ab", buffering=0)
-
-    def _require_same(self, identity: Mapping[str, object]) -> int:
-        """The end of the whole lines of the file."""
-        with self.path.open("rb") as file:
-            found = _parsed(file.readline())
-            _require_kind(self.path, found)
-            assert isinstance(found, dict)
-            other = _differing(found, identity)
-            if other:
-                raise UnfitJournal(
-                    f"{self.path} holds rows of a different sweep: {_part_name(other[0])} differs"
+        is_there = path.is_file() and path.stat().st_size > 0
+        first, second = _first_lines(path) if is_there else ({"kind": KIND}, None)
+        if not isinstance(first, dict) or first.get("kind") != KIND:
+            raise UnfitJournal(f"{path} is there and holds no rows of a sweep")
+        if not (resume and is_there) or _table_of(second):
+            if isinstance(second, list):
+                raise UnfinishedSweep(
+                    f"{path} holds the rows of a sweep that has not come to its end: --resume goes on after them;"
+                    " to begin anew, remove the file"
                 )
+            atomic_file.write(path, _line({"kind": KIND, **identity}))
+            self._file: BinaryIO = path.open("ab", buffering=0)
+            return
+        other = _differing(first, identity)
+        if other is not None:
+            what = {"sha256": "the text of the model", "points": "what the points are"}.get(
+                other, f"`{other}`"
+            )
+            raise UnfitJournal(f"{path} holds rows of a different sweep: {what} differs")
+        with path.open("rb") as file:
+            file.readline()
             end = file.tell()
             for line in file:
                 if _parsed(line) is None:
                     break
                 end += len(line)
                 self.count += 1
-        return end
+        self._file = path.open("r+b", buffering=0)
+        self._file.truncate(end)
+        self._file.seek(end)
 
     def write(self, rows: Sequence[PointRow]) -> None:
         """Append rows, at once: a kill of this process loses none of them."""
@@ -121,10 +120,7 @@ class SweepJournal:
         self._file.close()
         with self.path.open("rb") as file:
             header = file.readline()
-        pending = atomic_file.PendingFile(self.path)
-        with atomic_file.undone_by(pending.discard):
-            pending.path.write_bytes(header + _line({ENDED: digest(table)}))
-            pending.commit()
+        atomic_file.write(self.path, header + _line({ENDED: digest(table)}))
 
 
 def digest(table: Path) -> str:
@@ -135,52 +131,31 @@ def digest(table: Path) -> str:
 
 def is_under_way(path: Path) -> bool:
     """True if there is a journal that does not say that its sweep has ended. Raises OSError."""
-    return path.exists() and not _ended_with(path)
+    return path.exists() and not _table_of(_first_lines(path)[1])
 
 
 def ended_with(path: Path, identity: Mapping[str, object]) -> str:
     """The digest of the table with which this very sweep has ended, as its journal says; else nothing. Raises
     OSError."""
-    if not path.is_file():
-        return ""
+    first, second = _first_lines(path) if path.is_file() else (None, None)
+    return "" if not isinstance(first, dict) or _differing(first, identity) else _table_of(second)
+
+
+def _first_lines(path: Path) -> tuple[object, object]:
+    """The values of the first two lines: of which sweep the rows are, and a row, the end, or nothing."""
     with path.open("rb") as file:
-        found = _parsed(file.readline())
-    if not isinstance(found, dict) or found.get("kind") != KIND or _differing(found, identity):
-        return ""
-    return _ended_with(path)
+        return _parsed(file.readline()), _parsed(file.readline())
 
 
-def _ended_with(path: Path) -> str:
-    with path.open("rb") as file:
-        file.readline()
-        found = _parsed(file.readline())
-    return str(found.get(ENDED, "")) if isinstance(found, dict) else ""
+def _table_of(second: object) -> str:
+    """The digest of the table in the second line of a sweep that has ended."""
+    return str(second.get(ENDED, "")) if isinstance(second, dict) else ""
 
 
-def _differing(found: Mapping[str, object], identity: Mapping[str, object]) -> list[str]:
-    """The entries that another sweep has otherwise than one of this identity."""
+def _differing(found: Mapping[str, object], identity: Mapping[str, object]) -> str | None:
+    """The first entry that another sweep has otherwise than one of this identity."""
     wanted = json.loads(json.dumps({"kind": KIND, **identity}))  # as it reads back from the file
-    return [key for key in wanted if found.get(key) != wanted[key]]
-
-
-def _part_name(key: str) -> str:
-    return {"sha256": "the text of the model", "points": "what the points are"}.get(key, f"`{key}`")
-
-
-def _require_no_rows(path: Path) -> None:
-    if path.is_file() and path.stat().st_size:
-        with path.open("rb") as file:
-            _require_kind(path, _parsed(file.readline()))
-            if isinstance(_parsed(file.readline()), list):
-                raise UnfinishedSweep(
-                    f"{path} holds the rows of a sweep that has not come to its end: --resume goes on after them;"
-                    " to begin anew, remove the file"
-                )
-
-
-def _require_kind(path: Path, found: object) -> None:
-    if not isinstance(found, dict) or found.get("kind") != KIND:
-        raise UnfitJournal(f"{path} is there and holds no rows of a sweep")
+    return next((key for key in wanted if found.get(key) != wanted[key]), None)
 
 
 def _line(value: object) -> bytes:

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import array
 import dataclasses
-import errno
 import hashlib
 import itertools
 import json
-import sys
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -112,7 +110,7 @@ def texts(fmt: str, names: Sequence[str]) -> tuple[str, ...]:
 
 
 class SweepTable:
-    """Takes the rows of a sweep into a file or a stream; `shard`: the text of the column `SHARD`."""
+    """Takes the rows of a sweep into the sink of a file or a stream; `shard`: the text of the column `SHARD`."""
 
     def __init__(
         self,
@@ -124,12 +122,7 @@ class SweepTable:
         fmt = formats.of(target, formats.TABLES) if isinstance(target, Path) else "csv"
         self._names, self._shard = tuple(names), shard
         self._texts = texts(fmt, names)
-        self._sink = sinks.open_sink(target, names, provenance=provenance, texts=self._texts)
-
-    @classmethod
-    def on_stdout(cls, names: Sequence[str], shard: str = "") -> SweepTable:
-        """The table on standard output."""
-        return cls(sys.stdout.buffer, names, None, shard)
+        self.sink = sinks.open_sink(target, names, provenance=provenance, texts=self._texts)
 
     def write(self, rows: Sequence[PointRow]) -> None:
         """More rows. Raises OSError."""
@@ -143,39 +136,12 @@ class SweepTable:
         }
         if CHECKSUM in self._names:
             cells[CHECKSUM] = [checksum(self._shard, row) for row in rows]
-        block = np.array(
-            [
-                [row.number, *row.point, *row.results, row.status, np.nan, row.t_end, np.nan, np.nan][
-                    : len(self._names)
-                ]
-                for row in rows
-            ]
-        )
+        # A number for every column, nan for those of text
+        ends = [np.nan] * (len(self._names) - len(rows[0].point) - len(rows[0].results) - 4)
+        block = np.array([[r.number, *r.point, *r.results, r.status, np.nan, r.t_end, *ends] for r in rows])
         numbers = [i for i, name in enumerate(self._names) if name not in self._texts]
         written = [cells[name] for name in self._names if name in self._texts]
-        self._sink.write(block[:, numbers], written)
-
-    def commit(self, planned: int) -> None:
-        """The table is complete, with so many rows. Raises OSError, where there are not so many too."""
-        self._sink.commit(durably=True, planned=planned)
-
-    def keep_partial(self) -> Path | None:
-        """Keep the rows so far in FILE.partial, and return that path; None for a stream."""
-        return self._sink.keep_partial()
-
-    def discard(self) -> None:
-        """Leave nothing behind."""
-        self._sink.discard()
-
-
-def require_planned(rows: Sequence[PointRow], numbers: Iterator[int]) -> None:
-    """Raise OSError where these rows are not of the next of these points."""
-    for row in rows:
-        planned = next(numbers, None)
-        if row.number != planned:
-            raise OSError(
-                errno.EIO, f"the row of the point {row.number} stands where that of {planned} was planned"
-            )
+        self.sink.write(block[:, numbers], written)
 
 
 def blocks(rows: Iterable[PointRow]) -> Iterable[list[PointRow]]:
@@ -226,12 +192,6 @@ class Spread:
     quantiles: tuple[float, ...]
     least: float
     largest: float
-
-    def as_json(self) -> dict[str, object]:
-        """The object of `--json`."""
-        quantiles = {f"{q:g}": value for q, value in zip(QUANTILES, self.quantiles, strict=True)}
-        ends = {"min": self.least, "max": self.largest}
-        return {"count": self.count, "mean": self.mean, "sd": self.sd, **ends, "quantiles": quantiles}
 
 
 class SweepEnding(NamedTuple):
@@ -309,5 +269,15 @@ class SweepAccount:
             "workers_lost": self.lost,
         }  # fmt: skip
         if self._values:
-            counts["results"] = {name: spread.as_json() for name, spread in self.spreads().items()}
+            counts["results"] = {
+                name: {
+                    "count": spread.count,
+                    "mean": spread.mean,
+                    "sd": spread.sd,
+                    "min": spread.least,
+                    "max": spread.largest,
+                    "quantiles": {f"{q:g}": x for q, x in zip(QUANTILES, spread.quantiles, strict=True)},
+                }
+                for name, spread in self.spreads().items()
+            }
         return counts

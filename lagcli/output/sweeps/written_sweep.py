@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import json
 import os
-import pathlib
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -19,206 +20,9 @@ from lagcli.output.sweeps import sweep_journal, sweep_table
 from lagcli.output.sweeps.sweep_journal import SweepJournal
 from lagcli.output.sweeps.sweep_table import PlannedRows, PointRow, SweepAccount, SweepEnding, SweepTable
 from lagcli.output.tables import table_format
-from lagcli.output.tables.table_format import ReadTable
+from lagcli.output.tables.sinks import Sink
 
 SYNC = 1.0  # seconds between times that rows are put on the disk for power cuts
-
-# A step on the way: the part of the points that is there, something to tell, and last the ending.
-SweepStep: TypeAlias = float | str | SweepEnding
-
-
-class WrittenSweep:
-    """A sweep and the file of its rows, which are counted in `account`: iterate `steps` once.
-
-    compute: makes the rows of these points in their order, in parts that may be empty.
-    """
-
-    def __init__(
-        self,
-        planned: PlannedRows,
-        request: SweepRequest,
-        account: SweepAccount,
-        compute: Callable[[range], Iterator[list[PointRow]]],
-    ) -> None:
-        self._planned, self._request, self._account, self._compute = planned, request, account, compute
-
-    def steps(self) -> Iterator[float | str]:
-        """Compute and write, where interrupts are held back; they break off only what computes rows.
-
-        Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`, and what `compute` raises; the rows that there are
-        are safe then, where they go into a file.
-        """
-        return self._to_stdout() if self._request.target is None else self._to_file()
-
-    def _take_all(self, there: int, take: Callable[[list[PointRow]], None]) -> Iterator[float]:
-        """Compute the rows after those that are there, and have each part of them taken."""
-        numbers = self._planned.numbers
-        parts = self._compute(numbers[there:])
-        while True:
-            yield there / (len(numbers) or 1)
-            with interrupts.window():
-                rows = next(parts, None)
-            if rows is None:
-                return
-            take(rows)
-            there += len(rows)
-
-    def _to_stdout(self) -> Iterator[float]:
-        with write_guard.writing("standard output"):
-            table = SweepTable.on_stdout(self._planned.columns, self._planned.shard_of)
-
-            def take(rows: list[PointRow]) -> None:
-                with interrupts.shielded(interrupts.PATIENCE):
-                    table.write(rows)
-                self._account.take(rows)
-
-            yield from self._take_all(0, take)
-            with interrupts.shielded(interrupts.PATIENCE):
-                table.commit(len(self._planned.numbers))
-
-    def _to_file(self) -> Iterator[float | str]:
-        target = self._request.path
-        with contextlib.ExitStack() as stack:
-            with write_guard.writing(os.fspath(target)):
-                target.parent.mkdir(exist_ok=True)
-                stack.enter_context(file_lock.FileLock(target))
-            yield from self._to_locked(target)
-
-    def _to_locked(self, target: Path) -> Iterator[float | str]:
-        request, planned = self._request, self._planned
-        path = sweep_journal.path_of(target)
-        if request.resume and self._is_complete(target):
-            if not request.quiet:
-                yield f"note: {target} holds all rows of this sweep already"
-            return
-        with write_guard.writing(os.fspath(path)):
-            try:
-                journal = SweepJournal(path, planned.provenance, request.resume)
-            except sweep_journal.UnfitJournal as error:
-                raise BadRequest(f"--resume: {error}" if request.resume else str(error)) from None
-        with contextlib.closing(journal):
-            yield from self._to_table(journal, target)
-
-    def _to_table(self, journal: SweepJournal, target: Path) -> Iterator[float | str]:
-        """Bring the rows that are missing into the journal, and all of them into the table."""
-        request, planned = self._request, self._planned
-        is_resumed = journal.count > 0
-        if is_resumed and not request.quiet:
-            yield f"note: {journal.count} of {len(planned.numbers)} points are there of the sweep before"
-        yield from self._journal_all(journal)
-        with write_guard.writing(os.fspath(target)):
-            count = len(planned.numbers)
-            self._write(journal, target, lambda table: table.commit(count), self._account.take)
-            if request.resume and _is_silent(target, planned):
-                journal.end_with(target)
-            else:
-                journal.remove()
-            if is_resumed:  # what an interrupt has kept of it is in the table
-                atomic_file.partial_of(request.rows_so_far).unlink(missing_ok=True)
-
-    def _is_complete(self, target: Path) -> bool:
-        """True if the file holds all rows of the sweep, which are counted. Raises `BadRequest` where that cannot be
-        told."""
-        path = sweep_journal.path_of(target)
-        digest = sweep_journal.ended_with(path, self._planned.provenance)
-        with write_guard.writing(os.fspath(target)):
-            there = (
-                None if sweep_journal.is_under_way(path) else _finished_rows(target, self._planned, digest)
-            )
-        self._account.take(there or [])
-        return there is not None
-
-    def _journal_all(self, journal: SweepJournal) -> Iterator[float]:
-        """Bring the rows that are missing into the journal."""
-        synced = time.monotonic()
-
-        def take(rows: list[PointRow]) -> None:
-            nonlocal synced
-            journal.write(rows)
-            if time.monotonic() - synced > SYNC:
-                journal.sync()
-                synced = time.monotonic()
-
-        try:
-            with write_guard.writing(os.fspath(journal.path)):
-                yield from self._take_all(journal.count, take)
-                journal.sync()
-        except interrupts.Interrupted:
-            interrupts.leave(f"lagcli: interrupted; {self._save(journal)}; --resume goes on after them")
-            raise
-
-    def _save(self, journal: SweepJournal) -> str:
-        """Write the rows so far into a file of their own; where they are, in words."""
-        journal.sync()
-        target = self._request.rows_so_far
-        with write_guard.writing(os.fspath(target)):
-            self._write(journal, target, SweepTable.keep_partial, lambda rows: None)
-        progress = f"{journal.count} of {len(self._planned.numbers)} points"
-        return f"{progress} are in {atomic_file.partial_of(target)}"
-
-    def _write(
-        self,
-        journal: SweepJournal,
-        target: Path,
-        end: Callable[[SweepTable], object],
-        seen: Callable[[list[PointRow]], None],
-    ) -> None:
-        """Write the rows of a journal into a table that is ended so; each block is `seen` when it is written."""
-        planned = self._planned
-        try:
-            table = SweepTable(target, planned.columns, planned.provenance, planned.shard_of)
-        except table_format.MissingExtra as error:
-            raise BadRequest(str(error)) from None
-        with contextlib.ExitStack() as stack:
-            stack.callback(table.discard)
-            numbers = iter(planned.numbers)
-            for rows in sweep_table.blocks(journal.rows()):
-                sweep_table.require_planned(rows, numbers)
-                table.write(rows)
-                seen(rows)
-            stack.pop_all()
-            end(table)
-
-
-def _is_silent(path: Path, planned: PlannedRows) -> bool:
-    """True if a table of this sweep does not say of which it is: a shard does by its column, a whole sweep by the
-    provenance that all formats but CSV and TSV have a place for."""
-    return not planned.is_shard and formats.of(path, formats.TABLES) in formats.PLAIN
-
-
-def _finished_rows(path: Path, planned: PlannedRows, digest: str) -> list[PointRow] | None:
-    """The rows of a file that this very sweep has written to its end, or None.
-
-    digest: of the file that it has ended with, where that is known. Raises OSError, and `BadRequest` where a file holds
-    all points and does not say whether their rows are of this sweep.
-    """
-    if not path.is_file():
-        return None
-    try:
-        table = table_format.opened(path)
-        if tuple(table.columns) != planned.columns:
-            return None
-        if not _is_silent(path, planned) and not _is_same(table, planned):
-            return None
-        finished = sweep_table.rows(path, table, len(planned.names))
-    except table_format.UNREADABLE:
-        return None  # whatever it is, it is replaced as any file is
-    if [row.number for row in finished] != list(planned.numbers):
-        return None
-    if _is_silent(path, planned) and digest != sweep_journal.digest(path):
-        raise BadRequest(
-            f"--resume: {path} holds a row of every point, and nothing says that these are of this model and its"
-            " settings; without --resume all are computed anew"
-        )
-    return finished
-
-
-def _is_same(table: ReadTable, planned: PlannedRows) -> bool:
-    if planned.is_shard:
-        return set(table.words(sweep_table.SHARD)) == {planned.shard_of}
-    whence = table.provenance or {}
-    wanted = json.loads(json.dumps(planned.identity))  # as it reads back from a file
-    return all(whence.get(key) == value for key, value in wanted.items())
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -257,16 +61,16 @@ class SweepRequest:
         return int(number), int(count)
 
     @property
-    def path(self) -> pathlib.Path:
+    def path(self) -> Path:
         """The file of this shard."""
         assert self.target is not None
         if self.is_dataset:
             number, count = self.part
-            return pathlib.Path(self.target) / f"part-{number:05d}-of-{count:05d}.parquet"
-        return pathlib.Path(self.target)
+            return Path(self.target) / f"part-{number:05d}-of-{count:05d}.parquet"
+        return Path(self.target)
 
     @property
-    def rows_so_far(self) -> pathlib.Path:
+    def rows_so_far(self) -> Path:
         """The name that the rows of an interrupted sweep get, before `.partial`. In a folder it begins with a dot: what
         reads a dataset passes over such files, and over no others."""
         path = self.path
@@ -297,3 +101,188 @@ class SweepRequest:
         if self.is_dataset:
             raise BadRequest(f"--merge: {self.target} is a folder; the parts of a dataset need no merging")
         write_guard.require([("--merge", path) for path in paths], ("--output", self.target, formats.TABLES))
+
+
+# A step on the way: the part of the points that is there, something to tell, and last the ending.
+SweepStep: TypeAlias = float | str | SweepEnding
+
+
+class WrittenSweep:
+    """A sweep and the file of its rows, which are counted in `account`: iterate `steps` once.
+
+    compute: makes the rows of these points in their order, in parts that may be empty.
+    """
+
+    def __init__(
+        self,
+        planned: PlannedRows,
+        request: SweepRequest,
+        account: SweepAccount,
+        compute: Callable[[range], Iterator[list[PointRow]]],
+    ) -> None:
+        self._planned, self._request, self._account, self._compute = planned, request, account, compute
+
+    def steps(self) -> Iterator[float | str]:
+        """Compute and write, where interrupts are held back; they break off only what computes rows.
+
+        Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`, and what `compute` raises; the rows that there are
+        are safe then, where they go into a file.
+        """
+        if self._request.target is not None:
+            yield from self._to_file()
+            return
+        with write_guard.writing("standard output"):
+            table = SweepTable(sys.stdout.buffer, self._planned.columns, None, self._planned.shard_of)
+
+            def take(rows: list[PointRow]) -> None:
+                with interrupts.shielded(interrupts.PATIENCE):
+                    table.write(rows)
+                self._account.take(rows)
+
+            yield from self._take_all(0, take)
+            with interrupts.shielded(interrupts.PATIENCE):
+                table.sink.commit(durably=True, planned=len(self._planned.numbers))
+
+    def _take_all(self, there: int, take: Callable[[list[PointRow]], None]) -> Iterator[float]:
+        """Compute the rows after those that are there, and have each part of them taken."""
+        numbers = self._planned.numbers
+        parts = self._compute(numbers[there:])
+        while True:
+            yield there / (len(numbers) or 1)
+            with interrupts.window():
+                rows = next(parts, None)
+            if rows is None:
+                return
+            take(rows)
+            there += len(rows)
+
+    def _to_file(self) -> Iterator[float | str]:
+        request, planned, target = self._request, self._planned, self._request.path
+        path, count = sweep_journal.path_of(target), len(planned.numbers)
+        with contextlib.ExitStack() as stack:
+            with write_guard.writing(os.fspath(target)):
+                target.parent.mkdir(exist_ok=True)
+                stack.enter_context(file_lock.FileLock(target))
+            if request.resume:
+                digest = sweep_journal.ended_with(path, planned.provenance)
+                with write_guard.writing(os.fspath(target)):
+                    is_under_way = sweep_journal.is_under_way(path)
+                    there = None if is_under_way else _finished_rows(target, planned, digest)
+                if there is not None:
+                    self._account.take(there)
+                    if not request.quiet:
+                        yield f"note: {target} holds all rows of this sweep already"
+                    return
+            with write_guard.writing(os.fspath(path)):
+                try:
+                    journal = SweepJournal(path, planned.provenance, request.resume)
+                except sweep_journal.UnfitJournal as error:
+                    raise BadRequest(f"--resume: {error}" if request.resume else str(error)) from None
+            stack.callback(journal.close)
+            is_resumed = journal.count > 0
+            if is_resumed and not request.quiet:
+                yield f"note: {journal.count} of {count} points are there of the sweep before"
+            yield from self._journal_all(journal)
+            with write_guard.writing(os.fspath(target)):
+                self._write(
+                    journal, target, lambda sink: sink.commit(durably=True, planned=count), self._account.take
+                )
+                if request.resume and _is_silent(target, planned):
+                    journal.end_with(target)
+                else:
+                    journal.remove()
+                if is_resumed:  # what an interrupt has kept of it is in the table
+                    atomic_file.partial_of(request.rows_so_far).unlink(missing_ok=True)
+
+    def _journal_all(self, journal: SweepJournal) -> Iterator[float]:
+        """Bring the rows that are missing into the journal."""
+        synced = time.monotonic()
+
+        def take(rows: list[PointRow]) -> None:
+            nonlocal synced
+            journal.write(rows)
+            if time.monotonic() - synced > SYNC:
+                journal.sync()
+                synced = time.monotonic()
+
+        try:
+            with write_guard.writing(os.fspath(journal.path)):
+                yield from self._take_all(journal.count, take)
+                journal.sync()
+        except interrupts.Interrupted:
+            # The rows so far go into a file of their own.
+            journal.sync()
+            target = self._request.rows_so_far
+            with write_guard.writing(os.fspath(target)):
+                self._write(journal, target, lambda sink: sink.keep_partial(), lambda rows: None)
+            done = f"{journal.count} of {len(self._planned.numbers)} points"
+            partial = atomic_file.partial_of(target)
+            interrupts.leave(f"lagcli: interrupted; {done} are in {partial}; --resume goes on after them")
+            raise
+
+    def _write(
+        self,
+        journal: SweepJournal,
+        target: Path,
+        end: Callable[[Sink], object],
+        seen: Callable[[list[PointRow]], None],
+    ) -> None:
+        """Write the rows of a journal into a table that is ended so; each block is `seen` when it is written."""
+        planned = self._planned
+        try:
+            table = SweepTable(target, planned.columns, planned.provenance, planned.shard_of)
+        except table_format.MissingExtra as error:
+            raise BadRequest(str(error)) from None
+        with contextlib.ExitStack() as stack:
+            stack.callback(table.sink.discard)
+            numbers = iter(planned.numbers)
+            for rows in sweep_table.blocks(journal.rows()):
+                for row in rows:
+                    wanted = next(numbers, None)
+                    if row.number != wanted:
+                        reason = (
+                            f"the row of the point {row.number} stands where that of {wanted} was planned"
+                        )
+                        raise OSError(errno.EIO, reason)
+                table.write(rows)
+                seen(rows)
+            stack.pop_all()
+            end(table.sink)
+
+
+def _is_silent(path: Path, planned: PlannedRows) -> bool:
+    """True if a table of this sweep does not say of which it is: a shard does by its column, a whole sweep by the
+    provenance that all formats but CSV and TSV have a place for."""
+    return not planned.is_shard and formats.of(path, formats.TABLES) in formats.PLAIN
+
+
+def _finished_rows(path: Path, planned: PlannedRows, digest: str) -> list[PointRow] | None:
+    """The rows of a file that this very sweep has written to its end, or None.
+
+    digest: of the file that it has ended with, where that is known. Raises OSError, and `BadRequest` where a file holds
+    all points and does not say whether their rows are of this sweep.
+    """
+    if not path.is_file():
+        return None
+    is_silent = _is_silent(path, planned)
+    try:
+        table = table_format.opened(path)
+        if tuple(table.columns) != planned.columns:
+            return None
+        if planned.is_shard and set(table.words(sweep_table.SHARD)) != {planned.shard_of}:
+            return None
+        if not planned.is_shard and not is_silent:
+            wanted = json.loads(json.dumps(planned.identity))  # as it reads back from a file
+            if any((table.provenance or {}).get(key) != value for key, value in wanted.items()):
+                return None
+        finished = sweep_table.rows(path, table, len(planned.names))
+    except table_format.UNREADABLE:
+        return None  # whatever it is, it is replaced as any file is
+    if [row.number for row in finished] != list(planned.numbers):
+        return None
+    if is_silent and digest != sweep_journal.digest(path):
+        raise BadRequest(
+            f"--resume: {path} holds a row of every point, and nothing says that these are of this model and its"
+            " settings; without --resume all are computed anew"
+        )
+    return finished
