@@ -896,7 +896,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file(lagcli: Lagcli, monkeypatch: p
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(sinks._FileSink, "write", full)
+    monkeypatch.setattr(sinks.Sink, "write", full)
     result = lagcli("simulate", file(PENDULUM), "-q", "-o", "run.csv")
     assert result.code == 74
     assert "cannot write run.csv" in result.err

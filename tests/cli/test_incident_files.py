@@ -252,7 +252,7 @@ def kill(command, monkeypatch, files):
     """A run into files that ends after eight blocks."""
     with monkeypatch.context() as patch:
         patch.setattr(atomic_file, "sweep", lambda: None)
-        patch.setattr(sinks._FileSink, "discard", lambda sink: None)
+        patch.setattr(sinks.Sink, "discard", lambda sink: None)
         taken = []
         take = run_tables.RunTables.take
 

@@ -445,7 +445,7 @@ def test_a_file_aside_that_cannot_be_closed_does_not_stay(tmp_path, monkeypatch)
 @pytest.mark.parametrize(("size", "is_told"), [(5e8, False), (2e9, True), (1e11, True)])
 def test_the_size_of_a_large_table_is_told_before_it_is_written(tmp_path, monkeypatch, size, is_told):
     (tmp_path / "m.yaml").write_text(PENDULUM)
-    monkeypatch.setattr(sinks._FileSink, "write", full)
+    monkeypatch.setattr(sinks.Sink, "write", full)
     columns = len(lagcli.simulate(lagcli.loads(PENDULUM)).columns)
     rows = int(size / 8 / columns)
     done = in_process.completed("simulate", "m.yaml", "--samples", rows, "-o", "t.csv", folder=tmp_path)

@@ -86,7 +86,7 @@ def killer(patch):
         raise Killed
 
     patch.setattr(row_file.RowFile, "_open", noted)
-    patch.setattr(sinks._FileSink, "discard", closed)
+    patch.setattr(sinks.Sink, "discard", closed)
     return kill
 
 
@@ -221,7 +221,7 @@ def test_a_table_that_only_had_to_be_moved_is_completed(command, here, ending, m
     file = f"run.{ending}"
     with monkeypatch.context() as patch:
         patch.setattr(run_tables, "EVERY", 0.0)
-        patch.setattr(sinks._FileSink, "commit", killer(patch))
+        patch.setattr(sinks.Sink, "commit", killer(patch))
         with pytest.raises(Killed):
             command("simulate", "m.yaml", "-q", "-o", file, "--checkpoint", "ck")
     assert not Path(file).exists()

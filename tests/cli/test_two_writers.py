@@ -478,9 +478,9 @@ def test_a_journal_that_lost_rows_is_no_table(
 
 
 def test_rows_of_a_run_that_get_lost_are_seen(folder: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write, calls = sinks._FileSink.write, itertools.count()
+    write, calls = sinks.Sink.write, itertools.count()
     monkeypatch.setattr(
-        sinks._FileSink,
+        sinks.Sink,
         "write",
         lambda self, rows, texts=(): write(self, rows[min(1, next(calls)) - 1 :], texts),
     )

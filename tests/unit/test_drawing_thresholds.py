@@ -9,6 +9,7 @@ import pytest
 
 import lagcli
 from lagcli.api import cache
+from lagcli.model.model import Units
 from lagcli.output.animation import links, nets, quadratic_form, rounds, row_pictures, scene
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
@@ -16,7 +17,7 @@ from lagcli.output.animation.quadratic_form import Quadratic
 from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import Viewpoint
 from lagcli.output.charts import chart_table, compose
-from lagcli.output.figures import chart, labels, panels
+from lagcli.output.figures import chart, panels
 from lagcli.output.tables.provenance import TableFacts
 from lagcli.running import table_columns
 from lagcli.start import initial
@@ -143,7 +144,7 @@ def test_heights_that_are_one_are_drawn_once(apart: float, left: int) -> None:
 def test_forces_that_are_rounding_have_no_panel(second: float, shown: int) -> None:
     columns = ["t", *(f"R.{name}.{axis}" for name in "ab" for axis in "xyz")]
     rows = np.array([[t, 1.0, 0, 0, second, 0, 0] for t in (0.0, 1.0)])
-    assert len(panels.bands(columns, rows, labels.ShortUnits("m", "kg", "s"))[-1].panels) == shown
+    assert len(panels.bands(columns, rows, Units("m", "kg", "s"))[-1].panels) == shown
 
 
 @pytest.mark.parametrize(("ratio", "are_alike"), [(20.0, True), (50.0, False)])

@@ -12,6 +12,7 @@ from matplotlib import axes, collections, ticker
 from numpy.typing import NDArray
 
 from lagcli import doubles
+from lagcli.model.model import Units
 from lagcli.output.figures import figure_page, labels, panels
 from lagcli.output.figures.chart import (
     ChartData,
@@ -61,7 +62,7 @@ def compose_run(
     rows: NDArray[np.float64],
     *,
     title: str,
-    units: labels.UnitLabels,
+    units: Units,
     facts: panels.PanelFacts = panels.NOTHING,
 ) -> figure_page.NotebookFigure:
     """The figure of the multipliers and constraint forces of a run, lambda_i(t) and R_k(t).
@@ -70,8 +71,7 @@ def compose_run(
     marked, columns that are zero to rounding drawn as zero, incidents light upright lines. Raises ValueError where the
     column ``t`` is missing.
     """
-    texts = (labels.shortened(text, labels.UNIT) for text in (units.length, units.mass, units.time))
-    bands = panels.bands(columns, rows, labels.ShortUnits(*texts), facts)
+    bands = panels.bands(columns, rows, labels.short_units(units), facts)
     drawn = [panel for band in bands for panel in band.panels]
     marks: Sequence[IncidentMarks] = ()
     if facts.incidents and drawn:

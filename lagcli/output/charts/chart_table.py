@@ -146,10 +146,6 @@ class Series:
     zeros: int
     rows: int
 
-    def as_zero(self) -> Series:
-        """The curve at zero, broken where it was."""
-        return dataclasses.replace(self, y=np.where(np.isnan(self.y), np.nan, 0.0))
-
 
 @dataclasses.dataclass(slots=True, eq=False)
 class TableSeries:
@@ -181,25 +177,22 @@ def over(tables: Sequence[ChartTable], axis: str | None, columns: Sequence[str],
     """Columns over an axis, over the number of the row where it is None; sizes with gaps at zeros where is_log."""
     count = sum(column in table.columns for table in tables for column in columns)
     most = int(np.clip(POINTS // max(1, count), FEWEST, MOST))
-    found = [_table(table, axis, columns, is_log, most) for table in tables]
-    return SeriesSet([series for series, _ in found], all(rises for _, rises in found))
-
-
-def _table(
-    table: ChartTable, axis: str | None, columns: Sequence[str], is_log: bool, most: int
-) -> tuple[TableSeries, bool]:
-    known = set(table.columns)
-    names = [name for name in columns if name in known]
-    found = TableSeries({}, None)
-    rises = True
-    for common, block_names, block in table.blocks([] if axis is None else [axis], names):
-        x = common[:, 0] if axis is not None else np.arange(float(len(block)))
-        finite = x[np.isfinite(x)]
-        rises = axis in ("t", None) or bool((x[1:] >= x[:-1]).all())
-        found.span = (float(finite.min()), float(finite.max())) if finite.size else None
-        for index, name in enumerate(block_names):
-            found.curves[name] = _series(x, block[:, index], is_log, most if rises else None)
-    return found, rises
+    found, is_time = [], True
+    for table in tables:
+        known = set(table.columns)
+        own, rises = TableSeries({}, None), True
+        for common, names, block in table.blocks(
+            [] if axis is None else [axis], [name for name in columns if name in known]
+        ):
+            x = common[:, 0] if axis is not None else np.arange(float(len(block)))
+            finite = x[np.isfinite(x)]
+            rises = axis in ("t", None) or bool((x[1:] >= x[:-1]).all())
+            own.span = (float(finite.min()), float(finite.max())) if finite.size else None
+            for index, name in enumerate(names):
+                own.curves[name] = _series(x, block[:, index], is_log, most if rises else None)
+        found.append(own)
+        is_time = is_time and rises
+    return SeriesSet(found, is_time)
 
 
 def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series:

@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from lagcli.errors import diagnostics
 from lagcli.output.figures import chart
 from lagcli.output.figures.chart import (
-    ChartCurve,
     ChartData,
     ChartPanel,
     IncidentMarks,
@@ -50,31 +48,29 @@ class TerminalLook:
     has_colours: bool = False
 
 
-def lines(chart: ChartData, look: TerminalLook) -> Iterator[str]:
+def lines(data: ChartData, look: TerminalLook) -> Iterator[str]:
     """The chart as lines of at most so many columns."""
-    columns = max(NARROWEST, look.columns)
-    if chart.title.strip():
-        yield _cut(chart.title, columns)
-    for panel in chart.panels:
-        yield from _panel(
-            panel, chart.incidents, dataclasses.replace(look, columns=columns), len(chart.panels)
-        )
-
-
-def _panel(
-    panel: ChartPanel, incidents: Sequence[tuple[float, str]], look: TerminalLook, count: int
-) -> Iterator[str]:
-    yield ""
-    yield _cut(panel.y_label, look.columns)
-    area = _Area(panel, look, ROWS.get(count, FEWEST_ROWS))
-    marks = incident_marks(incidents, area.x) if panel.shape == "time" and incidents else []
-    yield from area.drawn(marks)
-    yield _cut(f"{' ' * (area.left + 1)}{panel.x_label.center(area.width)}".rstrip(), look.columns)
-    for mark in marks:
-        yield _cut(f"{MARK} {mark.label}", look.columns)
-    yield from _legend(panel, look)
-    for note in panel.notes:
-        yield from _wrapped(note, look.columns)
+    look = dataclasses.replace(look, columns=max(NARROWEST, look.columns))
+    if data.title.strip():
+        yield _cut(data.title, look.columns)
+    for panel in data.panels:
+        yield ""
+        yield _cut(panel.y_label, look.columns)
+        area = _Area(panel, look, ROWS.get(len(data.panels), FEWEST_ROWS))
+        marks = incident_marks(data.incidents, area.x) if panel.shape == "time" and data.incidents else []
+        yield from area.drawn(marks)
+        yield _cut(f"{' ' * (area.left + 1)}{panel.x_label.center(area.width)}".rstrip(), look.columns)
+        for mark in marks:
+            yield _cut(f"{MARK} {mark.label}", look.columns)
+        yield from _legend(panel, look)
+        for note in panel.notes:
+            line = ""
+            for word in diagnostics.printable(note).split():
+                if line and diagnostics.columns(line) + 1 + diagnostics.columns(word) > look.columns:
+                    yield line
+                    line = ""
+                line = f"{line} {word}" if line else _cut(word, look.columns)
+            yield line
 
 
 def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
@@ -97,7 +93,9 @@ def _legend(panel: ChartPanel, look: TerminalLook) -> Iterator[str]:
         if line and used + width > look.columns:
             yield line.rstrip()
             line, used = "", 0
-        line += f"{_coloured(sample, _colour(panel, index), look)} {name}   "
+        if look.has_colours:
+            sample = f"\x1b[38;5;{_colour(panel, index)}m{sample}\x1b[0m"
+        line += f"{sample} {name}   "
         used += width
     yield line.rstrip()
 
@@ -108,32 +106,28 @@ def _colour(panel: ChartPanel, index: int) -> int:
     return COLOURS[index % len(COLOURS)]
 
 
-def _coloured(text: str, colour: int, look: TerminalLook) -> str:
-    return f"\x1b[38;5;{colour}m{text}\x1b[0m" if look.has_colours else text
-
-
-class _Canvas(Protocol):
-    """The part of `plotille.Canvas` that is used."""
-
-    def line(self, x0: float, y0: float, x1: float, y1: float, *, color: int | None) -> None: ...
-
-    def point(self, x: float, y: float, *, color: int | None = None, marker: str | None = None) -> None: ...
-
-    def plot(self) -> str: ...
-
-
 class _Area:
     """The axes of a panel: a canvas of dots, four high and two wide in a character, with ticks beside it."""
 
     def __init__(self, panel: ChartPanel, look: TerminalLook, rows: int) -> None:
         self._panel, self._look, self.rows = panel, look, rows
-        self.x, self._y = _limits(panel)
+        x, y = panel.extent()
+        x = panel.limits if panel.limits is not None else x
+        if panel.is_log:  # of the powers of ten
+            bottom, top = decades(*y)
+            self.x, self._y = widened(x, 0.0), (float(bottom), float(top))
+        else:
+            flat = max(1e-3 * max(abs(y[0]), abs(y[1])), 0.0) or 1.0
+            if y[1] - y[0] < flat:  # round-off about a constant is no motion
+                middle = y[0] / 2 + y[1] / 2
+                y = middle - flat / 2, middle + flat / 2
+            self.x, self._y = widened(x, 0.0 if panel.shape == "time" else 0.03), widened(y, 0.04)
         texts = self._texts()
         self.left = max(map(len, texts.values()), default=0)
         self.width = max(10, look.columns - self.left - 2)
         if panel.shape == "equal":
-            (low, high), (bottom, top) = panel.extent()
-            ratio = (top - bottom) / (high - low) if high > low else 1.0
+            (left, right), (lowest, highest) = panel.extent()
+            ratio = (highest - lowest) / (right - left) if right > left else 1.0
             self.rows = round(min(max(self.width * ratio / 2, FEWEST_ROWS), 2 * rows))
             self.x, self._y = squared(*panel.extent(), 2 * self.width, 4 * self.rows)
             texts = self._texts()
@@ -160,56 +154,48 @@ class _Area:
         # Loaded by --show alone.
         import plotille
 
+        panel, has_colours = self._panel, self._look.has_colours
         canvas = plotille.Canvas(self.width, self.rows, 0.0, 0.0, 1.0, 1.0, mode="byte")
-        for index, curve in enumerate(self._panel.curves):
-            self._put(canvas, index, curve)
-        if not self._look.has_colours and 1 < len(self._panel.curves) <= len(LETTERS):
-            for index, curve in enumerate(self._panel.curves):
+        curves: list[Floats] = []  # their points on the canvas (k, 2)
+        for curve in panel.curves:
+            y = np.log10(curve.y) if panel.is_log else curve.y
+            if panel.shape == "time":
+                chosen = chart.extrema(y, 4 * self.width)
+                x, y = curve.x[chosen], y[chosen]
+            else:
+                x, y = chart.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
+            curves.append(np.column_stack([_part(x, self.x), _part(y, self._y)]))
+        for index, curve_points in enumerate(curves):
+            colour = _colour(panel, index) if has_colours else None
+            points = curve_points.tolist()
+            known = np.flatnonzero(np.isfinite(curve_points).all(axis=1)).tolist()
+            for before, after in itertools.pairwise(known):
+                if after == before + 1:
+                    canvas.line(*points[before], *points[after], color=colour)
+            if len(known) == 1:
+                canvas.point(*points[known[0]], color=colour)
+        if not has_colours and 1 < len(curves) <= len(LETTERS):
+            for index, curve_points in enumerate(curves):
                 # A letter on a curve, at some of its points that no other curve has
-                x, y = self._decimated(curve)
-                known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-                for spot in range(SPOTS if known.size else 0):
-                    part = (spot + (index + 1) / (len(self._panel.curves) + 1)) / SPOTS
-                    k = known[min(int(part * known.size), known.size - 1)]
-                    canvas.point(float(x[k]), float(y[k]), marker=LETTERS[index])
-        for mark in marks:
-            for t in mark.times:
-                self._mark(canvas, float(t))
+                known = np.flatnonzero(np.isfinite(curve_points).all(axis=1)).tolist()
+                for spot in range(SPOTS if known else 0):
+                    part = (spot + (index + 1) / (len(curves) + 1)) / SPOTS
+                    x, y = curve_points[known[min(int(part * len(known)), len(known) - 1)]].tolist()
+                    canvas.point(x, y, marker=LETTERS[index])
+        for t in itertools.chain(*(mark.times for mark in marks)):
+            (fraction,) = _part(np.array([t]), self.x)
+            if np.isfinite(fraction):
+                for row in (0, self.rows - 1):  # at the edges: it would hide the curve
+                    colour = MARK_COLOUR if has_colours else None
+                    canvas.point(float(fraction), (row + 0.5) / self.rows, color=colour, marker=MARK)
         for number, line in enumerate(canvas.plot().split("\n")):
             line = line.replace(EMPTY, " ")
             text = self._ticks.get(number, "")
             yield f"{text:>{self.left}}{'┤' if text else '│'}{line}".rstrip()
         yield from self._below()
 
-    def _put(self, canvas: _Canvas, index: int, curve: ChartCurve) -> None:
-        colour = _colour(self._panel, index) if self._look.has_colours else None
-        x, y = self._decimated(curve)
-        points = np.column_stack([x, y]).tolist()
-        alone = [k for k, point in enumerate(points) if np.isfinite(point).all()]
-        for before, after in itertools.pairwise(alone):
-            if after == before + 1:
-                canvas.line(*points[before], *points[after], color=colour)
-        if len(alone) == 1:
-            canvas.point(*points[alone[0]], color=colour)
-
-    def _decimated(self, curve: ChartCurve) -> tuple[Floats, Floats]:
-        y = np.log10(curve.y) if self._panel.is_log else curve.y
-        if self._panel.shape == "time":
-            chosen = chart.extrema(y, 4 * self.width)
-            x, y = curve.x[chosen], y[chosen]
-        else:
-            x, y = chart.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
-        return _part(x, self.x), _part(y, self._y)
-
-    def _mark(self, canvas: _Canvas, t: float) -> None:
-        colour = MARK_COLOUR if self._look.has_colours else None
-        (fraction,) = _part(np.array([t]), self.x)
-        for row in (
-            (0, self.rows - 1) if np.isfinite(fraction) else ()
-        ):  # at the edges: it would hide the curve
-            canvas.point(float(fraction), (row + 0.5) / self.rows, color=colour, marker=MARK)
-
     def _below(self) -> Iterator[str]:
+        """The axis below with its ticks, as many as have room."""
         axis, names = ["─"] * self.width, [" "] * (self.width + 1)
         free = 0
         for value, text in ticks(*self.x, max(2, self.width // 12)):
@@ -221,21 +207,6 @@ class _Area:
                 free = start + len(text) + 1
         yield f"{' ' * self.left}└{''.join(axis)}"
         yield f"{' ' * self.left} {''.join(names)}".rstrip()
-
-
-def _limits(panel: ChartPanel) -> tuple[Span, Span]:
-    """The limits of the axes, of the powers of ten where sizes are logarithmic."""
-    x, y = panel.extent()
-    if panel.limits is not None:
-        x = panel.limits
-    if panel.is_log:
-        bottom, top = decades(*y)
-        return widened(x, 0.0), (float(bottom), float(top))
-    flat = max(1e-3 * max(abs(y[0]), abs(y[1])), 0.0) or 1.0
-    if y[1] - y[0] < flat:  # round-off about a constant is no motion
-        middle = y[0] / 2 + y[1] / 2
-        y = middle - flat / 2, middle + flat / 2
-    return widened(x, 0.0 if panel.shape == "time" else 0.03), widened(y, 0.04)
 
 
 def _part(values: Floats, limits: Span) -> Floats:
@@ -255,16 +226,6 @@ def _cut(text: str, columns: int) -> str:
     while diagnostics.columns(plain) > columns - 1:
         plain = plain[: min(len(plain) - 1, columns)]
     return plain + "…"
-
-
-def _wrapped(text: str, columns: int) -> Iterator[str]:
-    line = ""
-    for word in diagnostics.printable(text).split():
-        if line and diagnostics.columns(line) + 1 + diagnostics.columns(word) > columns:
-            yield line
-            line = ""
-        line = f"{line} {word}" if line else _cut(word, columns)
-    yield line
 
 
 def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:

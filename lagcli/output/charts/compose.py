@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 
 import numpy as np
@@ -33,6 +33,7 @@ MOST_PANELS = 24  # on one page, an inch each
 # Columns that share axes only while their values are of like size: their units may differ.
 MOST_APART = 8
 MOST_LISTED = 6  # names in a note
+MOST_DASHED = 6  # dashes that differ, and columns and runs that one panel holds together
 # Below it, in whatever unit, forces may be rounding: where no model tells, that is said.
 # `tests/unit/test_drawing_thresholds.py::test_forces_that_may_be_rounding_are_noted` fails at 1e-12 and 1e-14.
 SUSPECT = 1e-13
@@ -102,48 +103,41 @@ class _Plan:
         self._names = labels.distinguishing(
             [table.name for table in tables], [table.origin for table in tables]
         )
-        self.x = self._axis()
-
-    def _axis(self) -> str | None:
-        """The column of the axis; None for the number of the row."""
-        wanted = self._choice.x
-        if wanted is None:
-            return "t" if all("t" in table.columns for table in self._tables) else None
-        for table in self._tables:
-            if wanted not in table.columns:
-                hint = diagnostics.nearest(wanted, table.columns)
+        # The column of the axis; None for the number of the row
+        self.x = choice.x
+        if self.x is None and all("t" in table.columns for table in tables):
+            self.x = "t"
+        for table in tables:
+            if choice.x is not None and choice.x not in table.columns:
+                hint = diagnostics.nearest(choice.x, table.columns)
                 raise UndrawableColumns(
-                    f"--x: {table.name} has no column `{wanted}`" + (f"; {hint}" if hint else "")
+                    f"--x: {table.name} has no column `{choice.x}`" + (f"; {hint}" if hint else "")
                 )
-        return wanted
-
-    def _selected(self, patterns: str) -> list[str]:
-        try:
-            indices = table_format.select(self._columns, patterns)
-        except table_format.UnknownColumn as error:
-            raise UndrawableColumns(f"--y: {error}") from None
-        return [self._columns[index] for index in indices]
 
     def _groups(self) -> list[list[str]]:
-        """The columns of the panels over the axis, in their order."""
-        if self._choice.y:
-            chosen = [self._selected(patterns) for patterns in self._choice.y]
-        elif self._choice.xy:
-            return []
-        else:
+        """The columns of the panels over the axis, in their order: those of one kind and unit are together."""
+        chosen: list[list[str]] = []
+        if not self._choice.y:
+            if self._choice.xy:
+                return []
             rest = [name for name in self._columns if name != self.x]
-            chosen = [[name for name in rest if name.startswith("lambda.")] or rest]
+            chosen.append([name for name in rest if name.startswith("lambda.")] or rest)
+        for patterns in self._choice.y:
+            try:
+                indices = table_format.select(self._columns, patterns)
+            except table_format.UnknownColumn as error:
+                raise UndrawableColumns(f"--y: {error}") from None
+            chosen.append([self._columns[index] for index in indices])
         if not any(chosen):
             raise UndrawableColumns("there is no column to draw")
-        return [group for names in chosen for group in self._of_one_kind(names)]
-
-    def _of_one_kind(self, names: Sequence[str]) -> Iterable[list[str]]:
-        """Columns of one kind and unit."""
-        groups: dict[tuple[str, str], list[str]] = {}
-        for name in names:
-            words = self._words_for(name)
-            groups.setdefault((words.kind(name), words.unit(name)), []).append(name)
-        return groups.values()
+        found: list[list[str]] = []
+        for names in chosen:
+            groups: dict[tuple[str, str], list[str]] = {}
+            for name in names:
+                words = self._words_for(name)
+                groups.setdefault((words.kind(name), words.unit(name)), []).append(name)
+            found += groups.values()
+        return found
 
     def _words_for(self, name: str) -> ColumnTexts:
         """The words of the first table that has a column."""
@@ -159,76 +153,59 @@ class _Plan:
         series = chart_table.over(self._tables, self.x, wanted, self._choice.is_log)
         spans = [table.span for table in series.tables if table.span is not None]
         limits = (min(low for low, _ in spans), max(high for _, high in spans)) if spans else (0.0, 0.0)
+        words, runs = self._words[0], len(self._tables)
         for names in groups:
-            for part in self._parts(names, series):
+            # Columns share axes, but where sizes or runs are too many to be told apart.
+            kind = words.kind(names[0])
+            is_open = kind in OPEN or (kind == "multiplier" and "unit of" in words.unit(names[0]))
+            sizes = [size for size in map(series.largest, names) if size > 0]
+            is_apart = is_open and len(names) <= MOST_APART and not panels.are_of_like_size(sizes)
+            is_crowded = runs > 1 and len(names) > 1 and (runs > MOST_DASHED or len(names) > MOST_DASHED)
+            is_alone = (is_apart and not self._choice.is_log) or is_crowded
+            for part in [[name] for name in names] if is_alone else [names]:
                 yield self._panel(part, series, limits if series.is_time else None)
-
-    def _parts(self, names: list[str], series: chart_table.SeriesSet) -> list[list[str]]:
-        """Columns that share axes: all, or each alone where sizes or runs are too many to be told apart."""
-        words = self._words[0]
-        kind = words.kind(names[0])
-        is_open = kind in OPEN or (kind == "multiplier" and "unit of" in words.unit(names[0]))
-        runs = len(self._tables)
-        sizes = [size for size in map(series.largest, names) if size > 0]
-        is_apart = is_open and len(names) <= MOST_APART and not panels.are_of_like_size(sizes)
-        is_crowded = runs > 1 and len(names) > 1 and (runs > len(DASHED) or len(names) > len(DASHED))
-        return [[name] for name in names] if (is_apart and not self._choice.is_log) or is_crowded else [names]
 
     def _panel(
         self, names: list[str], series: chart_table.SeriesSet, limits: tuple[float, float] | None
     ) -> ChartPanel:
-        words = self._words_for(names[0])
-        zeros = set() if self._choice.is_log else self._zero_columns(names, words.kind(names[0]), series)
-        shown = [
-            (run, index, curve if (run, name) not in zeros else curve.as_zero())
-            for run in range(len(self._tables))
-            for index, name in enumerate(names)
-            if (curve := series.find(run, name)) is not None
-        ]
-        is_family = len(shown) > MOST_KEYS and (len(self._tables) == 1 or len(names) == 1)
+        words, is_log, runs = self._words_for(names[0]), self._choice.is_log, len(self._tables)
+        kind = words.kind(names[0])
+        # The columns, with their tables, that are zero to rounding, but not exactly zero
+        floor = doubles.VALUE * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
+        zeros: set[tuple[int, str]] = set()
+        curves = []
+        for run, table in enumerate(self._tables):
+            for index, name in enumerate(names):
+                one = series.find(run, name)
+                if one is None:
+                    continue
+                y = one.y
+                if not is_log and one.largest > 0 and (name in table.facts.zeros or one.largest <= floor):
+                    zeros.add((run, name))
+                    y = np.where(np.isnan(y), np.nan, 0.0)
+                # Colours tell columns apart, dashes runs where there are several.
+                look = (index, run) if runs > 1 and len(names) > 1 else (index if runs == 1 else run,) * 2
+                curves.append(ChartCurve(name if runs == 1 else self._names[run], one.x, y, *look))
+        is_family = len(curves) > MOST_KEYS and (runs == 1 or len(names) == 1)
+        keys: tuple[LegendKey, ...] = ()
+        if not is_family and (len(curves) > 1 or runs > 1):
+            keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves)
+            if runs > 1 and len(names) > 1:
+                of_columns = [LegendKey(name, index, 0) for index, name in enumerate(names)]
+                keys = (*of_columns, *(LegendKey(name, None, run) for run, name in enumerate(self._names)))
         label = words.axis(names)
         return ChartPanel(
             "time" if series.is_time else "plane",
             words.axis([self.x]) if self.x is not None else "row",
-            " ".join(filter(None, ("size of", label))) if self._choice.is_log else label or _listed(names),
-            *self._curves(names, shown, is_family),
+            " ".join(filter(None, ("size of", label))) if is_log else label or _listed(names),
+            tuple(curves),
+            keys,
             is_family=is_family,
-            is_log=self._choice.is_log,
+            is_log=is_log,
             limits=limits,
             dots=() if series.is_time else self._dots((self.x or "", names[0])),
-            notes=tuple(self._notes(names, words.kind(names[0]), series, zeros)),
+            notes=tuple(self._notes(names, kind, series, zeros)),
         ).drawable()
-
-    def _curves(
-        self, names: Sequence[str], shown: Sequence[tuple[int, int, Series]], is_family: bool
-    ) -> tuple[tuple[ChartCurve, ...], tuple[LegendKey, ...]]:
-        """The curves of a panel and its legend: colours tell columns apart, dashes runs where there are several."""
-        runs, curves = len(self._tables), []
-        for run, index, one in shown:
-            one_of_each = runs == 1 or len(names) == 1
-            look = (index if runs == 1 else run,) * 2 if one_of_each else (index, run)
-            label = names[index] if runs == 1 else self._names[run]
-            curves.append(ChartCurve(label, one.x, one.y, *look))
-        if is_family or (len(shown) <= 1 and runs == 1):
-            return tuple(curves), ()
-        if runs == 1 or len(names) == 1:
-            return tuple(curves), tuple(LegendKey(c.label, c.colour, c.dash) for c in curves)
-        keys = [LegendKey(name, index, 0) for index, name in enumerate(names)]
-        return tuple(curves), (*keys, *(LegendKey(name, None, run) for run, name in enumerate(self._names)))
-
-    def _zero_columns(
-        self, names: Sequence[str], kind: str, series: chart_table.SeriesSet
-    ) -> set[tuple[int, str]]:
-        """The columns, with their tables, that are zero to rounding, but not exactly zero."""
-        floor = doubles.VALUE * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
-        return {
-            (run, name)
-            for run, table in enumerate(self._tables)
-            for name in names
-            if (one := series.find(run, name)) is not None
-            and one.largest > 0
-            and (name in table.facts.zeros or one.largest <= floor)
-        }
 
     def _notes(
         self, names: Sequence[str], kind: str, series: chart_table.SeriesSet, zeros: set[tuple[int, str]]
@@ -264,9 +241,18 @@ class _Plan:
         """The panels of --xy; pairs of the same components share axes."""
         found: dict[tuple[str, str], list[tuple[str, str]]] = {}
         for text in self._choice.xy:
-            names = self._pair(text)
-            members = (names[0].rpartition(".")[2], names[1].rpartition(".")[2])
-            found.setdefault(members if "." in names[0] and "." in names[1] else names, []).append(names)
+            names = [part.strip() for part in text.split(",")]
+            if len(names) != 2:
+                raise UndrawableColumns(f"--xy {text}: write two columns, such as a.x,a.z")
+            for name in names:
+                if not any(name in table.columns for table in self._tables):
+                    hint = diagnostics.nearest(name, self._columns)
+                    raise UndrawableColumns(
+                        f"--xy: there is no column `{name}`" + (f"; {hint}" if hint else "")
+                    )
+            x, y = names
+            members = (x.rpartition(".")[2], y.rpartition(".")[2])
+            found.setdefault(members if "." in x and "." in y else (x, y), []).append((x, y))
         for pairs in found.values():
             if len(self._tables) * len(pairs) > MOST_KEYS * 3:
                 raise UndrawableColumns(
@@ -274,29 +260,27 @@ class _Plan:
                 )
             yield self._plane(pairs)
 
-    def _pair(self, text: str) -> tuple[str, str]:
-        names = [part.strip() for part in text.split(",")]
-        if len(names) != 2:
-            raise UndrawableColumns(f"--xy {text}: write two columns, such as a.x,a.z")
-        for name in names:
-            if not any(name in table.columns for table in self._tables):
-                hint = diagnostics.nearest(name, self._columns)
-                raise UndrawableColumns(f"--xy: there is no column `{name}`" + (f"; {hint}" if hint else ""))
-        return names[0], names[1]
-
     def _plane(self, pairs: Sequence[tuple[str, str]]) -> ChartPanel:
         curves: list[ChartCurve] = []
         for run, table in enumerate(self._tables):
             for index, pair in enumerate(pairs):
                 if set(pair) <= set(table.columns):
                     x, y = chart_table.path(table, pair)
-                    label = ", ".join(part for part in (_pair_name(pair), self._names[run]) if part)
-                    label = self._names[run] if len(pairs) == 1 and self._names[run] else label
+                    # `a` of a.x and a.z; `a.x, b.z` of columns of different particles
+                    stems = {name.rpartition(".")[0] for name in pair}
+                    label = stems.pop() if len(stems) == 1 and "" not in stems else ", ".join(pair)
+                    if self._names[run]:
+                        label = self._names[run] if len(pairs) == 1 else f"{label}, {self._names[run]}"
                     number = run * len(pairs) + index
                     curves.append(ChartCurve(label, x, y, number, number))
         words = self._words[0]
         keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if len(curves) > 1 else ()
-        x_label, y_label = (_component(words, [pair[k] for pair in pairs]) for k in (0, 1))
+        x_label, y_label = (
+            words.axis(names[:1])
+            if len(set(names)) == 1
+            else labels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))
+            for names in zip(*pairs, strict=True)
+        )
         dots = tuple(dot for pair in pairs for dot in self._dots(pair))
         return ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots).drawable()
 
@@ -313,9 +297,6 @@ class _Plan:
             IncidentDots(mark.number, np.interp(mark.times, t, x), np.interp(mark.times, t, y))
             for mark in marks
         )
-
-
-DASHED = range(6)  # dashes that differ, and columns and runs that one panel holds together
 
 
 def _log_notes(found: dict[str, list[Series]]) -> Iterator[str]:
@@ -336,15 +317,3 @@ def _log_notes(found: dict[str, list[Series]]) -> Iterator[str]:
 def _listed(names: Sequence[str]) -> str:
     more = len(names) - MOST_LISTED
     return ", ".join(names[:MOST_LISTED]) + (f" and {more} others" if more > 0 else "")
-
-
-def _pair_name(pair: tuple[str, str]) -> str:
-    """`a` of a.x and a.z; `a.x, b.z` of columns of different particles."""
-    stems = {name.rpartition(".")[0] for name in pair}
-    return stems.pop() if len(stems) == 1 and "" not in stems else ", ".join(pair)
-
-
-def _component(words: ColumnTexts, names: Sequence[str]) -> str:
-    if len(set(names)) == 1:
-        return words.axis(names[:1])
-    return labels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))

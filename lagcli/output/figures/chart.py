@@ -25,6 +25,7 @@ MOST_KEYS = 12
 MOST_DECADES = 40
 # The largest size on an axis: ticks around it, and their differences, are doubles too.
 LARGEST = 1e300
+TOO_LARGE = 10**10  # by which what is larger is divided
 # Marks of incidents of one kind across a figure; closer ones cannot be told apart. From so many on lines are thinner.
 MOST_MARKS, DENSE_MARKS = 300, 60
 # A figure is some 1 500 pixels wide; this many points on one curve show more than that.
@@ -88,23 +89,19 @@ def incident_marks(
     incidents: Iterable[tuple[float, str]], span: tuple[float, float]
 ) -> Sequence[IncidentMarks]:
     """The marks of incidents, given by times and kinds, on an axis of time; kinds in their order."""
-    times: dict[str, list[float]] = {}
+    found: dict[str, list[float]] = {}
     for t, kind in incidents:
-        times.setdefault(kind, []).append(t)
-    return [
-        IncidentMarks(kind, number, len(times[kind]), _decimated_times(np.array(times[kind]), span))
-        for number, kind in enumerate(KINDS)
-        if kind in times
-    ]
-
-
-def _decimated_times(times: Floats, span: tuple[float, float]) -> Floats:
-    """The first time in each of `MOST_MARKS` parts of the axis."""
+        found.setdefault(kind, []).append(t)
     first, last = span
-    _, distinct = np.unique(
-        np.floor((times - first) / ((last - first) or 1.0) * MOST_MARKS), return_index=True
-    )
-    return times[distinct]
+    marks = []
+    for number, kind in enumerate(KINDS):
+        if kind in found:
+            times = np.array(found[kind])
+            # The first time in each of `MOST_MARKS` parts of the axis
+            parts = np.floor((times - first) / ((last - first) or 1.0) * MOST_MARKS)
+            _, distinct = np.unique(parts, return_index=True)
+            marks.append(IncidentMarks(kind, number, len(times), times[distinct]))
+    return marks
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -142,18 +139,14 @@ class ChartPanel:
         if self.is_log or not (is_far or is_high):
             return self
 
-        def x(values: Floats) -> Floats:
-            return fit(values) if is_far else values
-
-        def y(values: Floats) -> Floats:
-            return fit(values) if is_high else values
-
+        # By what x and y are divided
+        across, up = TOO_LARGE if is_far else 1, TOO_LARGE if is_high else 1
         return dataclasses.replace(
             self,
             x_label=fitted(self.x_label) if is_far else self.x_label,
             y_label=fitted(self.y_label) if is_high else self.y_label,
-            curves=tuple(dataclasses.replace(one, x=x(one.x), y=y(one.y)) for one in self.curves),
-            dots=tuple(dataclasses.replace(one, x=x(one.x), y=y(one.y)) for one in self.dots),
+            curves=tuple(dataclasses.replace(one, x=one.x / across, y=one.y / up) for one in self.curves),
+            dots=tuple(dataclasses.replace(one, x=one.x / across, y=one.y / up) for one in self.dots),
         )
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -208,7 +201,7 @@ def sizes(vectors: Floats) -> Floats:
 
 def fit(values: Floats) -> Floats:
     """Values that are too large for an axis, as they are drawn: none of them is larger than `LARGEST` then."""
-    return np.asarray(values / 10**10)
+    return np.asarray(values / TOO_LARGE)
 
 
 def fitted(label: str) -> str:
@@ -324,7 +317,15 @@ def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> t
             break
         cells //= 2
     # Noise goes to new cells for ever: every so many pieces of it look like all of them.
-    return _joined(x[chosen], y[chosen], pieces[:: -(-len(pieces) // most)])
+    pieces = pieces[:: -(-len(pieces) // most)]
+    # Pieces that follow each other are joined, others parted by nan.
+    starts = np.flatnonzero(np.diff(pieces, prepend=-2) != 1)
+    ends = np.append(starts[1:], len(pieces))
+    index = np.concatenate(
+        [part for s, e in zip(starts, ends, strict=True) for part in (pieces[s:e], [pieces[e - 1] + 1, -1])]
+    ).astype(np.intp)
+    x, y = (np.where(index < 0, np.nan, values[chosen][index]) for values in (x, y))
+    return x, y
 
 
 def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
@@ -342,13 +343,3 @@ def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[
     changes = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
     chosen = np.union1d(changes, [len(x) - 1])
     return chosen, keys[chosen]
-
-
-def _joined(x: Floats, y: Floats, pieces: NDArray[np.intp]) -> tuple[Floats, Floats]:
-    """The points of pieces, those that follow each other joined, others parted by nan."""
-    starts = np.flatnonzero(np.diff(pieces, prepend=-2) != 1)
-    ends = np.append(starts[1:], len(pieces))
-    index = np.concatenate(
-        [part for s, e in zip(starts, ends, strict=True) for part in (pieces[s:e], [pieces[e - 1] + 1, -1])]
-    ).astype(np.intp)
-    return tuple(np.where(index < 0, np.nan, values[index]) for values in (x, y))  # type: ignore[return-value]

@@ -6,15 +6,14 @@ is no other's.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import Protocol
 
 from lagcli.errors import diagnostics
 from lagcli.model import dimension_facts
 from lagcli.model.dimension_facts import DimensionFacts
+from lagcli.model.model import Units
 from lagcli.output.tables.provenance import TableFacts
 
 # Letters; the tests draw longer ones. A title of so many fills about three lines, a name about one, and a unit leaves
@@ -56,15 +55,6 @@ _PREFIXES = tuple(
 )
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class ShortUnits:
-    """Labels of the units of length, mass and time, none longer than UNIT."""
-
-    length: str
-    mass: str
-    time: str
-
-
 def shortened(text: str, most: int) -> str:
     """The text with at most so many letters: its beginning and its end, with an ellipsis between them."""
     plain = diagnostics.printable(text)
@@ -74,18 +64,12 @@ def shortened(text: str, most: int) -> str:
     return f"{plain[: most - end - 1]}…{plain[-end:]}"
 
 
-class UnitLabels(Protocol):
-    """Labels of the units of length, mass and time."""
-
-    @property
-    def length(self) -> str: ...
-    @property
-    def mass(self) -> str: ...
-    @property
-    def time(self) -> str: ...
+def short_units(units: Units) -> Units:
+    """The labels of units, none longer than UNIT."""
+    return Units(*(shortened(label, UNIT) for label in (units.length, units.mass, units.time)))
 
 
-def force_unit(units: UnitLabels, length_power: int = 1) -> str:
+def force_unit(units: Units, length_power: int = 1) -> str:
     """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2.
 
     Newton and its multiples where the labels are kg, m, s; empty where all labels are empty or "1".
@@ -112,7 +96,7 @@ def with_unit(quantity: str, unit: str) -> str:
     return f"{quantity}  ({unit})" if unit not in ("", "1") else quantity
 
 
-def multiplier_unit(column: str, units: UnitLabels, known: DimensionFacts) -> str:
+def multiplier_unit(column: str, units: Units, known: DimensionFacts) -> str:
     """The label of the unit of a column `lambda.NAME`: newton where f is a length, N·m where it is an angle or a
     number, else what its equation says."""
     power = known.length(column.removeprefix("lambda."))
@@ -126,9 +110,7 @@ class ColumnTexts:
 
     def __init__(self, columns: Sequence[str], facts: TableFacts) -> None:
         self._columns, self._facts = frozenset(columns), facts
-        units = facts.units
-        short = [shortened(u, UNIT) for u in (units.length, units.mass, units.time)] if units else []
-        self._units = ShortUnits(*short) if short else None
+        self._units = short_units(facts.units) if facts.units is not None else None
 
     def kind(self, column: str) -> str:
         """The kind of a column, a key of PLURALS."""
@@ -136,15 +118,14 @@ class ColumnTexts:
             if pattern.fullmatch(column):
                 return kind
         stem, _, member = column.rpartition(".")
-        if stem and member in ("x", "y", "z") and self._is_particle(stem):
-            return "position"
-        if stem and member in ("vx", "vy", "vz") and self._is_particle(stem):
-            return "velocity"
+        # A vector among the outputs is no particle, and has no velocity.
+        is_position = dimension_facts.base(stem) in self._facts.dimensions.positions
+        if stem and (is_position or f"{stem}.vx" in self._columns):
+            if member in ("x", "y", "z"):
+                return "position"
+            if member in ("vx", "vy", "vz"):
+                return "velocity"
         return "coordinate" if f"rate({column})" in self._columns else "other"
-
-    def _is_particle(self, stem: str) -> bool:
-        """True for a particle: a vector among the outputs has no velocity."""
-        return dimension_facts.base(stem) in self._facts.dimensions.positions or f"{stem}.vx" in self._columns
 
     def unit(self, column: str) -> str:
         """The label of its unit; empty where it is not known."""
@@ -190,9 +171,21 @@ def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] 
         return [""]
     known = [origin for origin in origins if origin is not None]
     if len(known) == len(paths):
-        by_values = _by_values(_values(known))
-        if by_values is not None:
-            return by_values
+        tables = [_mapping(origin.get("parameters")) for origin in known]
+        models = {_text(origin.get("sha256")) for origin in known}
+        if len(models) == 1 and models != {"none"}:  # of one model those that were set: others follow
+            was_set = {name for origin in known for name in _mapping(origin.get("set"))}
+            tables = [{name: value for name, value in one.items() if name in was_set} for one in tables]
+        for table, origin in zip(tables, known, strict=True):  # a space: no parameter has such a name
+            table |= {f" {name}": origin.get(name) for name in SETTINGS}
+        # `L = 1.5, m = 2` of the values that differ, if they are few and tell all tables apart
+        every = dict.fromkeys(name for table in tables for name in table)
+        differing = [name for name in every if len({_text(table.get(name)) for table in tables}) > 1]
+        if 1 <= len(differing) <= MOST_NAMED:
+            named = [[f"{name.strip()} = {_text(table.get(name))}" for name in differing] for table in tables]
+            texts = list(map(", ".join, named))
+            if len(set(texts)) == len(texts):
+                return texts
     names = _by_paths(paths)
     numbered = [f"{name} ({number})" if name else f"run {number}" for number, name in enumerate(names, 1)]
     return [
@@ -201,34 +194,8 @@ def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] 
     ]
 
 
-def _values(origins: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
-    """The parameters and settings of each table; of one model those parameters alone that were set: others follow."""
-    found = [_mapping(origin.get("parameters")) for origin in origins]
-    models = {_text(origin.get("sha256")) for origin in origins}
-    if len(models) == 1 and models != {"none"}:
-        was_set = {name for origin in origins for name in _mapping(origin.get("set"))}
-        found = [{name: value for name, value in one.items() if name in was_set} for one in found]
-    return [
-        parameters
-        | {f" {name}": origin.get(name) for name in SETTINGS}  # a space: no parameter has such a name
-        for parameters, origin in zip(found, origins, strict=True)
-    ]
-
-
 def _mapping(value: object) -> dict[str, object]:
     return {str(name): one for name, one in value.items()} if isinstance(value, Mapping) else {}
-
-
-def _by_values(tables: Sequence[Mapping[str, object]]) -> list[str] | None:
-    """`L = 1.5, m = 2` of the values that differ, if they are few and tell all tables apart."""
-    names = dict.fromkeys(name for table in tables for name in table)
-    differing = [name for name in names if len({_text(table.get(name)) for table in tables}) > 1]
-    if not 1 <= len(differing) <= MOST_NAMED:
-        return None
-    texts = [
-        ", ".join(f"{name.strip()} = {_text(table.get(name))}" for name in differing) for table in tables
-    ]
-    return texts if len(set(texts)) == len(texts) else None
 
 
 def _text(value: object) -> str:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.model import dimension_facts
+from lagcli.model.model import Units
 from lagcli.output.figures import chart
 from lagcli.output.figures.chart import LARGEST, ChartCurve, ChartPanel, LegendKey
-from lagcli.output.figures.labels import UnitLabels, force_unit, multiplier_unit, with_unit
+from lagcli.output.figures.labels import force_unit, multiplier_unit, with_unit
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
 # Curves with ranges that differ by more have panels of their own.
@@ -65,7 +66,7 @@ class _Table:
 
     indices: dict[str, int]
     rows: NDArray[np.float64]
-    units: UnitLabels
+    units: Units
     facts: PanelFacts
     is_large: bool
 
@@ -102,7 +103,7 @@ class _Table:
 def bands(
     columns: Sequence[str],
     rows: NDArray[np.float64],
-    units: UnitLabels,
+    units: Units,
     facts: PanelFacts = NOTHING,
 ) -> list[Band]:
     """The bands of the figure of a run, from top to bottom.

@@ -1,11 +1,10 @@
 """The sinks of the rows of a run: ``open_sink`` chooses the format and gives a sink for them."""
 
-import abc
 import contextlib
 import errno
 import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self, TextIO, cast
@@ -15,49 +14,84 @@ from numpy.typing import NDArray
 
 from lagcli.output.files import atomic_file, formats
 from lagcli.output.tables import cell_text, csv_format, table_format
-from lagcli.output.tables.table_format import Make, TableHead
+from lagcli.output.tables.table_format import TableHead, TableWriter
 
 
-class Sink(abc.ABC):
+class Sink:
     """Takes the rows of one table block by block; exactly one of commit, keep_partial and discard ends it.
 
-    As a context manager it is discarded on an exception and committed otherwise, unless it has been ended
-    before. All methods let OSError pass; a commit or keep_partial that fails has discarded.
+    file: that is written aside and moved into place; None for a stream. As a context manager it is discarded on an
+    exception and committed otherwise, unless it has been ended before. All methods let OSError pass; a commit or
+    keep_partial that fails has discarded.
     """
 
-    def __init__(self, head: TableHead) -> None:
-        self._width, self._texts = len(head.numbers), len(head.texts)
-        self._ended = False
+    def __init__(self, head: TableHead, writer: TableWriter, file: atomic_file.PendingFile | None) -> None:
+        self._head, self._writer, self._file = head, writer, file
+        self._is_finished = self._ended = False
         self._rows = 0
 
-    @abc.abstractmethod
+    @property
+    def is_file(self) -> bool:
+        """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
+        return self._file is not None and not self._file.is_in_place
+
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the cells of each column of text; raises ValueError for
         another shape or an ended sink."""
-
-    @property
-    @abc.abstractmethod
-    def is_file(self) -> bool:
-        """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
+        self._must_be_open()
+        width, columns = len(self._head.numbers), len(self._head.texts)
+        if rows.ndim != 2 or rows.shape[1] != width:
+            raise ValueError(f"rows of shape {rows.shape} for {width} columns")
+        if len(texts) != columns or any(len(cells) != len(rows) for cells in texts):
+            raise ValueError(f"texts that do not fit {len(rows)} rows of {columns} columns of text")
+        self._rows += len(rows)
+        self._writer.write(rows.astype(np.float64, copy=False), texts)
 
     def finish(self, planned: int | None = None) -> None:
         """The table is complete, and a file of it still aside; ``planned``: the number of its rows, where it is known:
         OSError where others were written."""
-        self._must_be_open()
-        if planned is not None and planned != self._rows:
-            raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
+        with atomic_file.undone_by(self.discard if self._file is not None else lambda: None):
+            self._must_be_open()
+            if planned is not None and planned != self._rows:
+                raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
+            if self._file is not None and not self._is_finished:
+                self._writer.finish()
+                self._is_finished = True
 
-    @abc.abstractmethod
     def commit(self, durably: bool = False, planned: int | None = None) -> None:
         """Finish the table, and move it into place; ``durably``: return when it is on the disk."""
+        if self._file is None:
+            self._must_be_open()
+            self._writer.finish()
+        self.finish(planned)
+        if self._file is not None:
+            with atomic_file.undone_by(self.discard):
+                self._file.commit(durably)
+        self._ended = True
 
-    @abc.abstractmethod
     def keep_partial(self) -> Path | None:
         """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
+        if self._file is None:
+            self.commit()
+            return None
+        self.finish()
+        with atomic_file.undone_by(self.discard):
+            partial = self._file.keep_partial()
+        self._ended = True
+        return partial
 
-    @abc.abstractmethod
     def discard(self) -> None:
         """Leave nothing behind; no effect on an ended sink."""
+        if self._ended:
+            return
+        self._ended = True
+        if self._file is not None:
+            try:
+                # What is thrown away need not be complete, and the error that led here must not be hidden.
+                with contextlib.suppress(OSError):
+                    self._writer.abandon()
+            finally:
+                self._file.discard()
 
     def __enter__(self) -> Self:
         return self
@@ -65,25 +99,12 @@ class Sink(abc.ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._ended:
-            return
-        if kind is None:
-            self.commit()
-        else:
-            self.discard()
+        if not self._ended:
+            (self.commit if kind is None else self.discard)()
 
     def _must_be_open(self) -> None:
         if self._ended:
             raise ValueError("the sink has ended")
-
-    def _checked(self, rows: NDArray[np.float64], texts: cell_text.Texts) -> NDArray[np.float64]:
-        self._must_be_open()
-        if rows.ndim != 2 or rows.shape[1] != self._width:
-            raise ValueError(f"rows of shape {rows.shape} for {self._width} columns")
-        if len(texts) != self._texts or any(len(cells) != len(rows) for cells in texts):
-            raise ValueError(f"texts that do not fit {len(rows)} rows of {self._texts} columns of text")
-        self._rows += len(rows)
-        return rows.astype(np.float64, copy=False)
 
 
 def open_sink(
@@ -109,112 +130,47 @@ def open_sink(
     if not isinstance(target, str | os.PathLike):
         if fmt not in (None, "csv"):
             raise formats.UnknownFormat(f"a stream as {fmt}", ("csv",))
-        return _StreamSink(target, head)
+        return Sink(head, _StreamWriter(target, head), None)
     path = Path(target)
     if fmt is None:
         fmt = formats.of(path, formats.TABLES)
     if fmt not in formats.TABLES:
         raise formats.UnknownFormat(path.name, formats.TABLES)
-    return _FileSink(path, head, table_format.of(fmt).writer(path))
+    make = table_format.of(fmt).writer(path)
+    file = atomic_file.PendingFile(path)
+    with atomic_file.undone_by(file.discard):
+        return Sink(head, make(file.path, head), file)
 
 
-class _FileSink(Sink):
-    def __init__(self, path: Path, head: TableHead, make: Make) -> None:
-        super().__init__(head)
-        self._temporary = atomic_file.PendingFile(path)
-        with atomic_file.undone_by(self._temporary.discard):
-            self._writer = make(self._temporary.path, head)
-        self._is_finished = False
+class _StreamWriter:
+    """Writes CSV to a stream, flushed after every block; see `TableWriter`."""
 
-    def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
-        self._writer.write(self._checked(rows, texts), texts)
-
-    @property
-    def is_file(self) -> bool:
-        return not self._temporary.is_in_place
-
-    def finish(self, planned: int | None = None) -> None:
-        with atomic_file.undone_by(self.discard):
-            super().finish(planned)
-            if not self._is_finished:
-                self._writer.finish()
-                self._is_finished = True
-
-    def commit(self, durably: bool = False, planned: int | None = None) -> None:
-        self.finish(planned)
-        with self._ending():
-            self._temporary.commit(durably)
-
-    def keep_partial(self) -> Path:
-        self.finish()
-        with self._ending():
-            return self._temporary.keep_partial()
-
-    def discard(self) -> None:
-        if self._ended:
-            return
-        self._ended = True
-        try:
-            # What is thrown away need not be complete, and the error that led here must not be hidden.
-            with contextlib.suppress(OSError):
-                self._writer.abandon()
-        finally:
-            self._temporary.discard()
-
-    @contextlib.contextmanager
-    def _ending(self) -> Iterator[None]:
-        """Let the file be moved, and leave nothing behind where that fails."""
-        with atomic_file.undone_by(self.discard):
-            yield
-        self._ended = True
-
-
-class _StreamSink(Sink):
     def __init__(self, stream: BinaryIO | TextIO, head: TableHead) -> None:
-        super().__init__(head)
-        self._table, self._numbers = csv_format.CsvText(head), head.numbers
+        self._table, self._numbers, self._stream = csv_format.CsvText(head), head.numbers, stream
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
         self._header = self._table.header()
-        self._text: TextIO | None = None
         if isinstance(stream, io.TextIOBase):
             # The bytes below the text, where there are any: a text layer may turn "\n" into "\r\n".
             stream.flush()
-            self._bytes: BinaryIO | None = getattr(stream, "buffer", None)
-            self._text = cast(TextIO, stream)
-        else:
-            self._bytes = cast(BinaryIO, stream)
+            self._stream = getattr(stream, "buffer", stream)
 
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
-        rows = self._checked(rows, texts)
         cell_text.require_no_infinity(rows, self._numbers)
         self._put(self._header)
         self._header = b""
         for part in self._table.lines(rows, texts):
             self._put(part)
-        self._flush()
+        self._stream.flush()
 
-    is_file = False
-
-    def commit(self, durably: bool = False, planned: int | None = None) -> None:
-        self._must_be_open()
+    def finish(self) -> None:
         self._put(self._header)
-        self._flush()
-        self.finish(planned)
-        self._ended = True
+        self._stream.flush()
 
-    def keep_partial(self) -> None:
-        self.commit()
-
-    def discard(self) -> None:
-        self._ended = True
+    def abandon(self) -> None:
+        pass
 
     def _put(self, data: bytes | memoryview) -> None:
-        if self._bytes is not None:
-            self._bytes.write(data)
-        elif self._text is not None:
-            self._text.write(bytes(data).decode())
-
-    def _flush(self) -> None:
-        stream = self._bytes if self._bytes is not None else self._text
-        if stream is not None:
-            stream.flush()
+        if isinstance(self._stream, io.TextIOBase):
+            self._stream.write(bytes(data).decode())
+        else:
+            cast(BinaryIO, self._stream).write(data)
