@@ -7,7 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
-from lagcli.output.figures import chart, figure_page, labels, panels
+from lagcli.model.model import Units
+from lagcli.output.figures import chart, figure_page, panels
 from lagcli.output.figures.chart import ChartCurve, ChartPanel
 from tests.helpers import in_process
 
@@ -106,7 +107,7 @@ def test_an_axis_of_values_that_are_too_large_says_its_part():
     assert scale.limits[0] < 1e298 < scale.limits[1]
     np.testing.assert_allclose(chart.sizes(np.array([[3e200, 0, 4e200]])), [5e200], rtol=1e-15)
     rows = np.array([[0.0, 1e308], [1.0, -1e308]])
-    band = panels.bands(["t", "lambda.r"], rows, labels.ShortUnits("m", "kg", "s"))[0]
+    band = panels.bands(["t", "lambda.r"], rows, Units("m", "kg", "s"))[0]
     assert band.panels[0].y_label.endswith("× 1e-10")
     np.testing.assert_allclose(band.panels[0].curves[0].y, [1e298, -1e298], rtol=1e-15)
 

@@ -10,7 +10,7 @@ import pytest
 import lagcli
 from lagcli.api import cache
 from lagcli.model.model import Units
-from lagcli.output.animation import links, nets, quadratic_form, rounds, row_pictures, scene
+from lagcli.output.animation import links, nets, quadratic_form, row_pictures, scene
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
@@ -83,8 +83,8 @@ def test_squares_with_other_factors_are_no_distance(change: float, is_distance: 
 
 @pytest.mark.parametrize(("change", "count"), [(3e-10, 1), (3e-9, 2)])
 def test_planes_that_are_one_are_drawn_once(change: float, count: int) -> None:
-    planes = [rounds.plane(pictured(Quadratic(np.float64(c), numbers(z=1))), 0) for c in (0.0, -change)]
-    assert len(rounds.merged([one for one in planes if one is not None], 1.0)) == count
+    planes = [row_pictures.plane(pictured(Quadratic(np.float64(c), numbers(z=1))), 0) for c in (0.0, -change)]
+    assert len(row_pictures.merged([one for one in planes if one is not None], 1.0)) == count
 
 
 @pytest.mark.parametrize(
@@ -93,10 +93,10 @@ def test_planes_that_are_one_are_drawn_once(change: float, count: int) -> None:
 )
 def test_a_plane_far_from_its_particle_is_not_drawn(kind: str, away: float, drawn: int) -> None:
     """An equation holds the particle on it; a wall is drawn for what comes near."""
-    plane = rounds.plane(pictured(Quadratic(linear=numbers(z=1)), kind), 0)
+    plane = row_pictures.plane(pictured(Quadratic(linear=numbers(z=1)), kind), 0)
     assert plane is not None
     particles = np.array([[[0, 0, away]], [[1, 0, away]]])
-    assert len(rounds.polygons([plane], particles, np.array([np.nan]), 1.0)) == drawn
+    assert len(row_pictures.polygons([plane], particles, np.array([np.nan]), 1.0)) == drawn
 
 
 @pytest.mark.parametrize(("off", "is_one"), [(3e-7, True), (3e-6, False)])

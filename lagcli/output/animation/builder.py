@@ -64,13 +64,21 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     if model is not None:
         extent = scene.size(points.tracks)
         found = row_pictures.pictures(model, motion.t, motion.particles, points, extent)
-    found.links += [points.tie(tie) for tie in motion.ties]
+    for tie in motion.ties:  # as thin lines
+        other = tie.other if isinstance(tie.other, int) else points.point_at(tie.other)
+        found.links.append(Link("string", "", (tie.particle, other), tie.length))
     hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
-    tracks = [*points.tracks, *_reaches(found)]
+    tracks = list(points.tracks)
+    for _, ball in found.rounds:
+        if ball.kind == "sphere":  # which reaches farther than the particle on it
+            half = np.linalg.norm(ball.frames[:, :3], axis=1)
+            tracks += [ball.frames[:, 3] - half, ball.frames[:, 3] + half]
     # The direction of the constant forces on all particles together, where that is numbers alone
     view = scene.view(tracks, None if model is None else quadratic_algebra.weight(model))
     size, notes = scene.size(tracks), motion.notes
+    masses = np.ones(len(motion.names))
     if model is not None:
+        masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
         curves = CurvePictures(model, motion.t, motion.particles, view, found).all()
         surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves
         notes = (*notes, *unseen(model, found.shown))
@@ -84,7 +92,7 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
         t=motion.t,
         names=motion.names,
         points=tuple(points.tracks),
-        radii=_radii(_masses(model, len(motion.names)), found.links, hard, size),
+        radii=_radii(masses, found.links, hard, size),
         view=view,
         R=_tracks(motion.R),
         F=_tracks(motion.F),
@@ -104,22 +112,6 @@ def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
     if hidden:
         more = f" and {len(hidden) - MOST_NAMED} others" if len(hidden) > MOST_NAMED else ""
         yield f"kept, and not drawn: {', '.join(hidden[:MOST_NAMED])}{more}"
-
-
-def _reaches(found: RowPictures) -> list[Floats]:
-    """The outermost points of round surfaces that hold a particle."""
-    tracks = []
-    for _, ball in found.rounds:
-        half = np.linalg.norm(ball.frames[:, :3], axis=1)
-        if ball.kind == "sphere":
-            tracks += [ball.frames[:, 3] - half, ball.frames[:, 3] + half]
-    return tracks
-
-
-def _masses(model: nouns.Model | None, count: int) -> Floats:
-    if model is None:
-        return np.ones(count)
-    return np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
 
 
 def _radii(masses: Floats, rods: list[Link], hard: Floats, size: float) -> Floats:

@@ -6,11 +6,12 @@ import contextlib
 import itertools
 import pathlib
 import tempfile
+from typing import Any
 
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from matplotlib import animation, axes, collections, colors, figure, lines, quiver
+from matplotlib import animation, axes, collections, colors, figure, lines
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
@@ -49,11 +50,29 @@ def _look() -> contextlib.AbstractContextManager[None]:
 def write(path: pathlib.Path, scene: Scene, fmt: str) -> int:
     """Write the film aside and move it into place; return how many pictures it has. Raises `NoFilmWriter`, OSError."""
     require(fmt)
+    shown, rate = pictures(scene, fmt)
+    writer: animation.AbstractMovieWriter
+    if fmt == "gif":
+        writer = animation.PillowWriter(fps=rate)  # type: ignore[arg-type] # a part of a second is fine
+    else:
+        writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
     with tempfile.TemporaryDirectory() as folder:
         made = pathlib.Path(folder) / f"film.{fmt}"  # the writers know the format by the ending
-        count = _made(made, scene, fmt)
+        with _look(), figure_page.any_sign():
+            drawing = _Drawing(scene)
+            # Not `saving` of matplotlib, which finishes a film that an interrupt has broken off too, and fails where it
+            # has no picture yet.
+            writer.setup(drawing.figure, str(made), DPI)
+            with (
+                matplotlib.rc_context({"savefig.bbox": None}),
+                atomic_file.undone_by(lambda: _abandon(writer)),
+            ):
+                for frame in shown:
+                    drawing.show(int(frame))
+                    writer.grab_frame()
+                writer.finish()
         atomic_file.write(path, made.read_bytes())
-    return count
+    return len(shown)
 
 
 def picture(scene: Scene, fmt: str) -> bytes:
@@ -75,26 +94,6 @@ def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:
     nearer = np.abs(scene.t[after] - times) < np.abs(scene.t[after - 1] - times)
     shown = np.where(nearer, after, after - 1).astype(np.int64)
     return shown, (count - 1) / seconds if seconds > 0 else 1.0
-
-
-def _made(path: pathlib.Path, scene: Scene, fmt: str) -> int:
-    shown, rate = pictures(scene, fmt)
-    writer: animation.AbstractMovieWriter
-    if fmt == "gif":
-        writer = animation.PillowWriter(fps=rate)  # type: ignore[arg-type] # a part of a second is fine
-    else:
-        writer = animation.FFMpegWriter(fps=rate, codec="h264", extra_args=["-pix_fmt", "yuv420p"])  # type: ignore[arg-type]
-    with _look(), figure_page.any_sign():
-        drawing = _Drawing(scene)
-        # Not `saving` of matplotlib, which finishes a film that an interrupt has broken off too, and fails where it has
-        # no picture yet.
-        writer.setup(drawing.figure, str(path), DPI)
-        with matplotlib.rc_context({"savefig.bbox": None}), atomic_file.undone_by(lambda: _abandon(writer)):
-            for frame in shown:
-                drawing.show(int(frame))
-                writer.grab_frame()
-            writer.finish()
-    return len(shown)
 
 
 def _abandon(writer: animation.AbstractMovieWriter) -> None:
@@ -125,16 +124,32 @@ class _Drawing:
         self._to = page.Projection(scene, width, height)
         widths = [0.3 if one.kind == "net" else 0.8 for one in scene.surfaces]
         self._rims = [self._plot.plot([], [], color=GREY, linewidth=width)[0] for width in widths]
-        self._trails = self._trailed()
+        # The trails of moving particles, where they are few
+        self._trails: list[tuple[Floats, collections.LineCollection]] = []
+        for k in range(scene.count if scene.count <= MOST_TRAILS and not scene.modes else 0):
+            if len(scene.points[k]) > 1:
+                fading = np.linspace(0.05, 0.7, FADES)
+                colours = [(*colors.to_rgb(page.colour(k, scene.count)), alpha) for alpha in fading]
+                trail = collections.LineCollection([], colors=colours, linewidths=1.4)
+                self._plot.add_collection(trail)
+                self._trails.append((self._to(scene.points[k]), trail))
         self._links = collections.LineCollection([], colors=GREY, linewidths=1.6)
         self._plot.add_collection(self._links)
-        colours = [page.colour(k, scene.count) for k in range(scene.count)]
+        looks = [page.colour(k, scene.count) for k in range(scene.count)]
         sizes = (2 * np.maximum(2.0, scene.radii * self._to.scale) * 72 / DPI) ** 2
         self._balls = self._plot.scatter(
-            np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=colours, zorder=3
+            np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=looks, zorder=3
         )
+        nothing = np.zeros((4, scene.count))
+        arrows: dict[str, Any] = {
+            "angles": "xy",
+            "scale_units": "xy",
+            "scale": 1.0,
+            "width": 0.005,
+            "zorder": 4,
+        }
         self._arrows = [
-            (forces, self._quiver(colour))
+            (forces, self._plot.quiver(*nothing, color=colour, **arrows))
             for forces, colour in ((scene.R, REACTION), (scene.F, FORCE))
             if forces and scene.scale
         ]
@@ -142,27 +157,6 @@ class _Drawing:
         self._cursor = (
             _curves(self.figure.add_axes((0.72, 0.12, 0.26, 0.76)), scene) if scene.curves else None
         )
-
-    def _quiver(self, colour: str) -> quiver.Quiver:
-        nothing = np.zeros((4, self._scene.count))
-        return self._plot.quiver(
-            *nothing, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.005, zorder=4
-        )
-
-    def _trailed(self) -> list[tuple[Floats, collections.LineCollection]]:
-        """The trails of moving particles, where they are few."""
-        scene = self._scene
-        moving = [k for k in range(scene.count) if len(scene.points[k]) > 1]
-        if scene.count > MOST_TRAILS or scene.modes:
-            return []
-        found = []
-        for k in moving:
-            fading = np.linspace(0.05, 0.7, FADES)
-            colours = [(*colors.to_rgb(page.colour(k, scene.count)), alpha) for alpha in fading]
-            drawn = collections.LineCollection([], colors=colours, linewidths=1.4)
-            self._plot.add_collection(drawn)
-            found.append((self._to(scene.points[k]), drawn))
-        return found
 
     def show(self, frame: int) -> None:
         """Move everything to an instant."""

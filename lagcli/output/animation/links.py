@@ -54,6 +54,7 @@ class PointTable:
 
     def __init__(self, particles: Floats, is_run: bool = True) -> None:
         self._positions, self.is_run, self.unenforced = particles, is_run, 0
+        self.count = int(particles.shape[1])
         self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(particles.shape[1])]
         self._known: dict[tuple[tuple[tuple[int, float], ...], bytes], int] = {}
 
@@ -69,25 +70,6 @@ class PointTable:
         if abs(total) > doubles.ZERO * heavy:
             return None
         return self._mean(positive, nothing), self._mean(negative, -found.shift / heavy)
-
-    def is_beside(self, end: int) -> bool:
-        """True for a point that is no particle."""
-        return end >= int(self._positions.shape[1])
-
-    def factor(self, found: SquareDistance) -> float:
-        """By how much |u| is larger than the distance of the ends."""
-        heavy = sum(w for w in found.weights.values() if w > 0)
-        return heavy or -sum(found.weights.values())
-
-    def tie(self, tie: Tie) -> Link:
-        """A constant distance as a thin line."""
-        other = tie.other if isinstance(tie.other, int) else self.point_at(tie.other)
-        return Link("string", "", (tie.particle, other), tie.length)
-
-    def distance(self, ends: tuple[int, int]) -> Floats:
-        """The distance of two points over the instants."""
-        one, two = (self.tracks[end] for end in ends)
-        return np.asarray(np.linalg.norm(one - two, axis=-1))
 
     def point_at(self, at: Floats) -> int:
         """The point at a position (3,) or (T, 3)."""
@@ -119,8 +101,11 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: 
     ends = points.ends(found)
     if ends is None:
         return None
-    length = found.length / points.factor(found)
-    off = points.distance(ends) - length
+    # By how much |u| is larger than the distance of the ends
+    factor = sum(w for w in found.weights.values() if w > 0) or -sum(found.weights.values())
+    length = found.length / factor
+    one, two = (points.tracks[end] for end in ends)
+    off = np.linalg.norm(one - two, axis=-1) - length
     size = float(np.abs(length).max())
     if size == 0.0:
         return None
@@ -142,7 +127,7 @@ def of_sum(name: str, distances: Iterable[SquareDistance], points: PointTable) -
     if len(known) < len(found):
         return []
     # From pulley to pulley, where these are no particles.
-    pulleys = [end for ends in known for end in ends if points.is_beside(end)]
+    pulleys = [end for ends in known for end in ends if end >= points.count]
     between = (
         [pair for pair in itertools.pairwise(pulleys) if pair[0] != pair[1]]
         if len(pulleys) == len(known)
@@ -199,25 +184,20 @@ def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link
     """The bars of rows sum_k weight_k r_k + shift = 0 of two or three particles in all components, with the names of
     these rows."""
     for weights, shift, names in _vectors(rows):
-        for ends in _bar_ends(weights, shift, points):
+        particles, total = list(weights), sum(weights.values())
+        balanced = abs(total) <= doubles.ZERO * max(map(abs, weights.values()))
+        joined: list[tuple[int, int]] = []
+        if len(particles) == 2 and balanced:
+            joined = [(particles[0], particles[1])]
+        elif len(particles) == 2:
+            pivot = points.point_at(-shift / total)
+            joined = [(k, pivot) for k in particles]
+        elif balanced and not np.any(shift):
+            positive = [k for k in particles if weights[k] > 0]
+            (middle,) = positive if len(positive) == 1 else [k for k in particles if weights[k] < 0]
+            joined = [(middle, k) for k in particles if k != middle]
+        for ends in joined:
             yield Link("rod", min(names), ends), names
-
-
-def _bar_ends(weights: Weights, shift: Floats, points: PointTable) -> list[tuple[int, int]]:
-    """The pairs of points that a bar joins; none where the rows are no bar."""
-    total, heavy = sum(weights.values()), max(map(abs, weights.values()))
-    balanced = abs(total) <= doubles.ZERO * heavy
-    particles = list(weights)
-    if len(particles) == 2:
-        if balanced:
-            return [(particles[0], particles[1])]
-        pivot = points.point_at(-shift / total)
-        return [(k, pivot) for k in particles]
-    if not balanced or np.any(shift):
-        return []
-    positive = [k for k in particles if weights[k] > 0]
-    (middle,) = positive if len(positive) == 1 else [k for k in particles if weights[k] < 0]
-    return [(middle, k) for k in particles if k != middle]
 
 
 def _vectors(rows: Iterable[PicturedRow]) -> Iterator[tuple[Weights, Floats, set[str]]]:

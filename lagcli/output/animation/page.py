@@ -12,14 +12,13 @@ import html
 import json
 import pathlib
 import string
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import __version__, memory
 from lagcli.output.animation import nets
-from lagcli.output.animation.scene import DrawnSurface, Link, Mode, Scene, TimeCurve
+from lagcli.output.animation.scene import DrawnSurface, Scene, TimeCurve
 from lagcli.output.figures import labels
 from lagcli.output.files import atomic_file
 
@@ -88,7 +87,7 @@ class _Block:
     """Numbers one after another; equal arrays stand there once."""
 
     def __init__(self) -> None:
-        self._parts: list[npt.NDArray[np.float32]] = []
+        self.parts: list[npt.NDArray[np.float32]] = []
         self._known: dict[bytes, list[int]] = {}
         self._size = 0
 
@@ -98,13 +97,9 @@ class _Block:
         key = flat.tobytes()
         if key not in self._known:
             self._known[key] = [self._size, flat.size]
-            self._parts.append(flat)
+            self.parts.append(flat)
             self._size += flat.size
         return self._known[key]
-
-    def text(self) -> str:
-        """All numbers in base64."""
-        return base64.b64encode(b"".join(part.tobytes() for part in self._parts)).decode("ascii")
 
 
 def packed(scene: Scene) -> tuple[str, str]:
@@ -119,32 +114,35 @@ def packed(scene: Scene) -> tuple[str, str]:
         "names": [labels.shortened(name, labels.NAME) for name in scene.names],
         "units": [labels.shortened(unit, labels.UNIT) for unit in scene.units],
         "size": size,
-        "centre": _list(centre),
-        "view": {"towards": _list(view.towards), "up": _list(view.up), "flat": view.flat},
+        "centre": centre.tolist(),
+        "view": {"towards": view.towards.tolist(), "up": view.up.tolist(), "flat": view.flat},
         "points": [block.add((track - centre) / size) for track in scene.points],
-        "radii": _list(scene.radii / size),
+        "radii": (scene.radii / size).tolist(),
         # As arrows: forces of any unit are no larger than 32 bits hold.
         "R": [block.add(track * (scene.scale / size)) for track in scene.R],
         "F": [block.add(track * (scene.scale / size)) for track in scene.F],
         "scale": scene.scale / size,
-        "links": [_link(link, block, size) for link in scene.links],
+        "links": [
+            {"kind": link.kind, "a": link.ends[0], "b": link.ends[1], "length": link.length / size}
+            | ({} if link.lengths is None else {"lengths": block.add(link.lengths / size)})
+            for link in scene.links
+        ],
         "surfaces": [_surface(one, block, size, centre) for one in scene.surfaces],
         "curves": [_curve(curve, block) for curve in scene.curves],
         "notes": [labels.shortened(note, labels.TITLE) for note in scene.notes],
-        "modes": [_mode(mode, block, size, centre) for mode in scene.modes],
+        "modes": [
+            {
+                "name": labels.shortened(mode.name, labels.NAME),
+                "note": labels.shortened(mode.note, labels.TITLE),
+                "swings": mode.swings,
+                "points": block.add((mode.points - centre) / size),
+            }
+            for mode in scene.modes
+        ],
         "rate": scene.rate,
     }
-    return json.dumps(found, allow_nan=False, separators=(",", ":")), block.text()
-
-
-def _link(link: Link, block: _Block, size: float) -> dict[str, object]:
-    told: dict[str, object] = {
-        "kind": link.kind,
-        "a": link.ends[0],
-        "b": link.ends[1],
-        "length": link.length / size,
-    }
-    return told if link.lengths is None else {**told, "lengths": block.add(link.lengths / size)}
+    numbers = base64.b64encode(b"".join(part.tobytes() for part in block.parts)).decode("ascii")
+    return json.dumps(found, allow_nan=False, separators=(",", ":")), numbers
 
 
 def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> dict[str, object]:
@@ -172,19 +170,6 @@ def _curve(curve: TimeCurve, block: _Block) -> dict[str, object]:
     largest = float(known.max(initial=0.0)) or 1.0
     name = labels.shortened(curve.name, labels.NAME)
     return {"name": name, "unit": largest, "values": block.add(curve.values / largest)}
-
-
-def _mode(mode: Mode, block: _Block, size: float, centre: Floats) -> dict[str, object]:
-    return {
-        "name": labels.shortened(mode.name, labels.NAME),
-        "note": labels.shortened(mode.note, labels.TITLE),
-        "swings": mode.swings,
-        "points": block.add((mode.points - centre) / size),
-    }
-
-
-def _list(values: Sequence[float] | Floats) -> list[float]:
-    return [float(value) for value in values]
 
 
 class Projection:

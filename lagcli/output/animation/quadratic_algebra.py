@@ -119,7 +119,7 @@ class _PositionLeaves:
         if number in self._fixed:
             x, y, z = map(quadratic_form.number, np.moveaxis(self._fixed[number], -1, 0))
             return x, y, z
-        x, y, z = (quadratic_form.coordinate(3 * number + axis) for axis in range(3))
+        x, y, z = (Quadratic(linear={3 * number + axis: np.float64(1.0)}) for axis in range(3))
         return x, y, z
 
     def velocity(self, numbers: Integers) -> tuple[Quadratic, Quadratic, Quadratic]:
@@ -259,7 +259,4 @@ def weight(model: nouns.Model) -> Floats | None:
 
 
 def _is_finite(form: Quadratic) -> bool:
-    parts = [form.constant, form.factor, *form.linear.values(), *form.quadratic.values()]
-    return all(bool(np.isfinite(part).all()) for part in parts) and (
-        form.under is None or _is_finite(form.under)
-    )
+    return all(bool(np.isfinite(part).all()) for part in form.coefficients)

@@ -36,10 +36,6 @@ class Quadratic:
     under: Quadratic | None = None
     known: bool = True
 
-    def slope(self, particle: int) -> list[Coefficient]:
-        """The linear coefficients of the three components of a particle."""
-        return [self.linear.get(3 * particle + axis, ZERO) for axis in range(3)]
-
     @property
     def is_constant(self) -> bool:
         """True if no position is in it."""
@@ -79,7 +75,8 @@ class Quadratic:
             return self.scaled(other.constant)
         if self.is_constant:
             return other.scaled(self.constant)
-        if self._is_bare_root and other._is_bare_root and self.under is other.under and self.under:
+        are_bare = not any(f.linear or f.quadratic or np.any(f.constant) for f in (self, other))
+        if self.under is not None and self.under is other.under and are_bare:
             return self.under.scaled(self.factor * other.factor)
         if not (self.is_polynomial and other.is_polynomial) or self.quadratic or other.quadratic:
             return OTHER
@@ -109,12 +106,15 @@ class Quadratic:
         )
 
     @property
+    def coefficients(self) -> list[Coefficient]:
+        """All of them, of the form under the root too."""
+        own = [self.constant, self.factor, *self.linear.values(), *self.quadratic.values()]
+        return own if self.under is None else own + self.under.coefficients
+
+    @property
     def is_at_rest(self) -> bool:
         """True if no coefficient depends on t."""
-        parts = [self.constant, self.factor, *self.linear.values(), *self.quadratic.values()]
-        return not any(np.ndim(part) and np.ptp(part) for part in parts) and (
-            self.under is None or self.under.is_at_rest
-        )
+        return not any(np.ndim(part) and np.ptp(part) for part in self.coefficients)
 
     def values(self, points: Floats) -> Floats:
         """The values (T, k) with the only particle in it at points (T, k, 3); T = 1 for one that is at rest."""
@@ -127,10 +127,6 @@ class Quadratic:
             found = found + _over_points(self.factor) * np.sqrt(self.under.values(points))
         return np.asarray(found)
 
-    @property
-    def _is_bare_root(self) -> bool:
-        return self.known and not (self.linear or self.quadratic) and not np.any(self.constant)
-
 
 OTHER = Quadratic(known=False)
 
@@ -138,11 +134,6 @@ OTHER = Quadratic(known=False)
 def number(value: float | Coefficient) -> Quadratic:
     """A constant."""
     return Quadratic(value if isinstance(value, np.ndarray) else np.float64(value))
-
-
-def coordinate(component: int) -> Quadratic:
-    """The component x_i."""
-    return Quadratic(linear={component: np.float64(1.0)})
 
 
 def _over_points(value: Coefficient) -> Coefficient:
@@ -203,57 +194,36 @@ def distance(form: Quadratic, one_sided: bool) -> SquareDistance | None:
     if any(np.ptp(value) for value in polynomial.quadratic.values()):
         return None
     square = {key: float(np.ravel(value)[0]) for key, value in polynomial.quadratic.items()}
-    rows = _weights(square)
-    if rows is None:
-        return None
-    factor, weights, axes = rows
-    shift = _shift(polynomial, factor, weights, axes)
-    if shift is None:
-        return None
-    inside = (shift**2).sum(axis=-1) - polynomial.constant / factor
-    if not np.all(inside >= 0):
-        return None
-    upper = sign * np.sign(factor)
-    return SquareDistance(weights, shift, np.sqrt(inside), axes, bool(upper < 0), bool(upper > 0))
-
-
-def _weights(square: dict[tuple[int, int], float]) -> tuple[float, dict[int, float], tuple[int, ...]] | None:
-    """factor, weights of the particles and components, where the square is factor |sum_k weight_k r_k|^2."""
+    # factor, weights of the particles and components, where the square is factor |sum_k weight_k r_k|^2
     particles = sorted({i // 3 for key in square for i in key})
     axes = tuple(sorted({i % 3 for i, j in square if i == j}))
     if len(axes) < 2 or any(i % 3 != j % 3 for i, j in square):
         return None
     first = particles[0]
-    largest = max(map(abs, square.values()))
     factor = square.get((3 * first + axes[0],) * 2, 0.0)
     if not factor:
         return None
     weights = {first: 1.0}
     for k in particles[1:]:
         weights[k] = square.get((3 * first + axes[0], 3 * k + axes[0]), 0.0) / (2.0 * factor)
-    for axis in axes:
-        for index, k in enumerate(particles):
-            for other in particles[index:]:
-                wanted = factor * weights[k] * weights[other] * (1.0 if k == other else 2.0)
-                if abs(square.get((3 * k + axis, 3 * other + axis), 0.0) - wanted) > doubles.ZERO * largest:
-                    return None
-    return factor, weights, axes
-
-
-def _shift(
-    polynomial: Quadratic, factor: float, weights: dict[int, float], axes: tuple[int, ...]
-) -> Floats | None:
-    """The shift (3,) or (T, 3), from the linear terms 2 factor weight_k shift . r_k."""
-    if any(i % 3 not in axes or i // 3 not in weights for i in polynomial.linear):
+    largest = max(map(abs, square.values()))
+    for axis, (k, other) in itertools.product(axes, itertools.combinations_with_replacement(particles, 2)):
+        wanted = factor * weights[k] * weights[other] * (1.0 if k == other else 2.0)
+        if abs(square.get((3 * k + axis, 3 * other + axis), 0.0) - wanted) > doubles.ZERO * largest:
+            return None
+    # The shift from the linear terms 2 factor weight_k shift . r_k
+    linear = polynomial.linear
+    if any(i % 3 not in axes or i // 3 not in weights for i in linear):
         return None
-    parts = []
-    size = max((float(np.abs(value).max()) for value in polynomial.linear.values()), default=0.0)
-    for axis in range(3):
-        first = next(iter(weights))
-        part = polynomial.linear.get(3 * first + axis, ZERO) / (2.0 * factor)
-        for k, weight in weights.items():
-            linear = polynomial.linear.get(3 * k + axis, ZERO)
-            if np.any(np.abs(linear - 2.0 * factor * weight * part) > doubles.ZERO * size):
-                return None
-        parts.append(part)
-    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+    parts = [linear.get(3 * first + axis, ZERO) / (2.0 * factor) for axis in range(3)]
+    size = max((float(np.abs(value).max()) for value in linear.values()), default=0.0)
+    for (axis, part), (k, weight) in itertools.product(enumerate(parts), weights.items()):
+        off = linear.get(3 * k + axis, ZERO) - 2.0 * factor * weight * part
+        if np.any(np.abs(off) > doubles.ZERO * size):
+            return None
+    shift = np.stack(np.broadcast_arrays(*parts), axis=-1)
+    inside = (shift**2).sum(axis=-1) - polynomial.constant / factor
+    if not np.all(inside >= 0):
+        return None
+    upper = sign * np.sign(factor)
+    return SquareDistance(weights, shift, np.sqrt(inside), axes, bool(upper < 0), bool(upper > 0))

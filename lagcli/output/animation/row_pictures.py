@@ -6,26 +6,33 @@ from __future__ import annotations
 import collections
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.model import model as nouns
-from lagcli.output.animation import links, nets, quadratic_algebra, quadratic_form, rounds
+from lagcli.output.animation import links, nets, quadratic_algebra, quadratic_form
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.nets import Function
 from lagcli.output.animation.quadratic_algebra import PicturedRow
-from lagcli.output.animation.quadratic_form import SquareDistance
-from lagcli.output.animation.rounds import RowPlane
-from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Viewpoint
+from lagcli.output.animation.quadratic_form import Coefficient, Quadratic, SquareDistance
+from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Viewpoint, steady
 
 Floats = npt.NDArray[np.float64]
 # Rows of models of more particles are not tried one by one for curves.
 MOST_TRIED = 60
 # Shapes that move take room in a page for each instant.
 MOST_MOVING = 6
+# A part of the size of the scene: a particle this far off a surface is not on it. FAR: sizes of the scene; a plane
+# farther than this from all that moves on its side is not drawn.
+# `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn`
+# fails with either of them ten times larger or smaller.
+OFF_SURFACE, FAR = 1e-5, 1.5
+MARGIN = 0.12  # of the size of the scene, by which a surface reaches beyond what moves on it
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +69,7 @@ def pictures(
     """The pictures of the rows of a model whose particles are at (T, N, 3) at t (T,)."""
     found, linear = RowPictures(), list[PicturedRow]()
     rows = list(quadratic_algebra.rows(model, t))
-    equations = [rounds.alone(row.form) for row in rows if row.kind == "holonomic"]
+    equations = [alone(row.form) for row in rows if row.kind == "holonomic"]
     counts = collections.Counter(k for k in equations if k is not None)
     for row in rows:
         if not row.form.known:
@@ -74,14 +81,23 @@ def pictures(
                 found.others.append(row)
             continue
         distance = quadratic_form.distance(row.form, row.kind == "inequality")
-        particle = rounds.alone(row.form)
+        particle = alone(row.form)
         is_led = particle is not None and counts[particle] > 1
         link = links.of_row(row, distance, points, is_led) if distance is not None else None
         if link is not None:
             found.links.append(link)
             found.shown.add(row.name)
         elif particle is not None:
-            _of_one_particle(found, row, particle, particles[:, particle], size)
+            # A plane, something round, or anything else of the second degree
+            flat = plane(row, particle)
+            ball = None if flat is not None else quadric(row, particle, particles[:, particle], size)
+            if flat is not None:
+                found.planes.append(flat)
+            elif ball is not None:
+                found.rounds.append((particle, ball))
+            simple, moves = flat is not None or ball is not None, not row.form.is_at_rest
+            single = SingleParticleRow(row.name, row.kind == "inequality", simple, moves, row.form.values)
+            found.single.setdefault(particle, []).append(single)
         elif distance is not None and distance.at_least and len(distance.weights) == 2:
             found.pairs.append(distance)
             found.shown.add(row.name)
@@ -96,20 +112,6 @@ def pictures(
     found.links += links.of_bodies(model, particles)
     found.links += links.of_springs(quadratic_algebra.springs(model, t), points)
     return found
-
-
-def _of_one_particle(found: RowPictures, row: PicturedRow, particle: int, track: Floats, size: float) -> None:
-    """A row of one particle: a plane, something round, or anything else of the second degree."""
-    one_sided = row.kind == "inequality"
-    flat = rounds.plane(row, particle)
-    ball = None if flat is not None else rounds.quadric(row, particle, track, size)
-    if flat is not None:
-        found.planes.append(flat)
-    elif ball is not None:
-        found.rounds.append((particle, ball))
-    simple = flat is not None or ball is not None
-    single = SingleParticleRow(row.name, one_sided, simple, not row.form.is_at_rest, row.form.values)
-    found.single.setdefault(particle, []).append(single)
 
 
 def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int, int, float] | None:
@@ -132,8 +134,14 @@ def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int
 def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoint) -> list[DrawnSurface]:
     """The surfaces and curves that are drawn; particles (T, N, 3), radii (N,) of hard spheres."""
     size, drawn = 2 * view.size, list[DrawnSurface]()
-    free = [one for one in found.planes if not (view.flat and _is_face(one, view))]
-    # The plane of the picture is seen in it.
+    # The plane in which the whole motion lies is that of the picture, and seen in it.
+    free = [
+        one
+        for one in found.planes
+        if not view.flat
+        or one.one_sided
+        or (np.abs(np.abs(one.normal @ view.towards) - 1.0) > doubles.ROOT).any()
+    ]
     found.shown |= {one.name for one in found.planes} - {one.name for one in free}
     equal = [k for one in free if not one.one_sided for k in one.particles]
     equal += [k for k, ball in found.rounds if not ball.one_sided]
@@ -142,7 +150,13 @@ def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoi
         circle = _circle(ball, cut[0]) if ball.kind == "sphere" and cut and not ball.one_sided else None
         if circle is None and not ball.one_sided and equal.count(particle) > 1 and ball.kind != "sphere":
             continue  # its curve is drawn
-        drawn.append(circle or (_flat_circle(ball, view) if view.flat else None) or ball)
+        if circle is None and view.flat and ball.kind == "sphere":  # in the plane of the motion
+            normal = np.broadcast_to(view.towards, (len(ball.frames), 3))
+            offset = np.full(len(ball.frames), float(view.centre @ view.towards))
+            face = RowPlane(ball.name, ball.one_sided, normal, offset, set())
+            drawn.append(_circle(ball, face) or ball)
+        else:
+            drawn.append(circle or ball)
         found.shown |= {ball.name, cut[0].name} if circle is not None else {ball.name}
     # Of a particle that two rows hold, the curve is drawn and not the planes.
     planes = [
@@ -150,24 +164,10 @@ def surfaces(found: RowPictures, particles: Floats, radii: Floats, view: Viewpoi
         for one in free
         if one.one_sided or all(equal.count(k) == 1 and k not in found.curved for k in one.particles)
     ]
-    for plane, polygon in rounds.polygons(rounds.merged(planes, size), particles, radii, size):
+    for plane, polygon in polygons(merged(planes, size), particles, radii, size):
         found.shown.update(plane.rows)
         drawn.append(polygon)
     return drawn
-
-
-def _is_face(one: RowPlane, view: Viewpoint) -> bool:
-    """True for the plane in which the whole motion lies."""
-    return not one.one_sided and bool(np.all(np.abs(np.abs(one.normal @ view.towards) - 1.0) <= doubles.ROOT))
-
-
-def _flat_circle(ball: DrawnSurface, view: Viewpoint) -> DrawnSurface | None:
-    """The circle in which a sphere meets the plane of the motion."""
-    if ball.kind != "sphere":
-        return None
-    normal = np.broadcast_to(view.towards, (len(ball.frames), 3))
-    offset = np.full(len(ball.frames), float(view.centre @ view.towards))
-    return _circle(ball, RowPlane(ball.name, ball.one_sided, normal, offset, set()))
 
 
 def _circle(ball: DrawnSurface, one: RowPlane) -> DrawnSurface | None:
@@ -182,7 +182,7 @@ def _circle(ball: DrawnSurface, one: RowPlane) -> DrawnSurface | None:
     square = lengths[:, 0] ** 2 - height**2
     if not np.all(square > 0):
         return None
-    u, v = rounds.basis(normal)
+    u, v = basis(normal)
     radius = np.sqrt(square)[:, None]
     frames = np.stack([radius * u, radius * v, normal * radius, centre + height[:, None] * normal], axis=1)
     return DrawnSurface("circle", ball.name, ball.one_sided, frames)
@@ -207,40 +207,47 @@ class CurvePictures:
         return self.drawn
 
     def _of_particle(self, number: int, track: Floats) -> None:
-        flat = self.view.flat
+        view, flat = self.view, self.view.flat
+
+        def face(points: Floats) -> Floats:
+            """The height over the plane of the picture."""
+            return np.asarray((points - view.centre) @ view.towards)
+
+        def is_level(one: SingleParticleRow) -> bool:
+            """True for an equation that only says in which plane the motion is."""
+            if not flat or one.one_sided or not one.simple:
+                return False
+            slope = nets.gradient(
+                one.function, track[:, None] if one.moves else track[:1, None], 2 * view.size
+            )
+            across = np.linalg.norm(np.cross(slope, view.towards), axis=-1)
+            return bool(np.all(across <= doubles.ROOT * np.linalg.norm(slope, axis=-1)))
+
         own = [*self.found.single.get(number, []), *self._others(number, track)]
-        level = [one for one in own if flat and self._is_level(one, track)]
+        level = [one for one in own if is_level(one)]
         own = [one for one in own if one not in level]
         equal = [one for one in own if not one.one_sided]
         led = equal
-        if (
-            len(equal) + len(level) > 2
-        ):  # its position is given at every instant: it is led along what does not move
+        if len(equal) + len(level) > 2:
+            # Its position is given at every instant: it is led along what does not move, and where all rows are simple
+            # the position is all that there is to be seen of them.
             led = [one for one in equal if not one.moves]
-            if all(one.simple for one in equal):  # and the position is all that there is to be seen of them
+            if all(one.simple for one in equal):
                 self.found.shown |= {one.name for one in equal}
         if len(led) == 2 and not level:
-            # A particle whose curve is drawn as a circle: on a sphere and a plane
-            if not any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds) and self._line(
-                led, track, []
-            ):
+            # Not a curve that is drawn as a circle: on a sphere and a plane
+            is_round = any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds)
+            if not is_round and self._line(led, track):
                 self.found.curved.add(number)
         elif flat and len(led) == 1 and not led[0].simple:
-            self._line(led, track, [self._face()])
+            self._line(led, track, face)
         for one in own:
-            if not flat and not one.simple and (one.one_sided or len(equal) == 1):
-                self._figure_page(one, track)
-            elif one.one_sided and not one.simple:
-                self._line([one], track if one.moves else nets.touched(one.function, track), [self._face()])
-
-    def _is_level(self, one: SingleParticleRow, track: Floats) -> bool:
-        """True for an equation that only says in which plane the motion is."""
-        if one.one_sided or not one.simple:
-            return False
-        points = track[:, None] if one.moves else track[:1, None]
-        slope = nets.gradient(one.function, points, 2 * self.view.size)
-        across = np.linalg.norm(np.cross(slope, self.view.towards), axis=-1)
-        return bool(np.all(across <= doubles.ROOT * np.linalg.norm(slope, axis=-1)))
+            if one.simple:
+                continue
+            if not flat and (one.one_sided or len(equal) == 1):
+                self._net(one, track)
+            elif one.one_sided:
+                self._line([one], track if one.moves else nets.touched(one.function, track), face)
 
     def _others(self, number: int, track: Floats) -> Iterator[SingleParticleRow]:
         """The rows not of the second degree that name this particle alone."""
@@ -254,21 +261,23 @@ class CurvePictures:
                         yield SingleParticleRow(row.name, one_sided, False, t is not None, _numbers(function))
                     break
 
-    def _line(self, rows: Sequence[SingleParticleRow], track: Floats, more: list[nets.Function]) -> bool:
-        """Draw the curve of rows, with which others cut it out; False where there is none."""
-        functions = [*(one.function for one in rows), *more]
+    def _line(
+        self, rows: Sequence[SingleParticleRow], track: Floats, more: nets.Function | None = None
+    ) -> bool:
+        """Draw the curve of rows, with which another function cuts it out; False where there is none."""
+        functions = [one.function for one in rows] + ([more] if more is not None else [])
         moves = any(one.moves for one in rows)
         if moves and self._moving() >= MOST_MOVING:
             return False
-        view = self.view
         with np.errstate(all="ignore"):
-            points = nets.followed(functions, track if moves else track[:1], 2 * view.size, view.centre)
+            starts = track if moves else track[:1]
+            points = nets.followed(functions, starts, 2 * self.view.size, self.view.centre)
         if points.shape[1]:
             self.drawn.append(DrawnSurface("line", rows[0].name, rows[0].one_sided, STANDING, points))
             self.found.shown |= {one.name for one in rows}
         return bool(points.shape[1])
 
-    def _figure_page(self, row: SingleParticleRow, track: Floats) -> None:
+    def _net(self, row: SingleParticleRow, track: Floats) -> None:
         if row.moves and self._moving() >= MOST_MOVING:
             return
         with np.errstate(all="ignore"):
@@ -280,9 +289,6 @@ class CurvePictures:
     def _moving(self) -> int:
         return sum(len(one.corners) > 1 for one in self.drawn)
 
-    def _face(self) -> nets.Function:
-        return lambda points: np.asarray((points - self.view.centre) @ self.view.towards)
-
 
 def _numbers(function: Callable[[Floats], Floats | None]) -> nets.Function:
     def values(points: Floats) -> Floats:
@@ -290,3 +296,185 @@ def _numbers(function: Callable[[Floats], Floats | None]) -> nets.Function:
         return np.full(points.shape[:-1], np.nan) if found is None else found
 
     return values
+
+
+@dataclasses.dataclass(slots=True, eq=False)
+class RowPlane:
+    """The plane normal . r = offset; of an inequality normal . r >= offset is allowed. normal (1 or T, 3) of length 1,
+    offset (1 or T,). rows: the names of those that it is drawn for."""
+
+    name: str
+    one_sided: bool
+    normal: Floats
+    offset: Floats
+    particles: set[int]
+    rows: list[str] = dataclasses.field(default_factory=list)
+
+    def is_the_same_as(self, other: RowPlane, size: float) -> bool:
+        """True where both are one plane, with the same side allowed."""
+        if self.one_sided != other.one_sided or self.normal.shape != other.normal.shape:
+            return False
+        if self.offset.shape != other.offset.shape:
+            return False
+        for sign in (1.0,) if self.one_sided else (1.0, -1.0):
+            near = np.abs(self.normal - sign * other.normal).max() <= doubles.ZERO
+            if near and np.abs(self.offset - sign * other.offset).max() <= doubles.ZERO * size:
+                return True
+        return False
+
+
+def alone(form: Quadratic) -> int | None:
+    """The only particle in a form, or None."""
+    parts = [form, form.under] if form.under is not None else [form]
+    found = {i // 3 for part in parts for i in (*part.linear, *itertools.chain(*part.quadratic))}
+    return found.pop() if len(found) == 1 else None
+
+
+def _slope(form: Quadratic, particle: int) -> list[Coefficient]:
+    """The linear coefficients of the three components of a particle."""
+    return [form.linear.get(3 * particle + axis, quadratic_form.ZERO) for axis in range(3)]
+
+
+def plane(row: PicturedRow, particle: int) -> RowPlane | None:
+    """The plane of a row of the first degree."""
+    form = row.form
+    if not form.is_polynomial or form.quadratic:
+        return None
+    normal = np.atleast_2d(np.stack(np.broadcast_arrays(*_slope(form, particle)), axis=-1))
+    length = np.linalg.norm(normal, axis=-1)
+    if not np.all(length > 0):
+        return None
+    offset = np.atleast_1d(-form.constant / length)
+    return RowPlane(
+        row.name,
+        row.kind == "inequality",
+        steady(normal / length[:, None]),
+        steady(offset),
+        {particle},
+        [row.name],
+    )
+
+
+def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> DrawnSurface | None:
+    """The sphere, ellipsoid or cylinder of a row of the second degree; track (k, 3) of the particle."""
+    pair = quadratic_form.squared(row.form, row.kind == "inequality")
+    if pair is None or not pair[0].quadratic:
+        return None
+    form = pair[0]
+    if any(np.ptp(value) for value in form.quadratic.values()):
+        return None
+    A = np.zeros((3, 3))
+    for (i, j), value in form.quadratic.items():
+        A[i % 3, j % 3] += float(np.ravel(value)[0]) / 2
+        A[j % 3, i % 3] += float(np.ravel(value)[0]) / 2
+    *b, c = (np.atleast_1d(part) for part in np.broadcast_arrays(*_slope(form, particle), form.constant))
+    values, vectors = np.linalg.eigh(A)
+    if values.sum() < 0:
+        values, vectors, b, c = -values[::-1], vectors[:, ::-1], [-part for part in b], -c
+    largest = values[2]
+    if values[1] <= doubles.ZERO * largest or values[0] < -doubles.ZERO * largest:
+        return None
+    # In the principal directions: sum values_i (x_i + slope_i)^2 = square, and along a direction without a value x_i.
+    along = np.stack(b, axis=-1) @ vectors
+    bent = values > doubles.ZERO * largest
+    if np.abs(along[:, ~bent]).max(initial=0.0) > doubles.ZERO * max(float(np.abs(along).max()), largest):
+        return None
+    slope = np.zeros_like(along)
+    slope[:, bent] = along[:, bent] / (2 * values[bent])
+    square = (slope**2 * values).sum(axis=-1) - c
+    if not np.all(square > 0):
+        return None
+    half = np.sqrt(square[:, None] / np.where(bent, values, 1.0))
+    middle = -slope
+    if not bent.all():
+        reach = track @ vectors[:, 0]
+        middle[:, 0] = (reach.min() + reach.max()) / 2
+        half[:, 0] = (reach.max() - reach.min()) / 2 + MARGIN * size
+    order = [1, 2, 0]  # the axis of a cylinder comes last
+    frames = [half[:, i, None] * vectors[:, i] for i in order]
+    frame = np.stack([*frames, middle @ vectors.T], axis=1)
+    kind: Literal["sphere", "cylinder"] = "sphere" if bent.all() else "cylinder"
+    return DrawnSurface(kind, row.name, row.kind == "inequality", steady(frame))
+
+
+def merged(planes: Sequence[RowPlane], size: float) -> list[RowPlane]:
+    """Each plane once, with all its particles."""
+    found: list[RowPlane] = []
+    for one in planes:
+        same = next((other for other in found if other.is_the_same_as(one, size)), None)
+        if same is None:
+            found.append(one)
+        else:
+            same.particles |= one.particles
+            same.rows += one.rows
+    return found
+
+
+def polygons(
+    planes: Sequence[RowPlane], particles: Floats, radii: Floats, size: float
+) -> list[tuple[RowPlane, DrawnSurface]]:
+    """The parts of planes that are drawn: around what moves on them, cut by walls that meet. particles (T, N, 3); radii
+    (N,): of what touches them."""
+    found = []
+    for one in planes:
+        tracks = particles[:, sorted(one.particles)]
+        gap = (tracks * one.normal[:, None, :]).sum(axis=-1) - one.offset[:, None]
+        near = float(np.abs(gap).min())
+        if near > (FAR * size if one.one_sided else OFF_SURFACE * size):
+            continue
+        # The radius of the particles that touch a wall, where all have the same
+        own = radii[sorted(one.particles)]
+        known = one.one_sided and not np.isnan(own).any() and np.ptp(own) <= doubles.ZERO * own.max()
+        shift = float(own[0]) if known else 0.0
+        walls = [
+            other
+            for other in planes
+            if other is not one and other.one_sided and other.particles & one.particles
+            and len(other.normal) == len(other.offset) == 1
+        ]  # fmt: skip
+        tracks = tracks.reshape(-1, 3)
+        middle = (tracks.min(axis=0) + tracks.max(axis=0)) / 2
+        u, v = basis(one.normal)
+        off = (one.normal @ middle - one.offset)[:, None] * one.normal
+        origin = middle - off - shift * one.normal
+        # The reach along both directions, at the instant at which it is largest
+        reach = np.array([float(np.abs((tracks - middle) @ part.T).max()) for part in (u, v)])
+        half = np.maximum(reach + MARGIN * size, max(0.25 * reach.max(), MARGIN * size))
+        rectangle = corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+        if len(one.normal) == len(one.offset) == 1:
+            for wall in walls:
+                own = np.array([u[0] @ wall.normal[0], v[0] @ wall.normal[0]])
+                level = float(wall.offset[0]) - float(origin[0] @ wall.normal[0]) - shift
+                corners = _cut(corners, own, level)
+        if len(corners) < 3:
+            corners = rectangle
+        shape = np.column_stack([corners, np.zeros(len(corners))])
+        frames = steady(np.stack(np.broadcast_arrays(u, v, one.normal, origin), axis=1))
+        found.append((one, DrawnSurface("plane", one.name, one.one_sided, frames, shape)))
+    return found
+
+
+def basis(normal: Floats) -> tuple[Floats, Floats]:
+    """Two directions in planes with normals (k, 3), the first of them level."""
+    level = np.linalg.norm(normal[:, :2], axis=-1).min() > doubles.ZERO
+    u = np.cross([0.0, 0.0, 1.0] if level else [0.0, 1.0, 0.0], normal)
+    if np.linalg.norm(u, axis=-1).min() <= doubles.ZERO:
+        u = np.cross([1.0, 0.0, 0.0], normal)
+    lengths = np.linalg.norm(u, axis=-1)
+    u = u / np.where(lengths > 0, lengths, 1.0)[:, None]
+    return u, np.cross(normal, u)
+
+
+def _cut(corners: Floats, normal: Floats, level: float) -> Floats:
+    """The part of a convex polygon (k, 2) with normal . x >= level."""
+    if np.linalg.norm(normal) <= doubles.ZERO or not len(corners):
+        return corners
+    gap = corners @ normal - level
+    clipped = []
+    for k in range(len(corners)):
+        a, b, this, last = corners[k], corners[k - 1], gap[k], gap[k - 1]
+        if (this >= 0) != (last >= 0):
+            clipped.append(b + (a - b) * last / (last - this))
+        if this >= 0:
+            clipped.append(a)
+    return np.array(clipped).reshape(-1, 2)
