@@ -30,19 +30,9 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 @contextlib.contextmanager
-def reported_to(listener: Listener) -> Iterator[None]:
-    """Inside the block all phases of this thread are reported to the listener."""
+def reported_to(listener: Listener | None) -> Iterator[None]:
+    """Inside the block all phases of this thread are reported to the listener, or to nobody."""
     token = _listener.set(listener)
-    try:
-        yield
-    finally:
-        _listener.reset(token)
-
-
-@contextlib.contextmanager
-def unreported() -> Iterator[None]:
-    """Inside the block phases are reported to nobody: one of many like pieces of work."""
-    token = _listener.set(None)
     try:
         yield
     finally:
@@ -104,52 +94,45 @@ class Asked(Protocol):
 Memory = Callable[[], Asked]
 
 
-class _Reckoned:
-    """The seconds of work of this process that were reckoned, and the memories that count more."""
-
-    def __init__(self) -> None:
-        self.reckoned = 0.0
-        self.memories: list[tuple[Memory, float]] = []
-
-    def seconds(self) -> float:
-        counts = [(memory(), each) for memory, each in self.memories]
-        return self.reckoned + sum((count.hits + count.misses) * each for count, each in counts)
-
-
-_work = _Reckoned()
+_reckoned = 0.0  # seconds of work of this process
+_memories: list[tuple[Memory, float]] = []  # that count more: seconds for each question
 
 
 def reckon(seconds: float) -> None:
     """Say that work was done that takes so many seconds on a processor of 2023."""
-    _work.reckoned += seconds
+    global _reckoned
+    _reckoned += seconds
 
 
 def reckons(memories: Iterable[Memory], seconds: float) -> None:
     """Reckon so many seconds each time that one of these memories is asked."""
-    _work.memories += [(memory, seconds) for memory in memories]
-
-
-def _kind(seconds: float) -> Callable[[float], float]:
-    return Counted if isinstance(seconds, Counted) else float
+    _memories.extend((memory, seconds) for memory in memories)
 
 
 def _now(kind: float) -> float:
-    return _work.seconds() if isinstance(kind, Counted) else time.process_time()
+    """The seconds of the work of this process, of the kind of this limit."""
+    if not isinstance(kind, Counted):
+        return time.process_time()
+    counts = [(memory(), each) for memory, each in _memories]
+    return _reckoned + sum((count.hits + count.misses) * each for count, each in counts)
 
 
 def after(limit: float) -> float:
     """The deadline that lies so many seconds ahead, of the kind that they are of."""
-    return _kind(limit)(_now(limit) + limit)
+    deadline = _now(limit) + limit
+    return Counted(deadline) if isinstance(limit, Counted) else deadline
 
 
 def left(deadline: float) -> float:
     """The seconds until a deadline, of its kind; negative when it has passed."""
-    return _kind(deadline)(deadline - _now(deadline))
+    seconds = deadline - _now(deadline)
+    return Counted(seconds) if isinstance(deadline, Counted) else seconds
 
 
 def soon(deadline: float, share: float) -> float:
     """The deadline at which this share of what is left until another has passed."""
-    return after(_kind(deadline)(share * left(deadline)))
+    seconds = share * left(deadline)
+    return after(Counted(seconds) if isinstance(deadline, Counted) else seconds)
 
 
 def told(limit: float) -> str:

@@ -255,7 +255,7 @@ def run_points(
     task: PointTask, numbers: Sequence[int], points: Sequence[Point]
 ) -> tuple[list[PointRow], float]:
     """The rows of some points, and the seconds they took."""
-    with _turn, progress.unreported(), assembly.briefly():
+    with _turn, progress.reported_to(None), assembly.briefly():
         # The nouns of a model, made anew for every point, are thousands of objects: looking through them for unneeded
         # cycles takes a part of the time of a run.
         before = gc.get_threshold()

@@ -48,21 +48,19 @@ _KNOWN = "–—‘’“”…€†‡•™"
 
 def plain(text: str) -> str:
     """A text that is printed as it is; long words may be broken."""
-    words = re.split(r"(\s+)", text)
-    return "".join(_word(word) if number % 2 == 0 else " " for number, word in enumerate(words))
+    pieces = []
+    for number, word in enumerate(re.split(r"(\s+)", text)):
+        letters = [SPECIAL.get(letter, letter) for letter in word]
+        step = PIECE if len(word) > LONG else len(word) or 1
+        parts = ["".join(letters[k : k + step]) for k in range(0, len(letters), step)]
+        pieces.append(" " if number % 2 else r"\allowbreak{}".join(parts))
+    return "".join(pieces)
 
 
 def listed(line: str) -> str:
     """A line of a file, with the spaces it begins with."""
     body = line.lstrip(" ")
     return rf"\hspace*{{{len(line) - len(body)}ex}}{plain(body)}"
-
-
-def _word(word: str) -> str:
-    letters = [SPECIAL.get(letter, letter) for letter in word]
-    if len(word) <= LONG:
-        return "".join(letters)
-    return r"\allowbreak{}".join("".join(letters[k : k + PIECE]) for k in range(0, len(letters), PIECE))
 
 
 def declarations(document: str) -> str:

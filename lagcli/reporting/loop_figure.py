@@ -17,7 +17,8 @@ _BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 def compose(found: witness.Witness) -> figure.Figure:
     """The figure of a witness."""
     with figure_page.style():
-        how = "over equal times" if found.is_timed else f"around a closed loop in {_names(found.back)}"
+        back = ", ".join(found.back) if len(found.back) <= 5 else f"{', '.join(found.back[:4])}, ..."
+        how = "over equal times" if found.is_timed else f"around a closed loop in {back}"
         row, coordinate = (labels.shortened(name, labels.NAME) for name in (found.row, found.coordinate))
         title = f"{row}: {coordinate} moves by {found.amount:.6g} {how}".replace("-", "−")
         drawn = figure_page.sheet(title, 3.4)
@@ -45,10 +46,6 @@ def compose(found: witness.Witness) -> figure.Figure:
             plot.tick_params(labelsize=8)
             plot.margins(0.12)
         return drawn
-
-
-def _names(names: tuple[str, ...]) -> str:
-    return ", ".join(names) if len(names) <= 5 else f"{', '.join(names[:4])}, ..."
 
 
 def _widest(found: witness.Witness) -> list[int]:

@@ -113,7 +113,10 @@ def _table(
     caption: str, headers: tuple[str, ...], rows: Iterable[Sequence[str]], code: set[int]
 ) -> Iterator[PageTable]:
     """The table without the columns in which nothing stands; none where there are no rows."""
-    found = [tuple(_in_cell(cell) for cell in row) for row in rows]
+    found = []
+    for row in rows:
+        plain = (" ".join(diagnostics.printable(cell).split()) for cell in row)
+        found.append(tuple(cell if len(cell) <= MOST_CELL else f"{cell[:MOST_CELL]} …" for cell in plain))
     if not found:
         return
     filled = [i for i in range(len(headers)) if any(row[i] for row in found)]
@@ -193,11 +196,6 @@ def _with(words: str, unit: str) -> str:
     return f"{words} ({unit})" if unit.strip() else words
 
 
-def _in_cell(cell: str) -> str:
-    plain = " ".join(diagnostics.printable(cell).split())
-    return plain if len(plain) <= MOST_CELL else f"{plain[:MOST_CELL]} …"
-
-
 def listing(text: str, name: str) -> PageListing:
     """The lines of the text of a model that has been read."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n").split("\n")
@@ -247,22 +245,15 @@ def _lines(shown: str, marks: list[tuple[int, int, str]]) -> Iterator[tuple[tupl
             pieces += [("", shown[here:start]), (look, shown[start:stop])]
             here, number = stop, number + 1
         pieces.append(("", shown[here:end]))
-        yield tuple(_cut([(look, _spaced(piece)) for look, piece in pieces if piece]))
+        cut: list[tuple[str, str]] = []
+        room = MOST_IN_LINE
+        for look, piece in pieces:
+            if piece and room >= 0:
+                plain = diagnostics.printable(piece.replace("\t", " " * TAB).replace("\xa0", " "))
+                cut.append((look, plain if len(plain) <= room else f"{plain[:room]} …"))
+                room -= len(plain)
+        yield tuple(cut)
         at = end + 1
-
-
-def _spaced(piece: str) -> str:
-    return diagnostics.printable(piece.replace("\t", " " * TAB).replace("\xa0", " "))
-
-
-def _cut(pieces: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
-    room = MOST_IN_LINE
-    for look, piece in pieces:
-        if len(piece) > room:
-            yield look, f"{piece[:room]} …"
-            return
-        room -= len(piece)
-        yield look, piece
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -352,11 +343,6 @@ class ReportContents:
     def figures(self) -> tuple[PageFigure, ...]:
         """All pictures, in their order."""
         return tuple(b for section in self.sections for b in section.blocks if isinstance(b, PageFigure))
-
-
-def drawing(name: str, svg: str, words: str, pdf: Callable[[], bytes]) -> PageFigure:
-    """The picture of a drawing that is an element of SVG; pdf: makes it as PDF."""
-    return PageFigure(name, "svg", svg.encode(), words, pdf)
 
 
 def picture(name: str, drawn: PlainFigure, words: str) -> PageFigure:

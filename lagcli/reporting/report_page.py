@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import pathlib
 import shutil
 import subprocess
 import tempfile
@@ -83,25 +82,25 @@ class ReportPage:
         moved into place. Raises `formats.UnknownFormat`, `report_page.NoPdf`, OSError.
         """
         target = Path(path)
+        files: dict[Path, bytes] = {}
         match formats.of(target, FORMATS):
             case "html":
-                return (_written(target, self.html().encode()),)
+                files[target] = self.html().encode()
             case "pdf":
-                return (_written(target, made(self.contents, pdf)),)
-        folder = figure_folder(target)
-        folder.mkdir(exist_ok=True)
-        files = [_written(folder / name, content) for name, content in self.figures().items()]
-        return (_written(target, self.markdown(folder.name).encode()), *files)
+                files[target] = made(self.contents, pdf)
+            case "md":
+                folder = figure_folder(target)
+                folder.mkdir(exist_ok=True)
+                files = {folder / name: content for name, content in self.figures().items()}
+                files[target] = self.markdown(folder.name).encode()
+        for file, content in files.items():
+            atomic_file.write(file, content)
+        return (target, *(file for file in files if file != target))
 
 
 def figure_folder(target: Path) -> Path:
     """The folder of the figures of a page in Markdown."""
     return target.with_name(f"{target.stem}-figures")
-
-
-def _written(target: Path, content: bytes) -> Path:
-    atomic_file.write(target, content)
-    return target
 
 
 class NoPdf(Exception):
@@ -144,7 +143,7 @@ def printed_by_browser(page: str) -> bytes:
     program = browser()
     assert program is not None
     with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
-        folder = pathlib.Path(name)
+        folder = Path(name)
         source = folder / "report.html"
         source.write_text(page, encoding="utf-8")
         options = [
@@ -159,8 +158,7 @@ def printed_by_browser(page: str) -> bytes:
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             # Chromium refuses to start its sandbox for root. The page holds no script, and its policy forbids any.
             options.insert(0, "--no-sandbox")
-        done = _run([program, *options], folder, "printed")
-        content = _content(folder)
+        done, content = _run([program, *options], folder, "printed")
         if not content.startswith(b"%PDF"):
             raise NoPdf(f"{program} has printed nothing (exit code {done.returncode})")
         return content
@@ -171,13 +169,12 @@ def made_by_latex(document: str, figures: Mapping[str, bytes]) -> bytes:
     program = latex()
     assert program is not None
     with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
-        folder = pathlib.Path(name)
+        folder = Path(name)
         (folder / "report.tex").write_text(document, encoding="utf-8")
         for file, content in figures.items():
             (folder / file).write_bytes(content)
         options = ["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "report.tex"]
-        done = _run([program, *options], folder, "made", SAFE)
-        content = _content(folder)
+        done, content = _run([program, *options], folder, "made", SAFE)
         if done.returncode or not content.startswith(b"%PDF"):
             lines = done.stdout.decode(errors="replace").splitlines()
             first = next((line for line in lines if line.startswith("!")), f"exit code {done.returncode}")
@@ -186,12 +183,12 @@ def made_by_latex(document: str, figures: Mapping[str, bytes]) -> bytes:
 
 
 def _run(
-    command: Sequence[str], folder: pathlib.Path, verb: str, environment: Mapping[str, str] | None = None
-) -> subprocess.CompletedProcess[bytes]:
-    """The end of a program that works in a folder. Raises `NoPdf` where it does not start or end."""
+    command: Sequence[str], folder: Path, verb: str, environment: Mapping[str, str] | None = None
+) -> tuple[subprocess.CompletedProcess[bytes], bytes]:
+    """The end of a program that works in a folder, and the PDF there. Raises `NoPdf` where it does not start or end."""
     program = command[0]
     try:
-        return subprocess.run(
+        done = subprocess.run(
             command, capture_output=True, timeout=SECONDS, check=False, stdin=subprocess.DEVNULL, cwd=folder,
             env={**os.environ, **(environment or {})},
         )  # fmt: skip
@@ -199,8 +196,5 @@ def _run(
         raise NoPdf(f"{program} has not {verb} the page within {SECONDS} s") from None
     except OSError as error:
         raise NoPdf(f"{program} cannot be started: {error.strerror}") from None
-
-
-def _content(folder: pathlib.Path) -> bytes:
     target = folder / "report.pdf"
-    return target.read_bytes() if target.is_file() else b""
+    return done, target.read_bytes() if target.is_file() else b""

@@ -51,7 +51,23 @@ class ReportParts:
 
 def contents(parts: ReportParts) -> ReportContents:
     """The page."""
-    model = parts.model
+    model, stopped, audit = parts.model, parts.run.stats.stopped, parts.audit
+    failures, open_questions = [], []
+    if stopped is not None:
+        failures.append(f"The run stopped before its end, at t = {stopped.t:.9g}: {stopped.reason}.")
+    if not audit.passed:
+        failures.append(f"The audit failed: {audit.conclusion}")
+    count = parts.checked.dof
+    if count.configuration_dof is None:
+        low, high = count.bounds
+        open_questions.append(
+            f"The number of degrees of freedom is undecided, between {low} and {high}: {count.reason}."
+        )
+    undecided = [one.name for one in parts.checked.constraints if one.verdict.kind == "undecided"]
+    if undecided:
+        open_questions.append(f"Undecided: whether {_some(undecided)} can be integrated.")
+    if audit.passed and any(check.verdict in ("not judged", "partly judged") for check in audit.checks):
+        open_questions.append(f"Audit: {audit.conclusion}")
     equations: Block = (
         PageSentences((f"The equations are not written here: {parts.equations}",))
         if isinstance(parts.equations, str)
@@ -72,33 +88,11 @@ def contents(parts: ReportParts) -> ReportContents:
         tuple(
             text for text in (model.description, f"Source: {model.source}" if model.source else "") if text
         ),
-        tuple(_failures(parts)),
-        tuple(_open_questions(parts)),
+        tuple(failures),
+        tuple(open_questions),
         tuple(_summary(parts)),
         sections,
     )
-
-
-def _failures(parts: ReportParts) -> Iterator[str]:
-    stopped = parts.run.stats.stopped
-    if stopped is not None:
-        yield f"The run stopped before its end, at t = {stopped.t:.9g}: {stopped.reason}."
-    if not parts.audit.passed:
-        yield f"The audit failed: {parts.audit.conclusion}"
-
-
-def _open_questions(parts: ReportParts) -> Iterator[str]:
-    count = parts.checked.dof
-    if count.configuration_dof is None:
-        low, high = count.bounds
-        yield f"The number of degrees of freedom is undecided, between {low} and {high}: {count.reason}."
-    open_ = [one.name for one in parts.checked.constraints if one.verdict.kind == "undecided"]
-    if open_:
-        yield f"Undecided: whether {_some(open_)} can be integrated."
-    if parts.audit.passed and any(
-        check.verdict in ("not judged", "partly judged") for check in parts.audit.checks
-    ):
-        yield f"Audit: {parts.audit.conclusion}"
 
 
 def _summary(parts: ReportParts) -> Iterator[tuple[str, str]]:
@@ -199,21 +193,15 @@ def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
             f" {found.rows} rows from t = {found.start:.9g} to {found.end:.9g}. {found.conclusion}",
         )
     )
-    head, *rows = audit_lines.wide_rows(found.checks)
+    lines = audit_lines.of(found)
+    head, *rows = lines.rows
     failing = frozenset(i for i, check in enumerate(found.checks) if check.verdict == "fail")
     yield PageTable(head, tuple(rows), failures=failing)
-    for check in found.checks:
-        if check.verdict == "fail":
-            faults = [audit_lines.fault(location) for location in check.failing[:MOST_FAULTS]]
-            more = check.failures - len(faults)
-            yield PageSentences(
-                (audit_lines.failure(check), *faults, *((f"and {more} others",) if more > 0 else ()))
-            )
-    sentences = [_sentence(one) for one in found.sentences]
-    if found.figures:
-        sentences.append(audit_lines.work(dict(found.figures)))
+    for failure, faults, more in lines.failures:
+        yield PageSentences((failure, *faults, *((f"and {more} others",) if more else ())))
+    *sentences, _ = lines.sentences  # the last one is the verdict, which stands above
     if sentences:
-        yield PageSentences(tuple(sentences))
+        yield PageSentences(tuple(map(_sentence, sentences)))
     if figure is not None:
         yield figure
 

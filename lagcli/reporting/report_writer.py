@@ -33,19 +33,18 @@ class Written(str):
 def html_page(contents: ReportContents) -> str:
     """One HTML page that needs nothing beside it."""
     head = labels.shortened(" ".join(contents.title.split()), labels.NAME)  # the title of the window
-    return _html_templates().get_template("report.html").render(page=contents, head=head)
+    return _template("report.html").render(page=contents, head=head)
 
 
 def markdown_page(contents: ReportContents, folder: str) -> str:
     """The page in Markdown; its figures are files of this folder beside it."""
-    template = _markdown_templates().get_template("report.md")
-    written = template.render(page=contents, folder=folder)
+    written = _template("report.md").render(page=contents, folder=folder)
     return re.sub(r"\n{3,}", "\n\n", written).strip() + "\n"
 
 
 def latex_page(contents: ReportContents) -> str:
     """The page as a document in LaTeX; its figures are PDF files beside it, by their names."""
-    written = functools.partial(_latex_templates().get_template("report.tex").render, page=contents)
+    written = functools.partial(_template("report.tex").render, page=contents)
     return written(declarations=latex_text.declarations(written(declarations="")))
 
 
@@ -54,51 +53,38 @@ def figure_file(figure: PageFigure) -> str:
     return f"{figure.name}.{figure.ending}"
 
 
-def _environment(finalize: Callable[[object], object], *, autoescape: bool) -> jinja2.Environment:
-    """The templates of reports; each value is written by `finalize`."""
-    return jinja2.Environment(
+@functools.cache
+def _template(name: str) -> jinja2.Template:
+    """A template of reports, each of whose values is written by the function `finalize` of its format."""
+    finalize: dict[str, Callable[[object], object]] = {"report.html": _printable, "report.md": escaped}
+    made = jinja2.Environment(
         loader=jinja2.PackageLoader("lagcli.reporting"),
-        autoescape=autoescape,
+        autoescape=name == "report.html",
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=finalize,
+        finalize=finalize.get(name, _in_latex),
     )
-
-
-@functools.cache
-def _html_templates() -> jinja2.Environment:
-    made = _environment(_printable, autoescape=True)
-    made.filters["data"] = _data
-    made.filters["written"] = markupsafe.Markup
-    return made
-
-
-@functools.cache
-def _markdown_templates() -> jinja2.Environment:
-    made = _environment(escaped, autoescape=False)
-    made.filters["fenced"] = _fenced
-    made.filters["file"] = lambda figure: Written(figure_file(figure))
-    made.filters["written"] = Written
-    made.filters["place"] = lambda name: Written(urllib.parse.quote(name))
-    return made
-
-
-@functools.cache
-def _latex_templates() -> jinja2.Environment:
-    made = _environment(_in_latex, autoescape=False).overlay(
+    if name == "report.tex":
         # Braces are LaTeX's own.
-        block_start_string="<%",
-        block_end_string="%>",
-        variable_start_string="<<",
-        variable_end_string=">>",
-        comment_start_string="<#",
-        comment_end_string="#>",
-    )
-    made.filters["written"] = Written
-    made.filters["listed"] = lambda line: Written(latex_text.listed(diagnostics.printable(line)))
-    made.filters["width"] = lambda table: Written(f"{0.99 / len(table.headers):.3f}")
-    return made
+        made = made.overlay(
+            block_start_string="<%",
+            block_end_string="%>",
+            variable_start_string="<<",
+            variable_end_string=">>",
+            comment_start_string="<#",
+            comment_end_string="#>",
+        )
+    made.filters |= {
+        "written": markupsafe.Markup if name == "report.html" else Written,
+        "data": _data,
+        "fenced": _fenced,
+        "file": lambda figure: Written(figure_file(figure)),
+        "place": lambda folder: Written(urllib.parse.quote(folder)),
+        "listed": lambda line: Written(latex_text.listed(diagnostics.printable(line))),
+        "width": lambda table: Written(f"{0.99 / len(table.headers):.3f}"),
+    }
+    return made.get_template(name)
 
 
 def _in_latex(value: object) -> str:

@@ -199,7 +199,7 @@ class SafeTable:
         rows = row_file.path_of(plan.path)
         with write_guard.writing(os.fspath(rows)):
             if first is not None:
-                self._rows = row_file.RowFile.going_on(first.path, plan.names, first.rows)
+                self._rows = row_file.RowFile(first.path, plan.names, first.rows)
             else:
                 row_file.require_ours(rows)
                 self._rows = row_file.RowFile(rows, plan.names)

@@ -158,7 +158,11 @@ def _frame(ruler: figure_page.Ruler, panel: ChartPanel, count: int) -> _Frame:
         + figure_page.text_height(label, 8)
         + max(0.36, 0.08 + max((ruler.width(text, SMALL) for text in texts), default=0.0))
     )
-    named = figure_page.named_indices(names, high, SMALL) if panel.is_family else []
+    named: list[int] = []
+    if panel.is_family:  # the names that fit beside the bar, both ends among them
+        tallest = max(figure_page.text_height(name, SMALL) for name in names)
+        most = min(9, max(2, int(high / (1.6 * tallest))))
+        named = [int(index) for index in np.unique(np.linspace(0, len(names) - 1, most).round())]
     widths = [ruler.width(line, SMALL) for index in named for line in names[index].split("\n")]
     beside = BAR + 0.1 + max(widths) if widths else 0.0
     return _Frame(panel, scale, label, names, named, high, left, beside)
@@ -243,7 +247,17 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
         _put_curves(plot, panel, marks)
         if panel.is_family:
             bar = page.axes(frame.left + width + 0.15, top + 0.06, 0.12, high)
-            figure_page.colour_bar(bar, frame.names, frame.named, SMALL)
+            extent = (0.0, 1.0, len(frame.names) - 0.5, -0.5)
+            bar.imshow(
+                np.linspace(0, 1, 256)[:, None], cmap=figure_page.shades(), aspect="auto", extent=extent
+            )
+            bar.set_xticks([])
+            bar.yaxis.tick_right()
+            bar.set_yticks(frame.named, [frame.names[index] for index in frame.named], fontsize=SMALL)
+            # The outer names keep within the height of the bar, however many lines they have.
+            bar.get_yticklabels()[0].set_verticalalignment("top")
+            bar.get_yticklabels()[-1].set_verticalalignment("bottom")
+            bar.spines[:].set_visible(False)
 
     return figure_page.FigureBlock(0.06 + high + (0.2 if is_named else 0.06), draw)
 
@@ -251,7 +265,18 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
 def _put_curves(plot: axes.Axes, panel: ChartPanel, marks: Sequence[IncidentMarks] = ()) -> None:
     """The curves of a panel on its axes, behind them the marks of incidents, before them their points in a plane."""
     if panel.shape == "time":
-        figure_page.put_marks(plot, marks)
+        for mark in marks:  # from the lower edge of the axes to the upper one
+            look = figure_page.mark_look(mark)
+            plot.vlines(
+                mark.times,
+                0.0,
+                1.0,
+                transform=plot.get_xaxis_transform(),
+                colors=look["color"],
+                linestyles=look["linestyle"],
+                linewidths=0.3 if mark.is_dense else 0.7,
+                zorder=0.5,
+            )
     if panel.is_family:
         shade = figure_page.shades()(np.linspace(0, 1, len(panel.curves)))
         paths = [np.column_stack([curve.x, curve.y]) for curve in panel.curves]

@@ -230,20 +230,18 @@ class Ruler:
         """``text`` in lines of at most ``width``, broken between words where possible; cut if very long."""
         room = 0.97 * width  # pixels round letters to a little more than measured
 
-        def too_wide(line: str) -> bool:
-            return self.width(line, size, weight) > room
-
         done: list[str] = []
         line = ""
         for word in labels.shortened(text, labels.TITLE).translate(self._codes).split():
-            if line and too_wide(f"{line} {word}"):
+            if line and self.width(f"{line} {word}", size, weight) > room:
                 done.append(line)
                 line = ""
             line = f"{line} {word}" if line else word
-            while len(line) > 1 and too_wide(line):
-                fits = (
-                    bisect.bisect_left(range(2, len(line) + 1), True, key=lambda end: too_wide(line[:end]))
-                    + 1
+            while len(line) > 1 and self.width(line, size, weight) > room:
+                # As many letters as fit, one at the least
+                ends, known = range(2, len(line) + 1), line
+                fits = 1 + bisect.bisect_right(
+                    ends, room, key=lambda end: self.width(known[:end], size, weight)
                 )
                 done.append(line[:fits])
                 line = line[fits:]
@@ -283,11 +281,10 @@ def paragraph(
 ) -> FigureBlock:
     """A paragraph with ``gap`` above it."""
     wrapped = ruler.wrap(text, WIDTH - 2 * MARGIN, size, weight)
-
-    def draw(page: FigurePage, top: float) -> None:
-        page.text(MARGIN, top + gap, wrapped, size, weight=weight, color=colour)
-
-    return FigureBlock(gap + text_height(wrapped, size), draw)
+    return FigureBlock(
+        gap + text_height(wrapped, size),
+        lambda page, top: page.text(MARGIN, top + gap, wrapped, size, weight=weight, color=colour),
+    )
 
 
 def note(ruler: Ruler, text: str) -> FigureBlock:
@@ -298,11 +295,9 @@ def note(ruler: Ruler, text: str) -> FigureBlock:
 def axis_name(ruler: Ruler, text: str) -> FigureBlock:
     """The name of the axis below the axes, in the middle of the page."""
     wrapped = ruler.wrap(text, WIDTH - 2 * MARGIN, 8)
-
-    def draw(page: FigurePage, top: float) -> None:
-        page.text(WIDTH / 2, top, wrapped, 8, ha="center")
-
-    return FigureBlock(text_height(wrapped, 8), draw)
+    return FigureBlock(
+        text_height(wrapped, 8), lambda page, top: page.text(WIDTH / 2, top, wrapped, 8, ha="center")
+    )
 
 
 def legend(ruler: Ruler, labels: Sequence[str], looks: Sequence[LineStyle]) -> FigureBlock:
@@ -346,45 +341,9 @@ def mark_look(mark: IncidentMarks) -> LineStyle:
     }
 
 
-def put_marks(plot: axes.Axes, marks: Sequence[IncidentMarks]) -> None:
-    """The marks behind the curves, from the lower edge of the axes to the upper one."""
-    for mark in marks:
-        look = mark_look(mark)
-        plot.vlines(
-            mark.times,
-            0.0,
-            1.0,
-            transform=plot.get_xaxis_transform(),
-            colors=look["color"],
-            linestyles=look["linestyle"],
-            linewidths=0.3 if mark.is_dense else 0.7,
-            zorder=0.5,
-        )
-
-
 def shades() -> colors.ListedColormap:
     """The colours of many curves, by their order; the bright end of the map is hardly seen on white."""
     return colors.ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0, 0.93, 256)))
-
-
-def named_indices(names: Sequence[str], height: float, size: float) -> list[int]:
-    """The indices of the names that fit beside a bar of that height, both ends among them."""
-    tallest = max(text_height(name, size) for name in names)
-    most = min(9, max(2, int(height / (1.6 * tallest))))
-    return [int(index) for index in np.unique(np.linspace(0, len(names) - 1, most).round())]
-
-
-def colour_bar(bar: axes.Axes, names: Sequence[str], named: Sequence[int], size: float) -> None:
-    """The bar of `shades` with some of the names of its curves to its right."""
-    extent = (0.0, 1.0, len(names) - 0.5, -0.5)
-    bar.imshow(np.linspace(0, 1, 256)[:, None], cmap=shades(), aspect="auto", extent=extent)
-    bar.set_xticks([])
-    bar.yaxis.tick_right()
-    bar.set_yticks(named, [names[index] for index in named], fontsize=size)
-    # The outer names keep within the height of the bar, however many lines they have.
-    bar.get_yticklabels()[0].set_verticalalignment("top")
-    bar.get_yticklabels()[-1].set_verticalalignment("bottom")
-    bar.spines[:].set_visible(False)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

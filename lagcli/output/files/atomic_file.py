@@ -26,8 +26,9 @@ class PendingFile:
 
     def __init__(self, target: Path) -> None:
         self._target = destination(target)
-        self._in_place = not is_replaced(self._target)
-        if self._in_place:
+        # The target itself is written, so that writing may have to wait for a reader.
+        self.is_in_place = not is_replaced(self._target)
+        if self.is_in_place:
             self.path = self._target
             return
         file_lock.require_free(self._target)
@@ -44,17 +45,12 @@ class PendingFile:
                 self.discard()
             raise OSError(error.errno, error.strerror, str(target)) from error
 
-    @property
-    def is_in_place(self) -> bool:
-        """True if the target itself is written, so that writing may have to wait for a reader."""
-        return self._in_place
-
     def commit(self, durably: bool = False) -> None:
         """Move the file into the place of the target, with the permissions and the owner the target had.
 
         durably: return when it is on the disk, so that a power cut finds the new file or the old one.
         """
-        if self._in_place:
+        if self.is_in_place:
             return
         if durably:
             with self.path.open("r+b") as file:
@@ -63,12 +59,17 @@ class PendingFile:
             _take_over(self.path, self._target.stat())
         os.replace(self.path, self._target)
         _begun.discard(self.path)
-        if durably:
-            _sync_folder(self._target.parent)
+        if durably and os.name == "posix":  # the names in the folder too
+            number = os.open(self._target.parent, os.O_RDONLY)
+            try:
+                with contextlib.suppress(OSError):  # some file systems have no such call for folders
+                    os.fsync(number)
+            finally:
+                os.close(number)
 
     def keep_partial(self) -> Path:
         """Move the file to the target's name with ``.partial`` after it, and return that path."""
-        if self._in_place:
+        if self.is_in_place:
             return self._target
         partial = partial_of(self._target)
         os.replace(self.path, partial)
@@ -77,7 +78,7 @@ class PendingFile:
 
     def discard(self) -> None:
         """Remove the file; the target is as it was."""
-        if not self._in_place:
+        if not self.is_in_place:
             self.path.unlink(missing_ok=True)
             _begun.discard(self.path)
 
@@ -167,18 +168,6 @@ def protection(file: os.stat_result, folder: os.stat_result, user: int | None) -
     if folder.st_mode & stat.S_ISVTX and user is not None and user not in (0, file.st_uid, folder.st_uid):
         return "it belongs to somebody else, in a folder where only owners may replace files"
     return ""
-
-
-def _sync_folder(folder: Path) -> None:
-    """Return when the names in a folder are on the disk, where the system can do that."""
-    if os.name != "posix":
-        return
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        with contextlib.suppress(OSError):  # some file systems have no such call for folders
-            os.fsync(number)
-    finally:
-        os.close(number)
 
 
 def _user() -> int | None:

@@ -93,10 +93,6 @@ class FileLock:
         _locks.discard(self)
         _give_back(self._path, self._number)
 
-    def leave(self) -> None:
-        """Close the file in a process that was forked: the lock is that of the process before."""
-        os.close(self._number)
-
     def __enter__(self) -> Self:
         return self
 
@@ -173,8 +169,9 @@ def _is_at(path: Path, number: int) -> bool:
 
 
 def _leave_all() -> None:
+    """Close the files in a process that was forked: the locks are those of the process before."""
     while _locks:
-        _locks.pop().leave()
+        os.close(_locks.pop()._number)
 
 
 if hasattr(os, "register_at_fork"):

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+NUMBERS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 PATIENCE = 1.0  # seconds an interrupt waits for a pipe that takes no more
 WAIT = "lagcli: writing the rows, a moment"
 GRACE = 0.2  # seconds in which a handler may run before the process is ended without it
@@ -49,7 +49,7 @@ _printed: list[str] = []
 
 def install() -> None:
     """Take the ending signals of this platform, where the caller does not have them ignored."""
-    for number in _numbers():
+    for number in NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _handle)
 
@@ -76,20 +76,21 @@ def _watch(reading: int) -> None:
         for number in received:
             if is_ending(number):
                 time.sleep(GRACE)
-                if is_stuck(came - GRACE):
+                # Where the handler has not run, and nothing has been begun that must be put in order
+                if _handled < came - GRACE and not _shielded and not _unwinding:
                     end_at_once(number)
 
 
 def release() -> None:
     """Ignore the signals from now on: the command has ended, its exit code is known, and its files are written."""
-    for number in _numbers():
+    for number in NUMBERS:
         if signal.getsignal(number) is _handle:
             signal.signal(number, signal.SIG_IGN)
 
 
 def is_ending(number: int) -> bool:
     """True if a signal is one of those that end the process, and taken here."""
-    return any(number == each and signal.getsignal(each) is _handle for each in _numbers())
+    return any(number == each and signal.getsignal(each) is _handle for each in NUMBERS)
 
 
 def before_end(farewell: Callable[[], None]) -> None:
@@ -107,15 +108,6 @@ def end_at_once(number: int) -> None:
     for text in _final_messages:
         _print(text)
     os._exit(128 + number)
-
-
-def is_stuck(since: float) -> bool:
-    """True if the handler has not run since a time, and nothing has been begun that must be put in order."""
-    return _handled < since and not _shielded and not _unwinding
-
-
-def _numbers() -> list[signal.Signals]:
-    return [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 
 
 def _handle(number: int, frame: FrameType | None) -> None:

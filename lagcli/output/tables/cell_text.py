@@ -31,13 +31,6 @@ def require_no_infinity(rows: NDArray[np.float64], columns: Sequence[str]) -> No
         raise ValueError(f'a table holds no infinite value, as there is in "{columns[infinite[0]]}"')
 
 
-def slices(rows: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Consecutive slices of ``rows``, shape (k, columns), whose text is of bounded size."""
-    step = max(1, _NUMBERS_AT_ONCE // max(1, rows.shape[1]))
-    for start in range(0, len(rows), step):
-        yield rows[start : start + step]
-
-
 def csv_lines(rows: NDArray[np.float64]) -> memoryview:
     """``rows``, shape (k, columns) with neither zero: numbers or nan between commas, a line a row."""
     # One list of all the numbers: turning every columns-th comma into a line end keeps the length of the text.
@@ -61,11 +54,9 @@ def parsed_json(text: bytes) -> Any:
 
 def parts(rows: NDArray[np.float64], texts: Texts) -> Iterator[tuple[NDArray[np.float64], Texts]]:
     """Rows, shape (k, columns of numbers), and their texts in parts of bounded size."""
-    begin = 0
-    for part in slices(rows):
-        end = begin + len(part)
-        yield part, [column[begin:end] for column in texts]
-        begin = end
+    step = max(1, _NUMBERS_AT_ONCE // max(1, rows.shape[1]))
+    for begin in range(0, len(rows), step):
+        yield rows[begin : begin + step], [column[begin : begin + step] for column in texts]
 
 
 def quoted(texts: Texts, delimiter: str) -> list[list[bytes]]:

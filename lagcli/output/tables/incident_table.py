@@ -139,7 +139,9 @@ class IncidentTable(Sequence[IncidentRow]):
     def __repr__(self) -> str:
         if not len(self):
             return "<IncidentTable: no incidents>"
-        counts = ", ".join(f"{n} {kind}" for kind, n in sorted(Counter(self.kinds).items(), key=_by_kind))
+        order: dict[str, int] = {kind: number for number, kind in enumerate(KINDS)}
+        found = sorted(Counter(self.kinds).items(), key=lambda item: order.get(item[0], len(order)))
+        counts = ", ".join(f"{n} {kind}" for kind, n in found)
         first, last = self.numbers[0, 0], self.numbers[-1, 0]
         return f"<IncidentTable: {counts}; t = {first:.9g} to {last:.9g}>"
 
@@ -231,11 +233,6 @@ def joined(tables: Sequence[IncidentTable]) -> IncidentTable:
 
 
 NONE = IncidentTable(HEAD, (), (), np.zeros((0, 1)))
-
-
-def _by_kind(counted: tuple[str, int]) -> int:
-    kind, _ = counted
-    return [str(known) for known in KINDS].index(kind) if kind in KINDS else len(KINDS)
 
 
 def read(path: str | os.PathLike[str]) -> IncidentTable:

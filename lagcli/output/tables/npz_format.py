@@ -14,7 +14,7 @@ import re
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -47,7 +47,13 @@ class NpzWriter:
     """Writes a table to ``path`` once all its rows have arrived."""
 
     def __init__(self, path: Path, head: TableHead) -> None:
-        self._comment = _comment(head.provenance) if head.provenance is not None else b""
+        self._comment = b""
+        if head.provenance is not None:
+            # As JSON; what makes it too long, thousands of parameters, is null then.
+            entries = dict(head.provenance)
+            while len(text := json.dumps(entries, allow_nan=False).encode()) > _MOST_COMMENT:
+                entries[max(entries, key=lambda name: len(json.dumps(entries[name])))] = None
+            self._comment = text
         self._path, self._columns, self._width = path, head.columns, len(head.numbers)
         self._texts: dict[str, list[str]] = {head.columns[index]: [] for index in head.text_indices}
         self._buffer = blocks.BufferedRows(self._width, self._store)
@@ -79,15 +85,11 @@ class NpzWriter:
                     shape = (sum(self._lengths),)
                     header = {"descr": "<f8", "fortran_order": False, "shape": shape}
                     np.lib.format.write_array_header_1_0(file, header)
-                    # The position of column ``index`` in the spool: (first byte, bytes) of each block
-                    ranges = []
-                    start = 0
+                    first = 0  # byte of the block in the spool
                     for length in self._lengths:
-                        ranges.append((start + 8 * length * index, 8 * length))
-                        start += 8 * length * self._width
-                    for start, length in ranges:
-                        self._spool.seek(start)
-                        file.write(self._spool.read(length))
+                        self._spool.seek(first + 8 * length * index)
+                        file.write(self._spool.read(8 * length))
+                        first += 8 * length * self._width
                 index += 1
 
     def abandon(self) -> None:
@@ -99,15 +101,6 @@ class NpzWriter:
         self._spool.seek(8 * self._width * sum(self._lengths))
         self._spool.write(np.ascontiguousarray(block, "<f8").data)
         self._lengths.append(block.shape[1])
-
-
-def _comment(provenance: Mapping[str, object]) -> bytes:
-    """The provenance as JSON; what makes it too long, thousands of parameters, is null then."""
-    entries = dict(provenance)
-    while len(text := json.dumps(entries, allow_nan=False).encode()) > _MOST_COMMENT:
-        longest = max(entries, key=lambda name: len(json.dumps(entries[name])))
-        entries[longest] = None
-    return text
 
 
 class NpzTable:

@@ -60,18 +60,16 @@ def facts_from(origin: Mapping[str, object] | None) -> TableFacts:
         found = {name: labels.get(name) for name in ("length", "mass", "time")}
         texts = {name: label for name, label in found.items() if isinstance(label, str)}
         units = Units(**texts) if len(texts) == len(found) else None
-    dimensions = _dimensions(entries) if isinstance(entries, Mapping) else dimension_facts.NOTHING
+    dimensions = dimension_facts.NOTHING
+    if isinstance(entries, Mapping):
+        lengths = entries.get("lengths")
+        powers = {
+            name: float(power)
+            for name, power in (lengths.items() if isinstance(lengths, Mapping) else ())
+            if isinstance(name, str) and isinstance(power, (int, float)) and abs(power) <= MOST_POWER
+        }
+        dimensions = DimensionFacts(powers, _names(entries.get("angles")), _names(entries.get("positions")))
     return TableFacts(title if isinstance(title, str) else "", units, dimensions)
-
-
-def _dimensions(entries: Mapping[str, object]) -> DimensionFacts:
-    lengths = entries.get("lengths")
-    powers = {
-        name: float(power)
-        for name, power in (lengths.items() if isinstance(lengths, Mapping) else ())
-        if isinstance(name, str) and isinstance(power, (int, float)) and abs(power) <= MOST_POWER
-    }
-    return DimensionFacts(powers, _names(entries.get("angles")), _names(entries.get("positions")))
 
 
 def _names(entries: object) -> frozenset[str]:

@@ -10,7 +10,6 @@ import os
 import zlib
 from collections.abc import Generator, Sequence
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,29 +52,18 @@ def require_ours(path: Path) -> None:
 
 
 class RowFile:
-    """Rows appended to a file; `sync` makes them safe. Raises OSError."""
+    """Rows appended to a file; `sync` makes them safe. before: the first rows of the file of the run before, which goes
+    on after them; without them there is a new file. Raises OSError."""
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        pending = atomic_file.PendingFile(path)
+    def __init__(self, path: Path, columns: Sequence[str], before: SafeRows | None = None) -> None:
         header = _header(columns, 0)
-        with atomic_file.undone_by(pending.discard):
-            pending.path.write_bytes(header)
-            pending.commit()
-        self._open(path, columns, SafeRows(0, _begin(columns)))
-
-    def _open(self, path: Path, columns: Sequence[str], rows: SafeRows) -> None:
-        self.path, self._columns = path, tuple(columns)
-        self._head = len(_header(columns, 0))
-        self._count, self._checksum = rows.count, rows.checksum
+        if before is None:
+            atomic_file.write(path, header)
+            before = SafeRows(0, _begin(columns))
+        self.path, self._columns, self._head = path, tuple(columns), len(header)
+        self._count, self._checksum = before.count, before.checksum
         self._file = path.open("r+b", buffering=0)
         self._file.truncate(self._end)
-
-    @classmethod
-    def going_on(cls, path: Path, columns: Sequence[str], rows: SafeRows) -> Self:
-        """The file of the run before, after its first ``rows``, which have been read."""
-        file = cls.__new__(cls)
-        file._open(path, columns, rows)
-        return file
 
     @property
     def rows(self) -> SafeRows:

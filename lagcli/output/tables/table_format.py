@@ -149,9 +149,17 @@ def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:
     most: numbers that may be read at a time, MOST_NUMBERS where nothing is said.
     Raises ``formats.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
     """
-    target = Path(path)
-    fmt = of(formats.of(target, formats.TABLES))
-    found = fmt.reader(target, _size_check(MOST_NUMBERS if most is None else most))
+    target, allowed = Path(path), MOST_NUMBERS if most is None else most
+
+    def check_size(path: Path, rows: int, columns: int) -> None:
+        if rows * columns > allowed:
+            raise UnreadableTable(
+                f"{path} is too large: {rows} rows or more of {columns} columns that are read; at most {allowed}"
+                f" numbers are, which is {allowed // max(1, columns)} rows (a larger table needs more than 2 GB of"
+                " memory): write fewer rows, or a shorter run"
+            )
+
+    found = of(formats.of(target, formats.TABLES)).reader(target, check_size)
     if len(set(found.columns)) < len(found.columns):
         raise UnreadableTable(f"{path} has two columns of one name")
     return found
@@ -161,18 +169,6 @@ def read(path: str | os.PathLike[str]) -> tuple[tuple[str, ...], Floats]:
     """All columns of a table and its rows (T, columns). Raises what `opened` raises."""
     table = opened(path)
     return table.columns, table.take(table.columns)
-
-
-def _size_check(most: int) -> CheckSize:
-    def check(path: Path, rows: int, columns: int) -> None:
-        if rows * columns > most:
-            raise UnreadableTable(
-                f"{path} is too large: {rows} rows or more of {columns} columns that are read; at most {most}"
-                f" numbers are, which is {most // max(1, columns)} rows (a larger table needs more than 2 GB of"
-                " memory): write fewer rows, or a shorter run"
-            )
-
-    return check
 
 
 class UnknownColumn(ValueError):
