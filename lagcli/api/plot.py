@@ -18,10 +18,10 @@ from lagcli.api.load import Path
 from lagcli.api.simulate import as_far, simulate
 from lagcli.expression.tree import ExpressionError
 from lagcli.model.model import Model
-from lagcli.output.charts import chart_table, compose
-from lagcli.output.charts.chart_table import ChartTable
-from lagcli.output.charts.compose import ChartChoice, UndrawableColumns
+from lagcli.output.figures import chart_table, compose
 from lagcli.output.figures.chart import ChartData
+from lagcli.output.figures.chart_table import ChartTable
+from lagcli.output.figures.compose import ChartChoice, UndrawableColumns
 from lagcli.output.files import formats
 from lagcli.output.files.write_guard import BadRequest
 from lagcli.output.tables import incident_table, table_format
@@ -54,8 +54,7 @@ def plot(
     Raises `ModelError`, `ValueError` for columns and tables that cannot be drawn, `OSError`, `SimulationStopped`.
     """
     # Other functions draw no charts.
-    from lagcli.output.charts import chart_figure
-    from lagcli.output.figures import figure_page
+    from lagcli.output.figures import chart_figure, figure_page
 
     if not runs:
         raise ValueError("there is nothing to plot: give a run, a table or a model")

@@ -25,7 +25,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.input import document
 from lagcli.input.overrides import OverrideError
 from lagcli.model.model import Model
-from lagcli.output.files import file_lock
+from lagcli.output.files import atomic_file
 from lagcli.output.sweeps.sweep_table import DONE, INVALID, STOPPED, PlannedRows, PointRow
 from lagcli.output.tables import sinks
 from lagcli.running import table_columns
@@ -280,7 +280,7 @@ def locked(tables: str | None, rows: PlannedRows) -> contextlib.AbstractContextM
     if tables is None:
         return contextlib.nullcontext()
     part = f"part-{rows.part:05d}-of-{rows.parts:05d}"
-    return file_lock.FileLock(pathlib.Path(tables.replace("*", part)))
+    return atomic_file.FileLock(pathlib.Path(tables.replace("*", part)))
 
 
 def require_folder(tables: str) -> str:

@@ -16,8 +16,7 @@ from lagcli.model import dimension_facts
 from lagcli.model.model import Model
 from lagcli.model.settings import RunSettings
 from lagcli.output.animation import builder, page
-from lagcli.output.charts import chart_figure
-from lagcli.output.figures import panels, result_figures
+from lagcli.output.figures import chart_figure, panels, result_figures
 from lagcli.reporting import model_on_page, report_page, report_sections
 from lagcli.reporting.model_on_page import PageEquations, PageFigure
 from lagcli.reporting.report_page import ReportPage

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from lagcli.frozen import frozen
 from lagcli.model import settings
-from lagcli.output.files import atomic_file, file_lock, formats, write_guard
+from lagcli.output.files import atomic_file, formats, write_guard
 from lagcli.output.files.write_guard import BadRequest
 
 
@@ -89,10 +89,10 @@ class RunRequest:
                 for name in (self.checkpoint, self.file, self.events_file):
                     if name is not None and atomic_file.is_replaced(pathlib.Path(name)):
                         with write_guard.writing(name):
-                            locks.enter_context(file_lock.FileLock(pathlib.Path(name)))
+                            locks.enter_context(atomic_file.FileLock(pathlib.Path(name)))
             if self.resume is not None:
                 with write_guard.writing(self.resume):
-                    file_lock.require_free(pathlib.Path(self.resume))
+                    atomic_file.require_free(pathlib.Path(self.resume))
             return locks.pop_all()
 
     def picked(self, names: tuple[str, ...], by_name: tuple[str, ...] = ()) -> list[int]:

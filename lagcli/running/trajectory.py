@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lagcli.errors import diagnostics
 from lagcli.output.figures.chart import DecimatedRows
-from lagcli.output.files import file_lock
+from lagcli.output.files import atomic_file
 from lagcli.output.tables import incident_table, provenance
 from lagcli.output.tables.incident_table import IncidentTable
 from lagcli.output.tables.provenance import TableFacts
@@ -183,8 +183,7 @@ class Trajectory(dict[str, Floats]):
         Raises `ValueError` for columns there are not, `OSError`.
         """
         # matplotlib is loaded where a figure is drawn.
-        from lagcli.output.charts import chart_figure, chart_table, compose
-        from lagcli.output.figures import figure_page
+        from lagcli.output.figures import chart_figure, chart_table, compose, figure_page
 
         choice = compose.chosen(y, x=x, xy=xy, is_log=log, title=title)
         figure = chart_figure.compose(compose.chart([chart_table.of_run(self)], choice))
@@ -267,7 +266,7 @@ def in_memory(
         if checkpoint is not None:
             from lagcli.running.run_tables import CheckpointWriter  # most runs keep none
 
-            stack.enter_context(file_lock.FileLock(pathlib.Path(checkpoint)))
+            stack.enter_context(atomic_file.FileLock(pathlib.Path(checkpoint)))
             keeper = CheckpointWriter(checkpoint)
             stack.callback(keeper.write)
         try:

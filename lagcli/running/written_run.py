@@ -284,8 +284,7 @@ class WrittenRun:
         with write_guard.drawing(path):
             # matplotlib takes a third of a second to load.
             from lagcli.model import dimension_facts
-            from lagcli.output.charts import chart_figure
-            from lagcli.output.figures import figure_page, panels
+            from lagcli.output.figures import chart_figure, figure_page, panels
 
             floors = run.floors()
             floors.take(rows)

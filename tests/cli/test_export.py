@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lagcli.output.figures import chart
 from lagcli.output.files import formats
-from lagcli.output.tables import blocks, cell_text, sinks, table_format
+from lagcli.output.tables import cell_text, sinks, table_format
 
 NAMES = ("t", "p[1][2].x", "rate(theta)", "lambda.größe", "file")
 HARD = [5e-324, 1e308, -0.0, 0.1, 1 / 3, -2.2250738585072014e-308, 1.7976931348623157e308, 123456789.0]
@@ -176,7 +176,7 @@ def test_a_full_disk_is_an_oserror_and_a_device_is_not_replaced(tmp_path: Path, 
 
 
 def test_a_block_whose_writing_is_interrupted_leaves_no_torn_line(tmp_path: Path) -> None:
-    file = blocks.BlockFile(tmp_path / "blocks", b"one\n")
+    file = cell_text.BlockFile(tmp_path / "blocks", b"one\n")
     inner = file._file
 
     class Interrupted:

@@ -17,8 +17,7 @@ from matplotlib import text as mpl_text
 from matplotlib.backends import backend_agg
 from numpy.typing import NDArray
 
-from lagcli.output.charts import chart_figure
-from lagcli.output.figures import chart, figure_page, labels, panels
+from lagcli.output.figures import chart, chart_figure, figure_page, labels, panels
 from lagcli.output.files import formats
 
 
@@ -305,7 +304,7 @@ def test_only_the_figure_needs_matplotlib() -> None:
         "import sys\nfrom lagcli.output.files import formats\n"
         "from lagcli.output.figures import panels\nfrom lagcli.output.tables import sinks\n"
         "assert 'matplotlib' not in sys.modules and 'pyarrow' not in sys.modules\n"
-        "from lagcli.output.charts import chart_figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
+        "from lagcli.output.figures import chart_figure\nassert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, cwd=Path(__file__).parents[2])
 

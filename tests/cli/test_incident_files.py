@@ -311,7 +311,7 @@ def test_a_trajectory_without_incidents_has_an_empty_table() -> None:
 @pytest.fixture
 def drawn(monkeypatch):
     """The rows and facts of the figure that is drawn last."""
-    from lagcli.output.charts import chart_figure
+    from lagcli.output.figures import chart_figure
 
     found = {}
     compose = chart_figure.compose_run

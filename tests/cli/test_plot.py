@@ -19,12 +19,11 @@ from lagcli.api import plot
 from lagcli.cli.commands import options
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
-from lagcli.output.charts import chart_figure, chart_table, chart_terminal, compose
-from lagcli.output.charts.chart_table import ChartTable
-from lagcli.output.charts.compose import UndrawableColumns
-from lagcli.output.figures import figure_page, labels
+from lagcli.output.figures import chart_figure, chart_table, chart_terminal, compose, figure_page, labels
 from lagcli.output.figures.chart import ChartData
 from lagcli.output.figures.chart import path as path_drawn
+from lagcli.output.figures.chart_table import ChartTable
+from lagcli.output.figures.compose import UndrawableColumns
 from lagcli.output.tables import provenance
 from tests.cli.test_figure import AWKWARD, texts
 from tests.helpers import in_process

@@ -13,7 +13,7 @@ import lagcli
 from lagcli.api import simulate
 from lagcli.output import latex_text
 from lagcli.output.figures import labels
-from lagcli.reporting import model_on_page, report_page, report_writer
+from lagcli.reporting import model_on_page, report_page
 from lagcli.reporting.model_on_page import ReportContents
 from tests.helpers import in_process
 
@@ -376,7 +376,7 @@ def test_latex_takes_every_text():
         )
     )
     page = page_of(model)
-    document = report_writer.latex_page(page.contents)
+    document = report_page.latex_page(page.contents)
     figures = {f"{figure.name}.pdf": figure.pdf() for figure in page.contents.figures}
     assert report_page.made_by_latex(document, figures).startswith(b"%PDF")
 
@@ -393,7 +393,7 @@ def test_pictures_of_a_report_hold_no_text_that_acts():
 
 def test_a_document_in_latex_holds_no_command_of_a_model():
     name = r"\input{x} $y$ #1 & % ~ ^ _ {{ <% raw %> << 7 >> \end{document}"
-    document = report_writer.latex_page(page_of(written(title=repr(name), comment=name)).contents)
+    document = report_page.latex_page(page_of(written(title=repr(name), comment=name)).contents)
     assert document.count(r"\end{document}") == 1
     assert r"\input" not in document.replace(r"\inputenc", "")
     assert latex_text.plain(name).startswith(r"\textbackslash{}input\{x\} \$y\$ \#1 \& \% \textasciitilde{}")
@@ -459,4 +459,4 @@ def test_a_long_listing_is_cut_and_says_so():
     ],
 )
 def test_markdown_prints_texts_as_they_are(text, shown):
-    assert report_writer.escaped(text) == shown
+    assert report_page.escaped(text) == shown

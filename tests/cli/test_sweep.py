@@ -21,7 +21,7 @@ import lagcli
 from lagcli import memory, progress
 from lagcli.analysis.numeric_flag import spans
 from lagcli.api import reductions, sweep_points
-from lagcli.output.sweeps import shard_merge, sweep_journal, sweep_table
+from lagcli.output.sweeps import sweep_journal, sweep_table, written_sweep
 from lagcli.output.sweeps.sweep_table import PointRow
 from lagcli.output.tables import table_format
 from lagcli.pfaffian.exact import time_limit
@@ -515,15 +515,15 @@ def test_a_changed_digit_of_a_shard_is_refused(tmp_path: pathlib.Path) -> None:
         common = ("sweep", PENDULUM, "--over", "L=[1.1, -1, 0.1, 2]", *REDUCE, *SHORT)
         assert run(*common, "--shard", f"{i}/2", "-o", str(part)).returncode in (0, 1)
     names = [str(part) for part in parts]
-    expected = shard_merge.merged(names)
+    expected = written_sweep.merged(names)
     assert expected.has_checksums
     text, merged = parts[0].read_text(), []
     digits = [i for i, letter in enumerate(text) if letter.isdigit() and i > text.index("\n")]
     for i in digits:
         parts[0].write_text(text[:i] + str((int(text[i]) + 1) % 10) + text[i + 1 :])
         try:
-            merged.append(repr(shard_merge.merged(names)) == repr(expected))
-        except (shard_merge.BadShards, *table_format.UNREADABLE):
+            merged.append(repr(written_sweep.merged(names)) == repr(expected))
+        except (written_sweep.BadShards, *table_format.UNREADABLE):
             continue
     assert len(digits) > 100
     assert all(merged)

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.output.files import atomic_file, file_lock
+from lagcli.output.files import atomic_file
 from lagcli.output.sweeps import sweep_journal
 from lagcli.output.tables import sinks, table_format
 from tests.helpers import in_process
@@ -36,7 +36,7 @@ GAPS = (0.0, 0.3)  # seconds between two starts; whatever they are, the same hol
 WRITTEN = "another run or sweep is writing it"
 
 HOLDER = """import sys, pathlib
-from lagcli.output.files.file_lock import FileLock
+from lagcli.output.files.atomic_file import FileLock
 lock = FileLock(pathlib.Path(sys.argv[1]))
 print("held", flush=True)
 sys.stdin.read()
@@ -44,9 +44,9 @@ lock.release()
 """
 # A command that waits where it has taken the lock on the file of this name.
 WAITING = """import sys
-from lagcli.output.files import file_lock
+from lagcli.output.files import atomic_file
 name, *arguments = sys.argv[1:]
-begin = file_lock.FileLock.__init__
+begin = atomic_file.FileLock.__init__
 
 def waiting(lock, target):
     begin(lock, target)
@@ -54,7 +54,7 @@ def waiting(lock, target):
         print("held", file=sys.stderr, flush=True)
         sys.stdin.readline()
 
-file_lock.FileLock.__init__ = waiting
+atomic_file.FileLock.__init__ = waiting
 sys.argv = ["lagcli", *arguments]
 from lagcli.__main__ import main
 main()
@@ -338,7 +338,7 @@ def test_threads_exclude_each_other_and_one_of_many_has_the_lock(folder: pathlib
 
     def take() -> None:
         for _ in range(200):
-            with contextlib.suppress(OSError), file_lock.FileLock(target):
+            with contextlib.suppress(OSError), atomic_file.FileLock(target):
                 inside.append(1)
                 most.append(len(inside))
                 inside.pop()
@@ -355,17 +355,17 @@ def test_threads_exclude_each_other_and_one_of_many_has_the_lock(folder: pathlib
 @posix
 def test_a_forked_process_neither_has_nor_gives_back_the_lock(folder: pathlib.Path) -> None:
     target = folder / "w.csv"
-    lock = file_lock.FileLock(target)
+    lock = atomic_file.FileLock(target)
     child = os.fork()
     if child == 0:
-        file_lock.release_all()
+        atomic_file.release_all()
         time.sleep(60)
         os._exit(0)
     try:
         with pytest.raises(OSError, match=WRITTEN):
-            file_lock.FileLock(target)
+            atomic_file.FileLock(target)
         lock.release()
-        file_lock.FileLock(target).release()  # the child is there still
+        atomic_file.FileLock(target).release()  # the child is there still
     finally:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
@@ -375,20 +375,20 @@ def test_a_forked_process_neither_has_nor_gives_back_the_lock(folder: pathlib.Pa
 @posix
 def test_a_lock_on_a_file_that_went_is_none(folder: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever had the lock removes its file between the opening of the next and its lock."""
-    target, lock, calls = folder / "w.csv", file_lock._lock, []
+    target, lock, calls = folder / "w.csv", atomic_file._lock, []
 
     def late(number: int) -> None:
         if not calls:
-            file_lock.path_of(target).unlink()
+            atomic_file.lock_path(target).unlink()
         calls.append(number)
         lock(number)
 
-    monkeypatch.setattr(file_lock, "_lock", late)
-    with file_lock.FileLock(target):
+    monkeypatch.setattr(atomic_file, "_lock", late)
+    with atomic_file.FileLock(target):
         assert names(folder) == [".w.csv.lock"]
         monkeypatch.undo()
         with pytest.raises(OSError, match=WRITTEN):
-            file_lock.FileLock(target)
+            atomic_file.FileLock(target)
     assert len(calls) == 2
 
 
@@ -398,11 +398,11 @@ def test_without_locks_of_the_system_the_file_is_one(
     def none(number: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(file_lock, "_lock", none)
-    monkeypatch.setattr(file_lock, "_unlock", none)
-    with file_lock.FileLock(folder / "w.csv"):
+    monkeypatch.setattr(atomic_file, "_lock", none)
+    monkeypatch.setattr(atomic_file, "_unlock", none)
+    with atomic_file.FileLock(folder / "w.csv"):
         with pytest.raises(OSError, match=f"if nothing writes it, remove .*{'.w.csv.lock'}"):
-            file_lock.FileLock(folder / "w.csv")
+            atomic_file.FileLock(folder / "w.csv")
         atomic_file.PendingFile(folder / "w.csv").discard()  # its own writer passes
     assert names(folder) == []
     (folder / ".w.csv.lock").touch()  # as a kill has left it
@@ -432,10 +432,10 @@ def test_a_folder_that_takes_no_file_is_named(folder: pathlib.Path, monkeypatch:
 @pytest.mark.parametrize("length", [4, 236, 255])
 def test_any_name_has_a_lock(folder: pathlib.Path, length: int) -> None:
     target = folder / ("x" * (length - 4) + ".csv")
-    with file_lock.FileLock(target), pytest.raises(OSError, match=WRITTEN):
-        file_lock.FileLock(target)
+    with atomic_file.FileLock(target), pytest.raises(OSError, match=WRITTEN):
+        atomic_file.FileLock(target)
     other = target.with_name("y" + target.name[1:])
-    with file_lock.FileLock(target), file_lock.FileLock(other):
+    with atomic_file.FileLock(target), atomic_file.FileLock(other):
         pass
     assert names(folder) == []
 

@@ -220,7 +220,7 @@ def test_a_coordinate_under_a_sine_is_an_angle():
 
 
 def test_the_figure_shows_the_columns_that_are_chosen(command, tmp_path, monkeypatch):
-    from lagcli.output.charts import chart_figure
+    from lagcli.output.figures import chart_figure
 
     seen = []
     compose = chart_figure.compose_run

@@ -27,14 +27,14 @@ DOORS = {
     "rich": ("lagcli.cli.terminal.console",),
     "matplotlib": (
         "lagcli.output.figures.figure_page",
-        "lagcli.output.charts.chart_figure",
+        "lagcli.output.figures.chart_figure",
         "lagcli.reporting.loop_figure",
         "lagcli.output.figures.result_figures",
         "lagcli.output.animation.film",
     ),
-    "plotille": ("lagcli.output.charts.chart_terminal",),
-    "jinja2": ("lagcli.reporting.report_writer",),
-    "markupsafe": ("lagcli.reporting.report_writer",),
+    "plotille": ("lagcli.output.figures.chart_terminal",),
+    "jinja2": ("lagcli.reporting.report_page",),
+    "markupsafe": ("lagcli.reporting.report_page",),
     "orjson": ("lagcli.output.tables.cell_text",),
     "pyarrow": ("lagcli.output.tables.parquet_format",),
     "sympy": (

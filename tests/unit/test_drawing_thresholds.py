@@ -16,8 +16,7 @@ from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Quadratic
 from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import Viewpoint
-from lagcli.output.charts import chart_table, compose
-from lagcli.output.figures import chart, panels
+from lagcli.output.figures import chart, chart_table, compose, panels
 from lagcli.output.tables.provenance import TableFacts
 from lagcli.running import table_columns
 from lagcli.start import initial

@@ -3,8 +3,7 @@
 import numpy as np
 from matplotlib import collections
 
-from lagcli.output.charts import chart_figure
-from lagcli.output.figures import chart, figure_page, panels
+from lagcli.output.figures import chart, chart_figure, figure_page, panels
 
 SPAN = (0.0, 10.0)
 

@@ -17,7 +17,7 @@ from lagcli.output.files import formats, write_guard
 if TYPE_CHECKING:
     from lagcli.api.plot import DrawnRuns
     from lagcli.model.model import Model
-    from lagcli.output.charts.compose import ChartChoice
+    from lagcli.output.figures.compose import ChartChoice
 
 FilesArgument = Annotated[
     list[str],
@@ -87,7 +87,7 @@ def plot(
     Without --y and --xy the multipliers. Exit 3 where the run of a model stops before its end: the rows so far are
     drawn; without one no figure is made.
     """
-    from lagcli.output.charts import compose
+    from lagcli.output.figures import compose
 
     choice = compose.chosen(y or (), x=x, xy=xy or (), is_log=log, title=title)
     asked = PlotOptions(
@@ -168,12 +168,11 @@ def carry_out(asked: PlotOptions) -> None:
         raise exits.Exit(exits.STOPPED)
     if asked.output is not None:
         with write_guard.drawing(asked.output):
-            from lagcli.output.charts import chart_figure
-            from lagcli.output.figures import figure_page
+            from lagcli.output.figures import chart_figure, figure_page
 
             figure_page.write(asked.output, chart_figure.compose(drawn.chart))
     if asked.show or asked.output is None:
-        from lagcli.output.charts import chart_terminal
+        from lagcli.output.figures import chart_terminal
 
         columns = console.width() if sys.stdout.isatty() else console.USUAL
         look = chart_terminal.TerminalLook(columns, not console.is_plain(sys.stdout))

@@ -108,14 +108,14 @@ def sweep(
     else 3 where one stopped; all have a row. Rows are safe as they come: --resume goes on after any end.
     """
     from lagcli.api import sweep as sweeping
-    from lagcli.output.sweeps import shard_merge, written_sweep
+    from lagcli.output.sweeps import written_sweep
 
     request = written_sweep.SweepRequest(output, tables, shard, scheduler, jobs, resume, as_json, quiet)
     if merge:
         asked = (over, points, uncertain, reduce, tables, shard, scheduler, changes)
         if any(asked) or resume:
             raise exits.UsageError("--merge puts tables together that are there: it goes with -o FILE alone")
-        _end(shard_merge.write(models, request), quiet)
+        _end(written_sweep.write_merged(models, request), quiet)
     if len(models) > 1:
         raise exits.UsageError(
             "a sweep is of one MODEL; with --merge the arguments are the tables of its shards"

@@ -1,1 +1,1 @@
-"""Figures of runs, loops and audits; the only package that uses matplotlib."""
+"""Figures of runs, results and audits, and charts of any columns: `chart` is what is drawn, the others draw it."""

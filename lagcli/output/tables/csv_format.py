@@ -19,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.tables import blocks, cell_text
+from lagcli.output.tables import cell_text
 from lagcli.output.tables.table_format import (
     SHOWN,
     CheckSize,
@@ -75,7 +75,7 @@ class CsvWriter:
 
     def __init__(self, path: Path, head: TableHead, delimiter: str = ",") -> None:
         self._text, self._numbers = CsvText(head, delimiter), head.numbers
-        self._file = blocks.BlockFile(path, self._text.header())
+        self._file = cell_text.BlockFile(path, self._text.header())
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the texts beside them; ValueError for infinity."""

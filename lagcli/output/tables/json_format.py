@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lagcli.output.tables import blocks, cell_text
+from lagcli.output.tables import cell_text
 from lagcli.output.tables.table_format import (
     SHOWN,
     CheckSize,
@@ -43,7 +43,7 @@ class JsonWriter:
         self._at, self._numbers = head.text_indices, head.numbers
         self._separator = b"\n"
         names = json.dumps(list(head.columns), ensure_ascii=False)
-        self._file = blocks.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
+        self._file = cell_text.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the texts beside them.

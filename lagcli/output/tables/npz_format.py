@@ -20,7 +20,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from lagcli.output.tables import blocks, cell_text
+from lagcli.output.tables import cell_text
 from lagcli.output.tables.table_format import (
     SHOWN,
     CheckSize,
@@ -56,7 +56,7 @@ class NpzWriter:
             self._comment = text
         self._path, self._columns, self._width = path, head.columns, len(head.numbers)
         self._texts: dict[str, list[str]] = {head.columns[index]: [] for index in head.text_indices}
-        self._buffer = blocks.BufferedRows(self._width, self._store)
+        self._buffer = cell_text.BufferedRows(self._width, self._store)
         self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
             max_size=_BYTES_IN_MEMORY, dir=str(path.parent)
         )

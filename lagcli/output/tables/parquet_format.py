@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagcli.errors import requirements
-from lagcli.output.tables import blocks, cell_text
+from lagcli.output.tables import cell_text
 from lagcli.output.tables.table_format import (
     CheckSize,
     Floats,
@@ -66,7 +66,7 @@ class ParquetTableWriter:
         metadata = None if origin is None else {"provenance": json.dumps(origin, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
         self._texts: dict[int, list[str]] = {index: [] for index in head.text_indices}
-        self._buffer = blocks.BufferedRows(len(head.numbers), self._store)
+        self._buffer = cell_text.BufferedRows(len(head.numbers), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
         words = list(head.texts) or False
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)

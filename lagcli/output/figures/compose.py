@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.errors import diagnostics
-from lagcli.output.charts import chart_table
-from lagcli.output.charts.chart_table import ChartTable, Series
-from lagcli.output.figures import labels, panels
+from lagcli.output.figures import chart_table, labels, panels
 from lagcli.output.figures.chart import (
     MOST_KEYS,
     ChartCurve,
@@ -24,6 +22,7 @@ from lagcli.output.figures.chart import (
     LegendKey,
     incident_marks,
 )
+from lagcli.output.figures.chart_table import ChartTable, Series
 from lagcli.output.figures.labels import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.tables import table_format
 
