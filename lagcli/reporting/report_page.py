@@ -87,7 +87,8 @@ class ReportPage:
 
     def markdown(self, folder: str) -> str:
         """The page in Markdown, with its figures as files of this folder."""
-        return markdown_page(self.contents, folder)
+        written = _template("report.md").render(page=self.contents, folder=folder)
+        return re.sub(r"\n{3,}", "\n\n", written).strip() + "\n"
 
     def figures(self) -> dict[str, bytes]:
         """The files of the figures of `markdown`, by their names."""
@@ -228,12 +229,6 @@ def html_page(contents: ReportContents) -> str:
     """One HTML page that needs nothing beside it."""
     head = labels.shortened(" ".join(contents.title.split()), labels.NAME)  # the title of the window
     return _template("report.html").render(page=contents, head=head)
-
-
-def markdown_page(contents: ReportContents, folder: str) -> str:
-    """The page in Markdown; its figures are files of this folder beside it."""
-    written = _template("report.md").render(page=contents, folder=folder)
-    return re.sub(r"\n{3,}", "\n\n", written).strip() + "\n"
 
 
 def latex_page(contents: ReportContents) -> str:

@@ -55,7 +55,7 @@ def print_report(model: Model, found: StaticReport, output: str | None, as_json:
         whence = provenance.of(model).as_json()
         with (
             write_guard.writing(name),
-            sinks.open_sink(target, (*found.columns, "type"), None, whence, ("type",)) as sink,
+            sinks.open_sink(target, (*found.columns, "type"), whence, ("type",)) as sink,
         ):
             sink.write(numbers, [types])
     if as_json:

@@ -11,7 +11,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import numpy.typing as npt
-from matplotlib import animation, axes, collections, colors, figure, lines
+from matplotlib import animation, collections, colors, figure, lines
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
@@ -154,9 +154,20 @@ class _Drawing:
             if forces and scene.scale
         ]
         self._clock = self._plot.text(8, height - 8, "", color=INK)
-        self._cursor = (
-            _curves(self.figure.add_axes((0.72, 0.12, 0.26, 0.76)), scene) if scene.curves else None
-        )
+        self._cursor: lines.Line2D | None = None
+        if scene.curves:
+            # The multipliers, and the line that runs over them
+            plot = self.figure.add_axes((0.72, 0.12, 0.26, 0.76))
+            largest = sorted(
+                scene.curves, key=lambda curve: -float(np.nan_to_num(np.abs(curve.values)).max(initial=0.0))
+            )
+            for k, curve in enumerate(largest[:MOST_CURVES]):
+                name = labels.shortened(curve.name, 24)
+                plot.plot(scene.t, curve.values, linewidth=1.0, color=page.PALETTE[k], label=name)
+            plot.set_title("λ over t", fontsize=8, loc="left")
+            plot.legend(fontsize=6, frameon=False, loc="best")
+            plot.spines[["top", "right"]].set_visible(False)
+            self._cursor = plot.axvline(float(scene.t[0]), color=INK, linewidth=0.8)
 
     def show(self, frame: int) -> None:
         """Move everything to an instant."""
@@ -183,17 +194,3 @@ class _Drawing:
         self._clock.set_text(f"t = {scene.t[frame]:.4g} {labels.shortened(scene.units[0], labels.UNIT)}")
         if self._cursor is not None:
             self._cursor.set_xdata([scene.t[frame], scene.t[frame]])
-
-
-def _curves(plot: axes.Axes, scene: Scene) -> lines.Line2D:
-    """The multipliers, and the line that runs over them."""
-    largest = sorted(
-        scene.curves, key=lambda curve: -float(np.nan_to_num(np.abs(curve.values)).max(initial=0.0))
-    )
-    for k, curve in enumerate(largest[:MOST_CURVES]):
-        name = labels.shortened(curve.name, 24)
-        plot.plot(scene.t, curve.values, linewidth=1.0, color=page.PALETTE[k], label=name)
-    plot.set_title("λ over t", fontsize=8, loc="left")
-    plot.legend(fontsize=6, frameon=False, loc="best")
-    plot.spines[["top", "right"]].set_visible(False)
-    return plot.axvline(float(scene.t[0]), color=INK, linewidth=0.8)

@@ -19,12 +19,11 @@ from lagcli.equations import rigid
 from lagcli.linear import rank
 from lagcli.model import model as nouns
 from lagcli.output.animation import scene
-from lagcli.output.animation.quadratic_algebra import PicturedRow, SpringLength
+from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import SquareDistance
 from lagcli.output.animation.scene import Link
 
 Floats = npt.NDArray[np.float64]
-Weights = dict[int, float]
 # A part of the length: a rod that is off by more than this in a table is none there.
 # `tests/unit/test_drawing_thresholds.py::test_a_rod_that_is_off_its_length_is_not_drawn` fails at 1e-4 and 1e-6.
 OFF_LENGTH = 1e-5
@@ -156,14 +155,6 @@ def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
             yield Link("rod", body.name, (body.particles[i], body.particles[j]), length)
 
 
-def of_springs(springs: Iterable[SpringLength], points: PointTable) -> Iterable[Link]:
-    """A spring for each distance that stands in a potential as a square."""
-    for spring in springs:
-        ends = points.ends(spring.distance)
-        if ends is not None and ends[0] != ends[1]:
-            yield Link("spring", spring.name, ends)
-
-
 def contact_radii(
     pairs: Iterable[SquareDistance], lines: Iterable[tuple[int, int, float]], count: int
 ) -> Floats:
@@ -181,10 +172,26 @@ def contact_radii(
 
 
 def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link, set[str]]]:
-    """The bars of rows sum_k weight_k r_k + shift = 0 of two or three particles in all components, with the names of
-    these rows."""
-    for weights, shift, names in _vectors(rows):
-        particles, total = list(weights), sum(weights.values())
+    """The bars of rows sum_k weight_k r_k + shift = 0 of two or three particles, which together hold for all three
+    components with the same weights, with the names of these rows."""
+    found: dict[tuple[tuple[int, float], ...], dict[int, tuple[Floats, str]]] = {}
+    for row in rows:
+        form = row.form
+        if row.kind != "holonomic" or not form.is_polynomial or form.quadratic:
+            continue
+        axes = {i % 3 for i in form.linear}
+        if len(axes) != 1 or len(form.linear) not in (2, 3) or any(map(np.ptp, form.linear.values())):
+            continue
+        terms = {i // 3: float(np.ravel(value)[0]) for i, value in sorted(form.linear.items())}
+        first = next(iter(terms.values()))
+        key = tuple((k, round(weight / first, 12)) for k, weight in terms.items())
+        found.setdefault(key, {})[axes.pop()] = np.asarray(form.constant / first), row.name
+    for key, parts in found.items():
+        if len(parts) < 3:
+            continue
+        weights, particles = dict(key), [k for k, _ in key]
+        shift = np.stack(np.broadcast_arrays(*(parts[axis][0] for axis in range(3))), axis=-1)
+        total = sum(weights.values())
         balanced = abs(total) <= doubles.ZERO * max(map(abs, weights.values()))
         joined: list[tuple[int, int]] = []
         if len(particles) == 2 and balanced:
@@ -196,29 +203,9 @@ def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link
             positive = [k for k in particles if weights[k] > 0]
             (middle,) = positive if len(positive) == 1 else [k for k in particles if weights[k] < 0]
             joined = [(middle, k) for k in particles if k != middle]
+        names = {name for _, name in parts.values()}
         for ends in joined:
             yield Link("rod", min(names), ends), names
-
-
-def _vectors(rows: Iterable[PicturedRow]) -> Iterator[tuple[Weights, Floats, set[str]]]:
-    """Rows of the first degree that together hold for all three components with the same weights of two or three
-    particles: the weights, the shift (3,) or (T, 3), and their names."""
-    found: dict[tuple[tuple[int, float], ...], dict[int, tuple[Floats, str]]] = {}
-    for row in rows:
-        form = row.form
-        if row.kind != "holonomic" or not form.is_polynomial or form.quadratic:
-            continue
-        axes = {i % 3 for i in form.linear}
-        if len(axes) != 1 or len(form.linear) not in (2, 3) or any(map(np.ptp, form.linear.values())):
-            continue
-        weights = {i // 3: float(np.ravel(value)[0]) for i, value in sorted(form.linear.items())}
-        first = next(iter(weights.values()))
-        key = tuple((k, round(weight / first, 12)) for k, weight in weights.items())
-        found.setdefault(key, {})[axes.pop()] = np.asarray(form.constant / first), row.name
-    for key, parts in found.items():
-        if len(parts) == 3:
-            shift = np.stack(np.broadcast_arrays(*(parts[axis][0] for axis in range(3))), axis=-1)
-            yield dict(key), shift, {name for _, name in parts.values()}
 
 
 def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:

@@ -133,7 +133,14 @@ def over_track(function: Function, track: Floats, size: float, moves: bool) -> l
             [track[:, up].min() - AROUND * size, track[:, up].max() + AROUND * size, points[0, up]]
         )
         found = _apart(_sheets(function, track, up, size, heights), up, size)
-        met = _met(found, track, size)
+        # The part of the track that is near a node of the nets
+        nodes = found.reshape(-1, 3)
+        nodes = nodes[np.isfinite(nodes).all(axis=1)]
+        met = 0.0
+        if len(nodes):
+            some = track[:: max(1, len(track) // 100)]
+            apart = np.linalg.norm(some[:, None] - nodes, axis=-1).min(axis=1)
+            met = float(np.mean(apart <= 2 * size / NODES))
         if met > most:
             best, most = [one[None] for one in found if np.isfinite(one[:, up]).any()], met
     return best
@@ -148,7 +155,16 @@ def _sheets(function: Function, track: Floats, up: int, size: float, heights: Fl
     start = np.zeros((len(heights), nodes, nodes, 3))
     start[..., across[0]], start[..., across[1]] = np.meshgrid(*lines, indexing="ij")
     start[..., up] = heights[:, None, None]
-    points, there = _lifted(function, start.reshape(len(heights), -1, 3), up, size)
+    begin = start.reshape(len(heights), -1, 3)
+
+    def along_one_axis(points: Floats) -> tuple[Floats, Floats]:
+        values, rows = _expanded([function], points, size)
+        return values, np.where(np.arange(3) == up, rows, 0.0)
+
+    # Moved along one axis onto the surface by Newton's steps
+    met, _ = surface.nearby_all(along_one_axis, begin, size)
+    there = np.asarray(np.isfinite(met).all(axis=-1))
+    points = np.where(there[..., None], met, begin)
     there &= (points[..., up] > low[up] - AROUND * size) & (points[..., up] < high[up] + AROUND * size)
     points[~there, up] = np.nan
     return points
@@ -161,17 +177,6 @@ def _apart(sheets: Floats, up: int, size: float) -> Floats:
         gaps = np.abs(heights[number] - heights[:number])
         heights[number, (gaps <= doubles.ROOT * size).any(axis=0)] = np.nan
     return sheets
-
-
-def _met(sheets: Floats, track: Floats, size: float) -> float:
-    """The part of a track (T, 3) that is near a node of the nets."""
-    nodes = sheets.reshape(-1, 3)
-    nodes = nodes[np.isfinite(nodes).all(axis=1)]
-    if not len(nodes):
-        return 0.0
-    some = track[:: max(1, len(track) // 100)]
-    apart = np.linalg.norm(some[:, None] - nodes, axis=-1).min(axis=1)
-    return float(np.mean(apart <= 2 * size / NODES))
 
 
 def triangles(nodes: Floats) -> Floats:
@@ -203,15 +208,3 @@ def _straight(function: Function, points: Floats, slope: Floats, size: float) ->
         if np.isfinite(bend) and slope[axis] > 0 and bend <= doubles.ZERO * np.abs(values).max():
             return axis
     return None
-
-
-def _lifted(function: Function, points: Floats, up: int, size: float) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Points (T, k, 3) moved along one axis onto the surface by Newton's steps, and which of them stand on it."""
-
-    def at(points: Floats) -> tuple[Floats, Floats]:
-        values, rows = _expanded([function], points, size)
-        return values, np.where(np.arange(3) == up, rows, 0.0)
-
-    met, _ = surface.nearby_all(at, points, size)
-    there = np.asarray(np.isfinite(met).all(axis=-1))
-    return np.where(there[..., None], met, points), there

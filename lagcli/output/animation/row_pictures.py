@@ -110,7 +110,10 @@ def pictures(
         found.links.append(bar)
         found.shown |= names
     found.links += links.of_bodies(model, particles)
-    found.links += links.of_springs(quadratic_algebra.springs(model, t), points)
+    for spring in quadratic_algebra.springs(model, t):
+        ends = points.ends(spring.distance)
+        if ends is not None and ends[0] != ends[1]:
+            found.links.append(Link("spring", spring.name, ends))
     return found
 
 

@@ -160,7 +160,12 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
     steepest = 0.0 if down is None else float(np.abs(down).max())
     if down is not None and 0 < steepest < np.inf:
         up = -down / steepest / np.linalg.norm(down / steepest)
-    axes, spread = _spread([track - centre for track in tracks])
+    # Principal directions (rows), and how far points reach along each
+    moved = [track - centre for track in tracks]
+    total = sum((track.T @ track for track in moved), np.zeros((3, 3)))
+    _, vectors = np.linalg.eigh(total / (float(np.abs(total).max()) or 1.0))
+    axes = vectors.T[::-1]
+    spread = np.array([max(float(np.abs(track @ axis).max()) for track in moved) for axis in axes])
     flat = spread[2] <= doubles.ROOT * max(spread[0], doubles.TINY) and extent > 0
     if not flat:
         # The direction aside, for another direction that is up
@@ -175,15 +180,6 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
         return Viewpoint(towards / np.linalg.norm(towards), up, centre, extent / 2 or 1.0, False)
     normal, up = _face(axes, spread, up)
     return Viewpoint(normal, up, centre, extent / 2, True)
-
-
-def _spread(tracks: Sequence[Floats]) -> tuple[Floats, Floats]:
-    """Principal directions (rows), and how far points reach along each."""
-    total = sum((track.T @ track for track in tracks), np.zeros((3, 3)))
-    scale = float(np.abs(total).max()) or 1.0
-    _, vectors = np.linalg.eigh(total / scale)
-    axes = vectors.T[::-1]
-    return axes, np.array([max(float(np.abs(track @ axis).max()) for track in tracks) for axis in axes])
 
 
 def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:

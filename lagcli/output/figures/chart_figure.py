@@ -118,7 +118,7 @@ def _legend(ruler: figure_page.Ruler, panel: ChartPanel) -> list[figure_page.Fig
     """The legend of a panel, where it has one; a key without a colour explains dashes, in grey."""
     if not panel.keys:
         return []
-    looks = [_look(key.colour or 0, key.dash) for key in panel.keys]
+    looks = [figure_page.look(key.colour or 0, key.dash) for key in panel.keys]
     for look, key in zip(looks, panel.keys, strict=True):
         if key.colour is None:
             look["color"] = figure_page.GREY
@@ -210,18 +210,6 @@ def _grid(
     return figure_page.FigureBlock(tops[-1] + 0.14, draw)
 
 
-def _look(colour: int, dash: int) -> figure_page.LineStyle:
-    """The line of a curve; the sequence of colours and dashes of other figures where both indices are one."""
-    if colour == dash:
-        return figure_page.look(colour)
-    dashed = figure_page.DASHES[dash % len(figure_page.DASHES)]
-    return {
-        "color": figure_page.COLOURS[colour % len(figure_page.COLOURS)],
-        "linestyle": dashed,
-        "linewidth": 1.2,
-    }
-
-
 def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figure_page.FigureBlock:
     """The axes with their curves, the name of their values on the left, names of many curves on the right."""
     panel, scale, high = frame.panel, frame.scale, frame.height
@@ -287,7 +275,7 @@ def _put_curves(plot: axes.Axes, panel: ChartPanel, marks: Sequence[IncidentMark
             plot.scatter(points[:, 0], points[:, 1], s=9, c=shade[singles])
         return
     for curve in panel.curves:
-        look = _look(curve.colour, curve.dash)
+        look = figure_page.look(curve.colour, curve.dash)
         plot.plot(curve.x, curve.y, marker="o" if len(curve.x) == 1 else None, markersize=3, **look)
         if panel.shape == "equal" and len(curve.x) > 1:
             plot.plot(curve.x[:1], curve.y[:1], "o", color=look["color"], markersize=3.5)

@@ -323,11 +323,13 @@ def legend(ruler: Ruler, labels: Sequence[str], looks: Sequence[LineStyle]) -> F
     return FigureBlock(below + 0.04, draw)
 
 
-def look(index: int) -> LineStyle:
-    """The line of a curve by its index; 36 lines differ in colour or dashes."""
+def look(colour: int, dash: int | None = None) -> LineStyle:
+    """The line of a curve; where both indices are one, or there is one alone, 36 lines differ in colour or dashes."""
+    if dash is None or dash == colour:
+        dash = colour + colour // len(COLOURS)
     return {
-        "color": COLOURS[index % len(COLOURS)],
-        "linestyle": DASHES[(index + index // len(COLOURS)) % len(DASHES)],
+        "color": COLOURS[colour % len(COLOURS)],
+        "linestyle": DASHES[dash % len(DASHES)],
         "linewidth": 1.2,
     }
 

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 BLUE, RED, GREEN, PINK, YELLOW, CYAN = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 STRIP, PANEL = 0.62, 1.75  # inches of one check, and of a row of panels
-FLOOR, CEILING = 1e-9, 1e12  # what is below or above that part of its limit is drawn there
+FLOOR = 1e-9  # what is below that part of its limit is drawn there
 MOST_PANELS, COLUMNS = 12, 3  # modes of one page, and in one line of it
 MOST_BARS = 12  # coordinates of a mode: more are drawn as a line
 MOST_MARKED = 40  # particles of a mode with a mark at each
@@ -46,7 +46,7 @@ def audit(found: Audit, unit: str = "s") -> figure.Figure:
             if check.curve:
                 t, part = np.array(check.curve).T
                 # Not a number: a gap between the stretches of a check that looks at windows.
-                part = np.clip(np.where(np.isposinf(part), CEILING, part), FLOOR, CEILING)
+                part = np.clip(np.where(np.isposinf(part), 1e12, part), FLOOR, 1e12)
                 marker = "o" if len(t) == 1 else None
                 strip.plot(t, part, color=colour, linewidth=0.9, marker=marker, markersize=3)
             highest = max(30.0, *(3 * part for _, part in check.curve if np.isfinite(part)), 30.0)

@@ -78,17 +78,14 @@ class CsvWriter:
         self._file = cell_text.BlockFile(path, self._text.header())
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        """Append ``rows``, shape (k, columns of numbers), and the texts beside them; ValueError for infinity."""
         cell_text.require_no_infinity(rows, self._numbers)
         for part in self._text.lines(rows, texts):
             self._file.append(part)
 
     def finish(self) -> None:
-        """Complete and close the file."""
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file, which will not be kept."""
         self._file.abandon()
 
 
@@ -105,7 +102,6 @@ class CsvTable:
             raise bad(path, f"its columns are not separated by {self.called}")
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `table_format.ReadTable`."""
         at = column_indices(self.columns, names)
         plain = self.length
         if plain is not None:
@@ -120,11 +116,9 @@ class CsvTable:
 
     @functools.cached_property
     def length(self) -> int | None:
-        """See `table_format.ReadTable`."""
         return plain_count(self._path, self.separator, len(self.columns))
 
     def words(self, name: str) -> list[str]:
-        """See `table_format.ReadTable`."""
         index = self.columns.index(name)
         return [as_text(self._path, row[index], count, name) for count, row in self._complete_rows(1)]
 

@@ -46,10 +46,6 @@ class JsonWriter:
         self._file = cell_text.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        """Append ``rows``, shape (k, columns of numbers), and the texts beside them.
-
-        ValueError for infinity, which JSON cannot hold.
-        """
         cell_text.require_no_infinity(rows, self._numbers)
         for numbers, cells in cell_text.parts(rows, texts):
             text = cell_text.json_lines(numbers)
@@ -61,12 +57,10 @@ class JsonWriter:
             self._separator = b",\n"
 
     def finish(self) -> None:
-        """Complete and close the file."""
         self._file.append(self._end)
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file, which will not be kept."""
         self._file.abandon()
 
 
@@ -97,7 +91,6 @@ class JsonTable:
         self.provenance = origin if isinstance(origin, dict) else None
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `table_format.ReadTable`."""
         at = column_indices(self.columns, names)
         found = np.empty((len(self._rows), len(names)))
         for number, row in self._complete_rows(len(names)):
@@ -105,7 +98,6 @@ class JsonTable:
         return found
 
     def words(self, name: str) -> list[str]:
-        """See `table_format.ReadTable`."""
         index = self.columns.index(name)
         return [as_text(self._path, row[index], number, name) for number, row in self._complete_rows(1)]
 

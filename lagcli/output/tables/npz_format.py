@@ -63,7 +63,6 @@ class NpzWriter:
         self._lengths: list[int] = []
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
         self._buffer.add(rows)
         for column, cells in zip(self._texts.values(), texts, strict=True):
             column.extend(cells)
@@ -115,7 +114,6 @@ class NpzTable:
 
     @functools.cached_property
     def length(self) -> int | None:
-        """See `table_format.ReadTable`: that of the first column, where it holds numbers."""
         with self._path.open("rb") as file, self._archive(file) as archive:
             try:
                 return self._header(archive, self.columns[0])[1] if self.columns else 0
@@ -123,7 +121,6 @@ class NpzTable:
                 return None
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `table_format.ReadTable`."""
         with self._path.open("rb") as file, self._archive(file) as archive:
             headers = [self._header(archive, name) for name in names]
             lengths = {length for _, length, _ in headers}
@@ -138,7 +135,6 @@ class NpzTable:
         return found
 
     def words(self, name: str) -> list[str]:
-        """See `table_format.ReadTable`."""
         with self._path.open("rb") as file, self._archive(file) as archive:
             kind, length, start = self._header(archive, name, is_text=True)
             self._check_size(self._path, length, 1 + kind.itemsize // 8)

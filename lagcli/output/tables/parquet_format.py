@@ -72,18 +72,15 @@ class ParquetTableWriter:
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)
 
     def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        """Append ``rows``, shape (k, columns of numbers), and the texts beside them."""
         for column, cells in zip(self._texts.values(), texts, strict=True):
             column.extend(cells)
         self._buffer.add(rows)
 
     def finish(self) -> None:
-        """Complete and close the file."""
         self._buffer.flush()
         self._writer.close()
 
     def abandon(self) -> None:
-        """Close the file, which will not be kept."""
         import pyarrow
 
         # A writer that has failed may not be able to end its file.
@@ -120,7 +117,6 @@ class ParquetTable:
         self._odd = {name: str(kind) for name, kind in fields if not any(test(kind) for test in plain)}
 
     def take(self, names: Sequence[str]) -> Floats:
-        """See `table_format.ReadTable`."""
         self._check_size(self._path, self.length, len(names))
         for name in names:
             if name in self._odd:
@@ -141,7 +137,6 @@ class ParquetTable:
         return found
 
     def words(self, name: str) -> list[str]:
-        """See `table_format.ReadTable`."""
         self._check_size(self._path, self.length, 1)
         if name not in self._odd:
             raise bad(self._path, f"`{name}` holds numbers and no text")

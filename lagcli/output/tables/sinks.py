@@ -2,12 +2,11 @@
 
 import contextlib
 import errno
-import io
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self, TextIO, cast
+from typing import BinaryIO, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,16 +107,15 @@ class Sink:
 
 
 def open_sink(
-    target: str | os.PathLike[str] | BinaryIO | TextIO,
+    target: str | os.PathLike[str] | BinaryIO,
     columns: Sequence[str],
-    fmt: str | None = None,
     provenance: Mapping[str, object] | None = None,
     texts: Sequence[str] = (),
 ) -> Sink:
     """A sink for the table with the names ``columns``; those in ``texts`` hold text, the others numbers.
 
-    ``target`` is a path, whose ending (or ``fmt``, one of ``formats.TABLES``) picks the format, or an open
-    stream, which gets CSV, flushed after every block. A file is written aside and moved into place.
+    ``target`` is a path, whose ending picks the format, or an open stream, which gets CSV, flushed after every block. A
+    file is written aside and moved into place.
     ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
     ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
 
@@ -128,14 +126,9 @@ def open_sink(
         raise ValueError("two columns of one name")
     head = TableHead(tuple(columns), tuple(texts), provenance)
     if not isinstance(target, str | os.PathLike):
-        if fmt not in (None, "csv"):
-            raise formats.UnknownFormat(f"a stream as {fmt}", ("csv",))
         return Sink(head, _StreamWriter(target, head), None)
     path = Path(target)
-    if fmt is None:
-        fmt = formats.of(path, formats.TABLES)
-    if fmt not in formats.TABLES:
-        raise formats.UnknownFormat(path.name, formats.TABLES)
+    fmt = formats.of(path, formats.TABLES)
     make = table_format.of(fmt).writer(path)
     file = atomic_file.PendingFile(path)
     with atomic_file.undone_by(file.discard):
@@ -145,32 +138,22 @@ def open_sink(
 class _StreamWriter:
     """Writes CSV to a stream, flushed after every block; see `TableWriter`."""
 
-    def __init__(self, stream: BinaryIO | TextIO, head: TableHead) -> None:
+    def __init__(self, stream: BinaryIO, head: TableHead) -> None:
         self._table, self._numbers, self._stream = csv_format.CsvText(head), head.numbers, stream
         # Written with the first rows, so that a run which fails before them leaves the stream empty.
         self._header = self._table.header()
-        if isinstance(stream, io.TextIOBase):
-            # The bytes below the text, where there are any: a text layer may turn "\n" into "\r\n".
-            stream.flush()
-            self._stream = getattr(stream, "buffer", stream)
 
     def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
         cell_text.require_no_infinity(rows, self._numbers)
-        self._put(self._header)
+        self._stream.write(self._header)
         self._header = b""
         for part in self._table.lines(rows, texts):
-            self._put(part)
+            self._stream.write(part)
         self._stream.flush()
 
     def finish(self) -> None:
-        self._put(self._header)
+        self._stream.write(self._header)
         self._stream.flush()
 
     def abandon(self) -> None:
         pass
-
-    def _put(self, data: bytes | memoryview) -> None:
-        if isinstance(self._stream, io.TextIOBase):
-            self._stream.write(bytes(data).decode())
-        else:
-            cast(BinaryIO, self._stream).write(data)
