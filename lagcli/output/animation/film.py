@@ -6,7 +6,6 @@ import contextlib
 import itertools
 import pathlib
 import tempfile
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -141,16 +140,14 @@ class _Drawing:
             np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=looks, zorder=3
         )
         nothing = np.zeros((4, scene.count))
-        arrows: dict[str, Any] = {
-            "angles": "xy",
-            "scale_units": "xy",
-            "scale": 1.0,
-            "width": 0.005,
-            "zorder": 4,
-        }
         self._arrows = [
-            (forces, self._plot.quiver(*nothing, color=colour, **arrows))
-            for forces, colour in ((scene.R, REACTION), (scene.F, FORCE))
+            (
+                forces,
+                self._plot.quiver(
+                    *nothing, color=look, angles="xy", scale_units="xy", scale=1.0, width=0.005, zorder=4
+                ),
+            )
+            for forces, look in ((scene.R, REACTION), (scene.F, FORCE))
             if forces and scene.scale
         ]
         self._clock = self._plot.text(8, height - 8, "", color=INK)
