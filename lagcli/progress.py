@@ -94,7 +94,7 @@ class Asked(Protocol):
 Memory = Callable[[], Asked]
 
 
-_reckoned = 0.0  # seconds of work of this process
+_reckoned: float = 0  # seconds of work of this process
 _memories: list[tuple[Memory, float]] = []  # that count more: seconds for each question
 
 

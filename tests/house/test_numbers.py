@@ -39,7 +39,7 @@ LOOSE = {
     "linear": 1,
     "linearization": 19,
     "model": 4,
-    "output": 127,
+    "output": 125,
     "pfaffian": 49,
     "reporting": 12,
     "running": 7,

@@ -24,9 +24,6 @@ from lagcli.output.animation.quadratic_form import SquareDistance
 from lagcli.output.animation.scene import Link
 
 Floats = npt.NDArray[np.float64]
-# A part of the length: a rod that is off by more than this in a table is none there.
-# `tests/unit/test_drawing_thresholds.py::test_a_rod_that_is_off_its_length_is_not_drawn` fails at 1e-4 and 1e-6.
-OFF_LENGTH = 1e-5
 # A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which. A
 # second row makes a circle of the sphere; a wire by itself is what the particle hangs on.
 ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pipe|drum)")
@@ -109,7 +106,7 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: 
     if size == 0.0:
         return None
     if points.is_run and (
-        off.max() > OFF_LENGTH * size or (not found.at_most and off.min() < -OFF_LENGTH * size)
+        off.max() > scene.OFF * size or (not found.at_most and off.min() < -scene.OFF * size)
     ):
         points.unenforced += 1
         return None

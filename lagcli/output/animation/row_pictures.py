@@ -20,18 +20,16 @@ from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.nets import Function
 from lagcli.output.animation.quadratic_algebra import PicturedRow
 from lagcli.output.animation.quadratic_form import Coefficient, Quadratic, SquareDistance
-from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Viewpoint, steady
+from lagcli.output.animation.scene import OFF, STANDING, DrawnSurface, Link, Viewpoint, steady
 
 Floats = npt.NDArray[np.float64]
 # Rows of models of more particles are not tried one by one for curves.
 MOST_TRIED = 60
 # Shapes that move take room in a page for each instant.
 MOST_MOVING = 6
-# A part of the size of the scene: a particle this far off a surface is not on it. FAR: sizes of the scene; a plane
-# farther than this from all that moves on its side is not drawn.
-# `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn`
-# fails with either of them ten times larger or smaller.
-OFF_SURFACE, FAR = 1e-5, 1.5
+# Sizes of the scene: a plane farther than this from all that moves on its side is not drawn.
+# `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn` fails at 15 and 0.15.
+FAR = 1.5
 MARGIN = 0.12  # of the size of the scene, by which a surface reaches beyond what moves on it
 
 
@@ -423,7 +421,7 @@ def polygons(
         tracks = particles[:, sorted(one.particles)]
         gap = (tracks * one.normal[:, None, :]).sum(axis=-1) - one.offset[:, None]
         near = float(np.abs(gap).min())
-        if near > (FAR * size if one.one_sided else OFF_SURFACE * size):
+        if near > (FAR * size if one.one_sided else OFF * size):
             continue
         # The radius of the particles that touch a wall, where all have the same
         own = radii[sorted(one.particles)]

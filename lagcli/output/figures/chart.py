@@ -25,7 +25,6 @@ MOST_KEYS = 12
 MOST_DECADES = 40
 # The largest size on an axis: ticks around it, and their differences, are doubles too.
 LARGEST = 1e300
-TOO_LARGE = 10**10  # by which what is larger is divided
 # Marks of incidents of one kind across a figure; closer ones cannot be told apart. From so many on lines are thinner.
 MOST_MARKS, DENSE_MARKS = 300, 60
 # A figure is some 1 500 pixels wide; this many points on one curve show more than that.
@@ -139,14 +138,16 @@ class ChartPanel:
         if self.is_log or not (is_far or is_high):
             return self
 
-        # By what x and y are divided
-        across, up = TOO_LARGE if is_far else 1, TOO_LARGE if is_high else 1
         return dataclasses.replace(
             self,
             x_label=fitted(self.x_label) if is_far else self.x_label,
             y_label=fitted(self.y_label) if is_high else self.y_label,
-            curves=tuple(dataclasses.replace(one, x=one.x / across, y=one.y / up) for one in self.curves),
-            dots=tuple(dataclasses.replace(one, x=one.x / across, y=one.y / up) for one in self.dots),
+            curves=tuple(
+                dataclasses.replace(one, x=fit(one.x, is_far), y=fit(one.y, is_high)) for one in self.curves
+            ),
+            dots=tuple(
+                dataclasses.replace(one, x=fit(one.x, is_far), y=fit(one.y, is_high)) for one in self.dots
+            ),
         )
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -199,9 +200,9 @@ def sizes(vectors: Floats) -> Floats:
     return np.asarray(np.hypot(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]))
 
 
-def fit(values: Floats) -> Floats:
+def fit(values: Floats, is_large: bool = True) -> Floats:
     """Values that are too large for an axis, as they are drawn: none of them is larger than `LARGEST` then."""
-    return np.asarray(values / TOO_LARGE)
+    return np.asarray(values / 10**10) if is_large else values
 
 
 def fitted(label: str) -> str:

@@ -24,7 +24,6 @@ STRIP, PANEL = 0.62, 1.75  # inches of one check, and of a row of panels
 FLOOR = 1e-9  # what is below that part of its limit is drawn there
 MOST_PANELS, COLUMNS = 12, 3  # modes of one page, and in one line of it
 MOST_BARS = 12  # coordinates of a mode: more are drawn as a line
-MOST_MARKED = 40  # particles of a mode with a mark at each
 MOST_COLUMNS = 4  # of two motions that are drawn
 
 
@@ -105,7 +104,7 @@ def _particles(plot: axes.Axes, coordinates: Sequence[str], shape: NDArray[np.co
     """x, y and z over the particles, with a mark at each where they are few; imaginary parts dashed."""
     names = [name[:-2] for name in coordinates[::3]]
     numbers = np.arange(1, len(names) + 1)
-    mark = "o" if len(names) <= MOST_MARKED else None
+    mark = "o" if len(names) <= 40 else None
     for axis_number, colour in enumerate((BLUE, RED, GREEN)):
         own = shape[axis_number::3]
         for part, style in ((own.real, "-"), (own.imag, (0, (3, 2)))):

@@ -33,7 +33,6 @@ from lagcli.output.tables.table_format import (
 
 MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
 _BLOCK = 1 << 18  # bytes looked through at a time, and parsed: larger ones leave the cache
-_FIRST_LINE = 1 << 22  # bytes: a longer header is not looked for
 _OF_NUMBERS = b"0123456789.+-eE\r\n"
 _WORDS = (b"nan", b"inf")  # that the writers have for what is no number
 _END = ord("\n")
@@ -174,7 +173,7 @@ def plain_count(path: Path, separator: str, width: int) -> int | None:
     separators = ends = 0
     last = b"\n"
     with path.open("rb") as file:
-        header = file.readline(_FIRST_LINE)
+        header = file.readline(MOST_LINE)
         if b'"' in header or not header.endswith(b"\n"):
             return None
         while block := file.read(_BLOCK):
@@ -199,7 +198,7 @@ def plain_numbers(
         return None
     found, row = np.empty((count, len(columns))), 0
     with path.open("rb") as file:
-        file.readline(_FIRST_LINE)
+        file.readline(MOST_LINE)
         for lines in _lines(file):
             letters = np.frombuffer(lines + b"\n", dtype=np.uint8)
             found_ends = np.flatnonzero((letters == ord(separator)) | (letters == _END))
