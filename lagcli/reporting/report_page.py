@@ -23,6 +23,7 @@ from pathlib import Path
 import jinja2
 import markupsafe
 
+from lagcli import memory
 from lagcli.errors import diagnostics
 from lagcli.output import latex_text
 from lagcli.output.figures import labels
@@ -242,7 +243,7 @@ def figure_file(figure: PageFigure) -> str:
     return f"{figure.name}.{figure.ending}"
 
 
-@functools.cache
+@memory.remembered()
 def _template(name: str) -> jinja2.Template:
     """A template of reports, each of whose values is written by the function `finalize` of its format."""
     finalize: dict[str, Callable[[object], object]] = {"report.html": _printable, "report.md": escaped}
