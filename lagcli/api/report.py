@@ -98,9 +98,7 @@ def _figures(model: Model, run: Trajectory) -> tuple[PageFigure | None, PageFigu
             return film.picture(scene, "pdf")
 
         words = "The configuration at the start."
-        at_start = model_on_page.PageFigure(
-            "start", "svg", page.svg(scene).encode(), words, first_picture
-        )
+        at_start = model_on_page.PageFigure("start", "svg", page.svg(scene).encode(), words, first_picture)
     # The columns that are zero to rounding
     ready = cache.compiled(model)
     names = ("t", *ready.system.columns)
