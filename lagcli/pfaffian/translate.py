@@ -91,11 +91,9 @@ class Translation:
             tuple(form.name for form in forms), variables, tuple(rows), parameters, tuple(surface)
         )
 
-    def vanishes(self, expression: sympy.Expr, coordinates: Sequence[float] = (), t: float = 0.0) -> bool:
-        """True if an expression is zero, but for rounding, for the values of parameters, coordinates and time."""
-        numbers = zip((*self._names.differentials, TIME), (*coordinates, t), strict=False)
-        values = self.values | {x: sympy.Float(number) for x, number in numbers}
-        number = expression.xreplace(values).evalf()
+    def vanishes(self, expression: sympy.Expr) -> bool:
+        """True if an expression is zero, but for rounding, for the values of the parameters."""
+        number = expression.xreplace(self.values).evalf()
         return bool(number.is_number) and abs(number) <= doubles.VALUE
 
     @functools.cached_property
