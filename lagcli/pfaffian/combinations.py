@@ -191,24 +191,7 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
     scale[scale == 0] = 1.0
     rows = along / scale[:, None]
     lengths = np.linalg.norm(terms / scale[:, None], axis=0)
-    count = along.shape[1]
-    Q = np.zeros((len(rows), min(count, len(rows))))
-    R = np.zeros((Q.shape[1], count))
-    independent: list[int] = []
-    dependent: list[int] = []
-    for k in range(count):
-        rest, n = rows[:, k].copy(), len(independent)
-        for _ in range(2):
-            part = Q[:, :n].T @ rest
-            R[:n, k] += part
-            rest = rest - Q[:, :n] @ part
-        size = float(np.linalg.norm(rest))
-        if size <= doubles.ZERO * lengths[k]:
-            dependent.append(k)
-        elif n < Q.shape[1]:
-            Q[:, n], R[n, k] = rest / size, size
-            independent.append(k)
-    c = np.linalg.solve(R[: len(independent), independent], R[: len(independent), dependent])
+    independent, dependent, c = sampling.dependences(rows, lengths)
     found = []
     for n, k in enumerate(dependent):
         least = doubles.ROOT * max(float(lengths[k]), 1e-300)

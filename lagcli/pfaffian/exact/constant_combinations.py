@@ -56,25 +56,9 @@ def _involved(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[int
     table = _samples(columns, parameters)
     if table is None:
         return list(range(len(columns)))
-    pivots: list[int] = []
-    involved: set[int] = set()
-    # Gram and Schmidt, twice for each column: orthogonal = table[:, pivots] @ combined.
-    orthogonal, combined = np.zeros((len(table), 0)), np.zeros((0, 0))
-    for n, column in enumerate(table.T):
-        weights = orthogonal.T @ column
-        rest = column - orthogonal @ weights
-        again = orthogonal.T @ rest
-        weights, rest = combined @ (weights + again), rest - orthogonal @ again
-        length = float(np.sqrt(rest @ rest))
-        if length > doubles.ZERO:
-            orthogonal = np.column_stack([orthogonal, rest / length])
-            last = np.append(np.zeros(len(pivots)), 1 / length)
-            combined = np.vstack([np.column_stack([combined, -weights / length]), last])
-            pivots.append(n)
-        else:
-            taking_part = np.flatnonzero(np.abs(weights) > doubles.ZERO)
-            involved |= {n, *(pivots[k] for k in taking_part)}
-    return sorted(involved)
+    independent, dependent, c = sampling.dependences(table, np.ones(len(columns)))
+    taking_part = np.flatnonzero((np.abs(c) > doubles.ZERO).any(axis=1))
+    return sorted({*dependent, *(independent[k] for k in taking_part)})
 
 
 def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | None:

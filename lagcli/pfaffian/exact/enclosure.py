@@ -232,21 +232,15 @@ def nearest(
     return _projected(begin, surface, gradients, W, origin) or _projected(begin, surface, gradients, W)
 
 
-@dataclass(frozen=True, slots=True)
 class _Step:
-    """Newton's step (n,) at a point, of fractions, and the largest part of it."""
+    """Newton's step (n,) at a point, of fractions, the largest part of it, and whether that is rounding."""
 
-    whole: surface.Point
-    distance: float
-
-    @property
-    def is_there(self) -> bool:
-        """True if it is rounding."""
-        return self.distance < _CLOSE
+    def __init__(self, whole: surface.Point, distance: float) -> None:
+        self._whole, self.distance, self.is_there = whole, distance, distance < _CLOSE
 
     def step(self) -> surface.Point:
         """The step."""
-        return self.whole
+        return self._whole
 
 
 def _projected(

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from lagcli import doubles
 from lagcli.linear import surface
 from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
@@ -111,3 +112,27 @@ def _projected(
     with np.errstate(all="ignore"):
         moved = surface.nearby_all(at, points, 1.0)[0]
     return values | dict(zip(variables, moved.T, strict=True))
+
+
+def dependences(rows: Values, lengths: Values) -> tuple[list[int], list[int], Values]:
+    """The columns (rows, N) that depend on no earlier ones, those that do but for rounding of their lengths (N,), and c
+    with rows[:, dependent] = rows[:, independent] @ c. By Gram and Schmidt, twice for each column."""
+    count = rows.shape[1]
+    Q = np.zeros((len(rows), min(rows.shape)))
+    R = np.zeros((Q.shape[1], count))
+    independent: list[int] = []
+    dependent: list[int] = []
+    for k in range(count):
+        rest, n = rows[:, k].copy(), len(independent)
+        for _ in range(2):
+            part = Q[:, :n].T @ rest
+            R[:n, k] += part
+            rest = rest - Q[:, :n] @ part
+        size = float(np.linalg.norm(rest))
+        if size <= doubles.ZERO * lengths[k]:
+            dependent.append(k)
+        elif n < Q.shape[1]:
+            Q[:, n], R[n, k] = rest / size, size
+            independent.append(k)
+    own = R[: len(independent)]
+    return independent, dependent, np.linalg.solve(own[:, independent], own[:, dependent])
