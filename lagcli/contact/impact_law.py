@@ -103,7 +103,7 @@ def impact(
     before = rows.G.times(v) + g_t
     terms = _sizes(rows.G, v) + np.abs(g_t)
     rounding = complementarity.PARAMETERS.safe * doubles.EPS * terms
-    push = _push(rows, -(rows.B.times(v) + b), least_after(before, e) - before, rounding)
+    push = rows.push(-(rows.B.times(v) + b), least_after(before, e) - before, rounding)
     after = v + push.change
     speeds = rows.G.times(after) + g_t
     energy = certified(before, speeds, push.contacts, terms, metric.length(v) ** 2)
@@ -136,7 +136,7 @@ def forces(
     (B, gamma_B), (G, gamma) = equalities, contacts
     rows, free = TouchingRows(metric, B, G), metric.solved(h)
     rounding = complementarity.PARAMETERS.safe * doubles.EPS * (_sizes(rows.G, free) + np.abs(gamma))
-    push = _push(rows, gamma_B - rows.B.times(free), gamma - rows.G.times(free), rounding)
+    push = rows.push(gamma_B - rows.B.times(free), gamma - rows.G.times(free), rounding)
     a = free + push.change
     slack = np.where(push.contacts > 0, 0.0, rows.G.times(a) - gamma)
     return LawResult(a, push.equality, push.contacts, push.unique, slack)
@@ -145,16 +145,6 @@ def forces(
 def _sizes(G: LocalRows, x: Floats) -> Floats:
     """|G| |x| (k,)."""
     return np.asarray(np.bincount(G.row, np.abs(G.values * x[G.column]), minlength=G.count))
-
-
-def _push(rows: TouchingRows, c: Floats, d: Floats, rounding: Floats) -> Push:
-    try:
-        return rows.push(c, d, rounding)
-    except ContradictoryRows as error:
-        raise LawError("no push keeps all of these contacts from closing further", error.rows) from None
-    except UndecidedRows as error:
-        everything = tuple(range(rows.G.count))
-        raise LawError(f"the law of impact does not decide ({error}) for contacts", everything) from None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -184,13 +174,13 @@ class TouchingRows:
         """The push with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary.
 
         Impulses or forces that are not unique are split: the least sum of Lambda_i^2 |row_i M^-1/2|^2 over all rows
-        together, contacts >= 0. Raises `ContradictoryRows` with the contacts that cannot all be obeyed, and
-        `UndecidedRows`.
+        together, contacts >= 0. Raises `LawError` with the contacts that cannot all be obeyed, or of all where numbers
+        do not decide.
         """
         C, lengths, unit = self.B.count, self._lengths, self._unit
         asked, rounding = np.concatenate([c, d]) / lengths, rounding / lengths[C:]
         if not (np.isfinite(asked).all() and np.isfinite(unit.values).all()):
-            raise UndecidedRows("not finite")
+            raise self._undecided("not finite")
         # Of a row alone this is the push.
         mu, unique = np.maximum(asked, 0.0), np.ones(asked.size, dtype=bool)
         mu[:C] = asked[:C]
@@ -200,9 +190,16 @@ class TouchingRows:
             try:
                 mu[rows], unique[rows] = block.push(asked[rows], rounding[contacts])
             except ContradictoryRows as error:
-                raise ContradictoryRows(tuple(int(contacts[row]) for row in error.rows)) from None
+                own = tuple(int(contacts[row]) for row in error.rows)
+                raise LawError("no push keeps all of these contacts from closing further", own) from None
+            except UndecidedRows as error:
+                raise self._undecided(str(error)) from None
         change = self.metric.unwhitened(unit.combined(mu))
         return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
+
+    def _undecided(self, reason: str) -> LawError:
+        text = f"the law of impact does not decide ({reason}) for contacts"
+        return LawError(text, tuple(range(self.G.count)))
 
 
 class ContactBlock:

@@ -168,7 +168,7 @@ def test_speeds_after_an_impact_are_known_to_eight_roundings(monkeypatch):
         roundings.append(rounding.tolist())
         return SimpleNamespace(change=np.ones(1), equality=np.zeros(0), contacts=np.ones(1), unique=None)
 
-    monkeypatch.setattr(impact_law, "_push", push)
+    monkeypatch.setattr(impact_law.TouchingRows, "push", push)
     nothing = ca.DM(0, 1), np.zeros(0)
     contact = ca.DM([[1.0]]), np.zeros(1), np.zeros(1)
     impact_law.impact(Metric.unit(1), np.array([-1.0]), nothing, contact)
