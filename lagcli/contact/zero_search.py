@@ -85,7 +85,6 @@ def first_crossing(
     noise: Floats,
     direction: npt.ArrayLike = DOWN,
     armed: npt.ArrayLike = True,
-    together: float = 0.0,
     most: int = PARAMETERS.most_evaluations,
 ) -> FirstCrossing:
     """The first crossing of zero by functions of x in [0, 1], to double precision.
@@ -93,16 +92,15 @@ def first_crossing(
     noise: (K,) rounding of the values; a function within it is at zero. One crosses when it goes from its side to
     beyond the noise on the other: touching is none. direction: DOWN, UP or BOTH, one or (K,). A function that is at
     zero at x = 0 is on its side, and one that leaves there crosses at 0; unless it is not `armed` (one or (K,)),
-    which says that it has crossed just there: then it must come back first. together: functions whose slope takes
-    them over zero within this distance after the first cross with it. most: evaluations, after which functions are
-    left unresolved. The ends are asked for once each; a caller that knows them hands them out from memory.
+    which says that it has crossed just there: then it must come back first. most: evaluations, after which functions
+    are left unresolved. The ends are asked for once each; a caller that knows them hands them out from memory.
     """
     if not noise.size:
         return FirstCrossing(None)
     search = _Search(values, np.asarray(noise, dtype=float), most)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         search.begin(direction, armed)
-        return search.run(max(together, 4 * doubles.EPS))
+        return search.run()
 
 
 class _Sample(NamedTuple):
@@ -196,7 +194,7 @@ class _Search:
         spent = ~armed & (direction != BOTH)
         self.up = (self.start.g >= -self.noise) & ~spent
 
-    def run(self, together: float) -> FirstCrossing:
+    def run(self) -> FirstCrossing:
         end, inner = self.sample(1.0), self.sample(GOLDEN)
         # Nothing beyond `stop` matters: there a function crosses, or it is open what one does.
         stop = end
@@ -217,9 +215,9 @@ class _Search:
         if crossing is None:
             ending = self.up_at(1.0) & (np.abs(end.g) <= self.noise) & (self.start.g > self.noise)
             return FirstCrossing(None, ending=_numbers(ending), evaluations=self.evaluations)
-        # Those that cross within a distance after it cross with it.
+        # Those whose slope takes them over zero within rounding after it cross with it.
         near = self.up_at(stop.x) & (stop.slope < -2 * self.noise)
-        near &= stop.g + together * stop.slope <= self.noise
+        near &= stop.g + 4 * doubles.EPS * stop.slope <= self.noise
         near[crossing] = True
         return FirstCrossing(stop.x, _numbers(near), clear=stop.x, evaluations=self.evaluations)
 
