@@ -70,9 +70,8 @@ def point(names: Iterable[str], values: Iterable[float], time: float, parameters
 
 def beside(expression: sympy.Expr, point: SpecialPoint) -> bool:
     """True if an expression that is not zero at a start is so near to zero that doubles cannot tell."""
-    return _is_small(expression, SpecialPoint(point.doubles), otherwise=False) and not vanishes(
-        expression, [point]
-    )
+    is_near = _is_small(expression, SpecialPoint(point.doubles), otherwise=False)
+    return is_near and not vanishes(expression, [point])
 
 
 def vanishes(expression: sympy.Expr, points: Sequence[SpecialPoint]) -> bool:

@@ -33,9 +33,8 @@ class SizedFunction(ca.Function):
         """The function with all entries of each result: what is zero by structure, as the multiplier of an open contact
         is, differs from mode to mode, and the size of a result must not."""
         is_full = all(shape[0] * shape[1] == entries for shape, entries in self.layout[1])
-        return (
-            self if is_full else self._filled
-        )  # a function that kept itself would be freed by a collection alone
+        # A function that kept itself would be freed by a collection alone.
+        return self if is_full else self._filled
 
     @cached_property
     def _filled(self) -> SizedFunction:
