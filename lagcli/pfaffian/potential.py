@@ -6,8 +6,6 @@ sqrt(Q) = t + sqrt(a) x, by sqrt(Q) = x t + sqrt(c), or where c = 0 by sqrt(Q) =
 """
 
 from collections.abc import Callable, Iterator
-from functools import reduce
-from math import lcm
 
 import sympy
 
@@ -203,29 +201,24 @@ def _without_tangents(e: sympy.Expr) -> sympy.Expr:
 
 
 def _rationalized(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
-    """A rational function of sin u, cos u or of a root of x, by the half angle or the root as new variable."""
-    new = sympy.Dummy("s", positive=True)
+    """A rational function of sin u and cos u, by the half angle as new variable."""
     turned, roots = _varying(e, x)
-    if turned and not roots:
-        below = sympy.fraction(guarded.together(e))[1]
-        u = min((f.args[0] for f in turned), key=_length)
-        slope = sympy.diff(u, x)
-        if slope.has(x) or not below.has(sympy.sin, sympy.cos, sympy.tan):
-            return None
-        sine, cosine = sympy.sin(u), sympy.cos(u)
-        plain = _without_tangents(e)
-        written = plain.xreplace({sine: 2 * new / (1 + new**2), cosine: (1 - new**2) / (1 + new**2)})
-        back, weight = sympy.tan(u / 2), 2 / (slope * (1 + new**2))
-    elif roots and all(p.base == x and p.exp.is_Rational for p in roots):
-        q = reduce(lcm, (int(p.exp.q) for p in roots))
-        written = guarded.powdenest(guarded.subs(e, x, new**q), force=True)
-        back, weight = x ** sympy.Rational(1, q), q * new ** (q - 1)
-    else:
+    if not turned or roots:
         return None
+    below = sympy.fraction(guarded.together(e))[1]
+    u = min((f.args[0] for f in turned), key=_length)
+    slope, new = sympy.diff(u, x), sympy.Dummy("s", positive=True)
+    if slope.has(x) or not below.has(sympy.sin, sympy.cos, sympy.tan):
+        return None
+    sine, cosine = sympy.sin(u), sympy.cos(u)
+    plain = _without_tangents(e)
+    written = plain.xreplace({sine: 2 * new / (1 + new**2), cosine: (1 - new**2) / (1 + new**2)})
     if written.has(x):
         return None
-    written = guarded.cancel(guarded.together(written * weight))
-    return guarded.subs(_solved(written, new), new, back) if written.is_rational_function(new) else None
+    written = guarded.cancel(guarded.together(written * (2 / (slope * (1 + new**2)))))
+    if not written.is_rational_function(new):
+        return None
+    return guarded.subs(_solved(written, new), new, sympy.tan(u / 2))
 
 
 def _solved(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
