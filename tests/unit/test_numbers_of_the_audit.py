@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lagcli.auditing.checks.audit_report import Audit, Check
-from lagcli.auditing.evidence.law_rows import reduced
+from lagcli.auditing.evidence.model_values import reduced
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
 
 

@@ -114,7 +114,7 @@ def force_balance(e: Evidence) -> ForceBalance:
     """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
     r, values, index, m_x = e.record, e.values, e.laws.index, e.masses_x
     rows, own, noise = len(r.t), index.first_generalized, e.particle_noise
-    a, (rate, rate_x) = e.acceleration, e.momentum_rate
+    a, (rate, rate_x) = e.grid.derivative(r.v, SAFETY * e.off_v), e.momentum_rate
     force = e.laws.forces_on_coordinates(values)
     inertia = e.masses * a.value + rate.value - force
     limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")

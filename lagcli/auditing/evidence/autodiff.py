@@ -3,16 +3,21 @@
 A value is an array (T, K): T rows of the table, K members of a family, 1 where all share it. What depends on
 parameters alone is a plain array and leaves no trace on the graph. Leaves are of a kind: `q` coordinates, `v` their
 rates, `t` time, `x` and `u` positions and velocities of dependent particles where these are taken as free.
+Numbers may be complex with a tiny imaginary part, which carries one more derivative (the complex step): what is not
+analytic goes by the real part.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from lagcli.expression import functions, tree
+from lagcli.model.resolve import Reference
 
 Array = npt.NDArray[Any]
 Integers = npt.NDArray[np.int64]
@@ -39,11 +44,6 @@ class GraphNode:
     links: tuple[Edge, ...]
     kind: str = ""
     indices: Integers | None = None
-
-    @property
-    def is_rate(self) -> bool:
-        """True if this is d/dt of its parent."""
-        return self.kind == "rate"
 
 
 # The second is an array that does not depend on the state.
@@ -105,62 +105,47 @@ class AutodiffGraph:
         rate = self._rates[node.number]
         return np.zeros_like(node.value) if rate is None else rate
 
-    def forward(self, directions: Directions, last: int | None = None) -> list[Array | None]:
+    def forward(self, directions: Directions) -> list[Array | None]:
         """The change of every node along directions (T, width) of the kinds given; None where there is none."""
         changes: list[Array | None] = []
-        for node in self.nodes[:last]:
+        for node in self.nodes:
             changes.append(_tangent(node, changes, directions))
         return changes
 
     def gradient(
         self, seeds: Sequence[tuple[Scalar, Array]], laws: Sequence[tuple[Scalar, Array]] = ()
-    ) -> Gradient:
-        """Backwards: the sum of seed * value, differentiated by every leaf; rates count as coordinates themselves.
+    ) -> dict[str, Array]:
+        """Backwards: the sum of seed * value, differentiated by every leaf of a kind, (T, width); rates count as
+        coordinates themselves.
 
         laws: values that are linear in rates, for which the sum of seed * B_i is added, by virtual displacements: that
         of d(X) is that of X (D.9), so that it is followed below the rate alone.
         """
-        lower, upper = self._seeded(seeds), self._seeded(laws)
-        collected = Gradient(self.data)
+        adjoints: list[list[Array | None]] = []
+        for given in (seeds, laws):
+            adjoints.append([None] * len(self.nodes))
+            for x, seed in given:
+                if isinstance(x, GraphNode):
+                    wide = np.broadcast_shapes(np.shape(seed), x.value.shape)
+                    _add(adjoints[-1], x, np.broadcast_to(seed, wide))
+        lower, upper = adjoints
+        kind = self.data["q"].dtype
+        collected = {name: np.zeros(values.shape, dtype=kind) for name, values in self.data.items()}
         for node in reversed(self.nodes):
             low, up = lower[node.number], upper[node.number]
             if low is not None:
                 if node.indices is not None:
-                    collected.add(node, node.kind, low)
+                    scatter(collected[node.kind], node.indices, np.broadcast_to(low, node.value.shape))
                 for link in node.links:
                     _pass(link, low, lower)
             if up is None:
                 continue
-            if node.kind in ("v", "u"):
-                collected.add(node, "q" if node.kind == "v" else "x", up)
+            if node.indices is not None and node.kind in ("v", "u"):
+                place = collected["q" if node.kind == "v" else "x"]
+                scatter(place, node.indices, np.broadcast_to(up, node.value.shape))
             for link in node.links:
-                _pass(link, up, lower if node.is_rate else upper)
+                _pass(link, up, lower if node.kind == "rate" else upper)
         return collected
-
-    def _seeded(self, seeds: Sequence[tuple[Scalar, Array]]) -> list[Array | None]:
-        adjoints: list[Array | None] = [None] * len(self.nodes)
-        for x, seed in seeds:
-            if isinstance(x, GraphNode):
-                _add(adjoints, x, np.broadcast_to(seed, np.broadcast_shapes(np.shape(seed), x.value.shape)))
-        return adjoints
-
-
-class Gradient:
-    """The derivatives collected at the leaves, an array (T, width) of each kind."""
-
-    def __init__(self, data: Directions) -> None:
-        self._data = data
-        self._parts: dict[str, Array] = {}
-
-    def __getitem__(self, kind: str) -> Array:
-        if kind not in self._parts:
-            self._parts[kind] = np.zeros(self._data[kind].shape, dtype=self._data["q"].dtype)
-        return self._parts[kind]
-
-    def add(self, node: GraphNode, kind: str, g: Array) -> None:
-        """Add the adjoint of a leaf to its coordinates."""
-        assert node.indices is not None
-        scatter(self[kind], node.indices, np.broadcast_to(g, node.value.shape))
 
 
 def scatter(target: Array, indices: Integers, values: Array) -> None:
@@ -181,7 +166,7 @@ def _tangent(node: GraphNode, known: Sequence[Array | None], directions: Directi
     if node.indices is not None:
         along = directions.get(node.kind)
         return None if along is None else along[:, node.indices]
-    if node.is_rate:
+    if node.kind == "rate":
         return None
     total: Array | None = None
     for link in node.links:
@@ -221,3 +206,75 @@ def _add(adjoints: list[Array | None], node: GraphNode, g: Array) -> None:
         g = np.broadcast_to(g, (rows, members))
     known = adjoints[node.number]
     adjoints[node.number] = g if known is None else known + g
+
+
+class NumberAlgebra:
+    """Scalars are nodes of a graph or plain arrays; see `evaluate.Algebra`. Names come from `atom` and `special`."""
+
+    def __init__(
+        self,
+        graph: AutodiffGraph,
+        atom: Callable[[Reference], Value],
+        special: Callable[[tree.Call, NumberAlgebra], Value],
+    ) -> None:
+        self._graph, self.atom, self._special = graph, atom, special
+
+    def special(self, node: tree.Call) -> Value:
+        return self._special(node, self)
+
+    def number(self, node: tree.Number) -> Scalar:
+        return np.full((1, 1), float(node.text))
+
+    def add(self, node: tree.Node, left: Scalar, sign: int, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        return self._graph.result(a + b if sign > 0 else a - b, (left, 1.0), (right, float(sign)))
+
+    def negate(self, node: tree.Node, x: Scalar) -> Scalar:
+        return self._graph.result(-value(x), (x, -1.0))
+
+    def multiply(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        return self._graph.result(a * b, (left, b), (right, a))
+
+    def divide(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
+        a, b = value(left), value(right)
+        quotient = a / b
+        return self._graph.result(quotient, (left, 1 / b), (right, -quotient / b))
+
+    def power(self, node: tree.Node, base: Scalar, exponent: Scalar) -> Scalar:
+        x, e = value(base), value(exponent)
+        if np.all(e == 0.5):
+            return self.function(node, "sqrt", (base,))
+        result = _power(x, e)
+        by_base = np.where(e == 0.0, 0.0, e * _power(x, np.where(e == 0.0, 1.0, e - 1.0)))
+        by_exponent: Array | float = 0.0
+        if value(exponent) is not exponent:  # it is a node: the base is positive then
+            by_exponent = result * np.log(x)
+        return self._graph.result(result, (base, by_base), (exponent, by_exponent))
+
+    def function(self, node: tree.Node, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
+        row = functions.TABLE[name]
+        if row.arguments == functions.MANY:
+            extreme, *others = arguments
+            for other in others:
+                a, b = value(extreme), value(other)
+                first = a.real <= b.real if name == "min" else a.real >= b.real
+                operands = (extreme, first * 1.0), (other, ~first * 1.0)
+                extreme = self._graph.result(np.where(first, a, b), *operands)
+            return extreme
+        values = [value(x) for x in arguments]
+        is_analytic = not (row.is_piecewise or row.jumps == "zero")
+        given = values if is_analytic else [x.real for x in values]
+        result = row.array(*given)
+        assert row.slope is not None, name
+        slope = row.slope(np, *(given if row.is_piecewise else values), result)
+        slopes = slope if isinstance(slope, tuple) else (slope,)
+        if not is_analytic and any(map(np.iscomplexobj, values)):
+            result = result + 1j * sum(np.real(a) * x.imag for a, x in zip(slopes, values, strict=True))
+        return self._graph.result(result, *zip(arguments, slopes, strict=True))
+
+
+def _power(x: Array, e: Array) -> Array:
+    if e.size == 1 and (one := float(e.real.flat[0])).is_integer() and abs(one) <= 64:
+        return np.asarray(np.power(x, one) if np.isrealobj(x) else x ** int(one))
+    return np.asarray(np.power(x, e))

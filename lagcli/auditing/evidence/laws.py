@@ -7,25 +7,23 @@ which s are holonomic. Units are those of the model.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from lagcli.auditing.evidence import law_rows
+from lagcli.auditing.evidence import model_values
 from lagcli.auditing.evidence.autodiff import (
     Array,
     Directions,
-    Gradient,
     GraphNode,
+    NumberAlgebra,
     Scalar,
     Triple,
     Value,
     scatter,
     value,
 )
-from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
-from lagcli.auditing.evidence.law_rows import SPOT, RowValues
-from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
+from lagcli.auditing.evidence.model_values import SPOT, ModelIndex, ModelOnTable, RowValues
 from lagcli.expression import evaluate
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
@@ -79,14 +77,14 @@ class ModelLaws:
         closed: Sequence[int] = (),
     ) -> None:
         self.model, self.index = model, ModelIndex(model)
-        self.bodies = law_rows.geometries(self.index) if model.rigid else ()
+        self._bodies = model_values.geometries(self.index) if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
-        for body, geometry in zip(model.rigid, self.bodies, strict=True):
+        for body, geometry in zip(model.rigid, self._bodies, strict=True):
             count = len(geometry.pairs) + 3 * len(geometry.further)
             self.holonomic += [f"{body.name}.{i}" for i in range(1, count + 1)]
         self.contacts = model.contact_names
         self.holonomic += [self.contacts[j] for j in closed]
-        self._closed = list(law_rows.members(model.inequality, np.array(closed, dtype=np.int64)))
+        self._closed = list(model_values.members(model.inequality, np.array(closed, dtype=np.int64)))
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
         self.s, self.C = len(self.holonomic), len(self.rows)
         self._pattern: Array | None = None
@@ -95,10 +93,8 @@ class ModelLaws:
     def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
         chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self.chunks(len(t))]
-        fields = [field.name for field in dataclasses.fields(LawValues)]
-        return LawValues(
-            **{name: np.concatenate([getattr(part, name) for part in chunks]) for name in fields}
-        )
+        names = [field.name for field in dataclasses.fields(LawValues)]
+        return LawValues(**{name: np.concatenate([getattr(part, name) for part in chunks]) for name in names})
 
     def pushed(self, t: Array, q: Array, v: Array, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""
@@ -122,37 +118,41 @@ class ModelLaws:
         """B (T, C, n) at few rows: rows that share no coordinate are differentiated together."""
         if not self.C:
             return np.zeros((len(t), 0, q.shape[1]))
-        pattern = self.pattern(t, q, v)
-        B = np.zeros((len(t), self.C, q.shape[1]))
-        for colour in _colours(pattern):
-            seeds = np.zeros((1, self.C))
-            seeds[0, colour] = 1.0
-            combined = self.combined(t, q, v, np.broadcast_to(seeds, (len(t), self.C)))
-            for i in colour:
-                B[:, i, pattern[i]] = combined[:, pattern[i]]
-        return B
-
-    def combined(self, t: Array, q: Array, v: Array, lam: Array) -> Array:
-        """sum_i lam_i B_i, (T, C) to (T, n)."""
-        true, free = self._on_tables(t[:, None], q, v)
-        return self._pull(true, free, *law_rows.build(free, self.bodies, self._closed), lam)
-
-    def pattern(self, t: Array, q: Array, v: Array) -> Array:
-        """True for the coordinates that stand in a row, bool (C, n): whatever a rate that is no number spoils."""
-        if self._pattern is None:
+        if (
+            self._pattern is None
+        ):  # the coordinates that stand in a row: whatever a rate that is no number spoils
             n = q.shape[1]
             moving = np.tile(v[:1], (n, 1))
             np.fill_diagonal(moving, np.nan)
-            position = np.tile(q[:1], (n, 1))
-            _, free = self._on_tables(np.full((n, 1), t[0]), position, moving)
-            _, w = self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
-            self._pattern = np.isnan(w).T
-        return self._pattern
+            self._pattern = np.isnan(self.residuals(np.repeat(t[:1], n), np.tile(q[:1], (n, 1)), moving)[1]).T
+        pattern = self._pattern
+        # Groups of rows of which no two share a coordinate, greedily
+        groups: list[list[int]] = []
+        taken: list[Array] = []
+        for i, row in enumerate(pattern):
+            for group, used in zip(groups, taken, strict=True):
+                if not (used & row).any():
+                    group.append(i)
+                    used |= row
+                    break
+            else:
+                groups.append([i])
+                taken.append(row.copy())
+        B = np.zeros((len(t), self.C, q.shape[1]))
+        true, free = self._on_tables(t[:, None], q, v)
+        rows = self._rows(free)
+        for group in groups:
+            seeds = np.zeros((1, self.C))
+            seeds[0, group] = 1.0
+            combined = self._pull(true, free, rows, np.broadcast_to(seeds, (len(t), self.C)))
+            for i in group:
+                B[:, i, pattern[i]] = combined[:, pattern[i]]
+        return B
 
     def residuals(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         """f (T, s) and w = B v + b (T, C); the numbers may be complex."""
-        _, free = self._on_tables(t[:, None], q, v)
-        return self._residuals(free, *law_rows.build(free, self.bodies, self._closed))
+        free = self.free(t, q, v)
+        return self._residuals(free, self._rows(free))
 
     def demanded(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """d/dt (B v + b) (T, C) along accelerations a (T, n), of coordinates alone, by a complex step."""
@@ -175,8 +175,7 @@ class ModelLaws:
 
     def total_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
-        _, free = self._on_tables(t[:, None], q, v)
-        index = self.index
+        free, index = self.free(t, q, v), self.index
         own = np.repeat(index.masses[index.cartesian], 3)
         total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
         if index.dependent.size:
@@ -190,11 +189,12 @@ class ModelLaws:
 
     def potential(self, on_table: ModelOnTable) -> Array:
         """V (T,) of the declared potentials and of constant forces."""
-        return _sum_of(on_table, self._potentials(on_table))
+        parts = (on_table.wide(part, count).sum(axis=1) for part, count in self._potentials(on_table))
+        return np.asarray(sum(parts, np.zeros(on_table.rows)))
 
     def parts_of_reactions(self, on_table: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); on_table: as of `free`."""
-        onto = _reactions(on_table, law_rows.build(on_table, self.bodies, self._closed), lam)
+        onto = _reactions(on_table, self._rows(on_table), lam)
         reactions = np.zeros((on_table.rows, 3 * len(self.index.particles)))
         for numbers, kind in ((self.index.cartesian, "q"), (self.index.dependent, "x")):
             if numbers.size:
@@ -219,8 +219,12 @@ class ModelLaws:
             return true, true
         parts = true.position(dependent)
         x = _interleaved(true, parts, value)
-        u = _interleaved(true, parts, lambda p: _moved(true, p))
+        u = _interleaved(true, parts, lambda part: _moved(true, part))
         return true, ModelOnTable(self.index, t, q, v, (x, u))
+
+    def _rows(self, on_table: ModelOnTable) -> tuple[RowValues, RowValues]:
+        """The holonomic and the differential rows."""
+        return model_values.build(on_table, self._bodies, self._closed)
 
     def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         true, free = self._on_tables(t, q, v)
@@ -230,14 +234,14 @@ class ModelLaws:
         if dependent.size:
             x, u = free.data["x"], free.data["u"]
             x_t = _changed(true, true.position(dependent), {"t": np.ones_like(t)})
-        rows = law_rows.build(free, self.bodies, self._closed)
-        f, w = self._residuals(free, *rows)
+        rows = self._rows(free)
+        f, w = self._residuals(free, rows)
         b = nothing
         if self.C:  # what is left of B v + b where nothing moves but time
             rest = ModelOnTable(self.index, t, q, np.zeros_like(v), (x, x_t) if x.shape[1] else None)
-            b = self._residuals(rest, *law_rows.build(rest, self.bodies, self._closed))[1]
+            b = self._residuals(rest, self._rows(rest))[1]
         potentials = list(self._potentials(free))
-        V = _sum_of(free, potentials)
+        V = np.asarray(sum((free.wide(p, c).sum(axis=1) for p, c in potentials), np.zeros(len(q))))
         slope = free.graph.gradient([(p, np.ones((1, c))) for p, c in potentials])
         extra = self._lagrangian(free)
         L = sum((free.wide(p, 1)[:, 0] for p in extra), np.zeros(len(q)))
@@ -246,28 +250,29 @@ class ModelLaws:
         kinds = dependent.size > 0
         return LawValues(
             x=x, u=u, x_t=x_t, f=f, w=w, b=b,
-            pull=self._pull(true, free, *rows, lam),
+            pull=self._pull(true, free, rows, lam),
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
             L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
             L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
             F=F, Q=Q,
         )  # fmt: skip
 
-    def _residuals(self, on_table: ModelOnTable, surfaces: RowValues, laws: RowValues) -> tuple[Array, Array]:
+    def _residuals(self, on_table: ModelOnTable, rows: tuple[RowValues, RowValues]) -> tuple[Array, Array]:
         kind = on_table.data["q"].dtype
+        surfaces, laws = rows
         f, w = np.zeros((on_table.rows, self.s), dtype=kind), np.zeros((on_table.rows, self.C), dtype=kind)
         for x, indices in surfaces:
             f[:, indices] = on_table.wide(x, indices.size)
             w[:, indices] = np.broadcast_to(_moved(on_table, x), (on_table.rows, indices.size))
-        law_rows.reduced(f, self._jumps)
+        model_values.reduced(f, self._jumps)
         for x, indices in laws:
             w[:, indices] = on_table.wide(x, indices.size)
         return f, w
 
     def _pull(
-        self, true: ModelOnTable, free: ModelOnTable, surfaces: RowValues, laws: RowValues, lam: Array
+        self, true: ModelOnTable, free: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array
     ) -> Array:
-        by_leaf = _reactions(free, (surfaces, laws), lam)
+        by_leaf = _reactions(free, rows, lam)
         return by_leaf["q"] if true is free else by_leaf["q"] + _onto_coordinates(true, by_leaf["x"])
 
     def _potentials(self, on_table: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
@@ -317,23 +322,7 @@ class ModelLaws:
         return F.reshape(on_table.rows, len(index.particles), 3), Q
 
 
-def _colours(pattern: Array) -> list[list[int]]:
-    """Groups of rows of which no two share a coordinate, greedily."""
-    groups: list[list[int]] = []
-    taken: list[Array] = []
-    for i, row in enumerate(pattern):
-        for group, used in zip(groups, taken, strict=True):
-            if not (used & row).any():
-                group.append(i)
-                used |= row
-                break
-        else:
-            groups.append([i])
-            taken.append(row.copy())
-    return groups
-
-
-def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Gradient:
+def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> dict[str, Array]:
     """sum_i lambda_i B_i by the leaves of a scene."""
     surfaces, laws = ([(x, lam[:, indices]) for x, indices in each] for each in rows)
     return on_table.graph.gradient(surfaces, laws)
@@ -343,11 +332,6 @@ def _onto_coordinates(true: ModelOnTable, F: Array) -> Array:
     """sum_k F_k . dr_k/dq_j of forces (T, 3 Nd) on the dependent particles, (T, n)."""
     parts = true.position(true.index.dependent)
     return true.graph.gradient([(part, F[:, axis::3]) for axis, part in enumerate(parts)])["q"]
-
-
-def _sum_of(on_table: ModelOnTable, parts: Iterable[tuple[Scalar, int]]) -> Array:
-    """The sum (T,) of parts over their members."""
-    return np.asarray(sum((on_table.wide(p, c).sum(axis=1) for p, c in parts), np.zeros(on_table.rows)))
 
 
 def _moved(on_table: ModelOnTable, x: Scalar) -> Array:

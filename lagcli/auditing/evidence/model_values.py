@@ -1,8 +1,12 @@
-"""The values of the names of a model at the rows of a table: arrays (T, K) on a graph."""
+"""The values of the names and of the rows of a model at the rows of a table: arrays (T, K) on a graph.
+
+Holonomic rows come first, then those of rigid bodies, then inequalities that are closed, then differential rows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,16 +16,25 @@ from lagcli.auditing.evidence.autodiff import (
     Directions,
     Edge,
     GraphNode,
+    NumberAlgebra,
     Scalar,
     Triple,
     Value,
     value,
 )
-from lagcli.auditing.evidence.autodiff_algebra import NumberAlgebra
-from lagcli.expression import evaluate
+from lagcli.equations import rigid
+from lagcli.expression import evaluate, tree
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
 from lagcli.model.resolve import ModelNames, Resolver, Results
+
+SPOT = tree.Node(0, 0)
+# Turns of all angles but one that are tried where a row has several: what no motion satisfies stays above its limit,
+# as no more than some thousand values are compared. With 100 or 10 000 for two angles
+# `test_turns_of_two_angles_are_taken_out_up_to_a_thousand` of `tests/unit/test_numbers_of_the_audit.py` fails.
+MOST_TURNS = {1: 0, 2: 1000, 3: 20}
+RowValues = list[tuple[Scalar, Integers]]
+"""Values of rows with their indices among all rows."""
 
 
 class ModelIndex:
@@ -35,9 +48,8 @@ class ModelIndex:
         self.is_dependent = np.repeat(np.array([p.is_dependent for p in model.particles], dtype=bool), counts)
         self.cartesian, self.dependent = np.flatnonzero(~self.is_dependent), np.flatnonzero(self.is_dependent)
         # The index of a particle among those of its kind.
-        self.rank = (
-            np.where(self.is_dependent, np.cumsum(self.is_dependent), np.cumsum(~self.is_dependent)) - 1
-        )
+        own = np.where(self.is_dependent, np.cumsum(self.is_dependent), np.cumsum(~self.is_dependent))
+        self.rank = own - 1
         self.first_generalized = 3 * self.cartesian.size
         self.n = self.first_generalized + len(self.coordinates)
         self.masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
@@ -105,15 +117,12 @@ class ModelOnTable:
         return None if known is None else np.full((1, 1), float(known))
 
     def variable(self, name: str, values: Integers) -> Array:
-        """The values of an index variable, (1, K)."""
         return values.astype(float)[None, :]
 
     def differential(self, x: Scalar) -> Scalar:
-        """The rate of change with the motion."""
         return self.graph.rate(x)
 
     def position(self, numbers: Integers) -> Triple:
-        """r of particles."""
         return self._vector(numbers, rates=False)
 
     def velocity(self, numbers: Integers) -> Triple:
@@ -121,7 +130,6 @@ class ModelOnTable:
         return self._vector(numbers, rates=True)
 
     def generalized(self, numbers: Integers, rates: bool) -> Scalar:
-        """Generalized coordinates, or their rates."""
         return self.graph.leaf("v" if rates else "q", self.index.first_generalized + numbers)
 
     def algebra(
@@ -142,7 +150,6 @@ class ModelOnTable:
         return x, y, z
 
     def definition(self, name: str) -> Value:
-        """The value of a definition."""
         if name not in self._values:
             self._values[name] = evaluate.value(self.index.names.definitions[name], self.algebra())
         return self._values[name]
@@ -152,6 +159,7 @@ class ModelOnTable:
         return np.broadcast_to(value(x), (self.rows, count))
 
     def _vector(self, numbers: Integers, rates: bool) -> Triple:
+        """r or v of particles: leaves, or what was evaluated in one of several batches, put together."""
         index = self.index
         dependent = index.is_dependent[numbers]
         if not dependent.any() or (self._free and dependent.all()):
@@ -162,16 +170,30 @@ class ModelOnTable:
         groups = np.where(dependent, -2 if self._free else self._batch[numbers], -1)
         if np.unique(groups).size == 1:
             return self._evaluated(int(groups[0]), numbers, rates)
-        parts: list[list[tuple[Scalar, Integers]]] = [[], [], []]
-        for group in np.unique(groups):
-            member_numbers = np.flatnonzero(groups == group)
-            if group < 0:
-                vector = self._vector(numbers[member_numbers], rates)
+        members = [np.flatnonzero(groups == group) for group in np.unique(groups)]
+        vectors = []
+        for own in members:
+            if (group := int(groups[own[0]])) < 0:
+                vectors.append(self._vector(numbers[own], rates))
             else:
-                vector = self._evaluated(int(group), numbers[member_numbers], rates)
-            for axis in range(3):
-                parts[axis].append((vector[axis], member_numbers))
-        x, y, z = (self._joined(part, numbers.size) for part in parts)
+                vectors.append(self._evaluated(group, numbers[own], rates))
+        # Put together in the order asked for
+        order = np.argsort(np.concatenate(members), kind="stable")
+        components: list[Scalar] = []
+        for parts in zip(*vectors, strict=True):
+            pieces = [self.wide(part, own.size) for part, own in zip(parts, members, strict=True)]
+            together = np.concatenate(pieces, axis=1)
+            links, begin = [], 0
+            for part, piece in zip(parts, pieces, strict=True):
+                end = begin + piece.shape[1]
+                if isinstance(part, GraphNode):
+                    column = np.zeros(piece.shape[1], dtype=np.int64)
+                    taken = column if part.value.shape[1] == 1 else np.arange(piece.shape[1])
+                    links.append(Edge(part, 1.0, taken, slice(begin, end)))
+                begin = end
+            joined = self.graph.node(together, links)
+            components.append(self.graph.node(together[:, order], (Edge(joined, 1.0, order),)))
+        x, y, z = components
         return x, y, z
 
     def _evaluated(self, batch: int, numbers: Integers, rates: bool) -> Triple:
@@ -185,24 +207,124 @@ class ModelOnTable:
             if is_whole or numbers.ndim < 2 or numbers.shape[1] == 1:
                 return scalar
             some = numbers[:, rows]
-            return (
-                self.graph.node(some, (Edge(scalar, 1.0, rows),)) if isinstance(scalar, GraphNode) else some
-            )
+            if not isinstance(scalar, GraphNode):
+                return some
+            return self.graph.node(some, (Edge(scalar, 1.0, rows),))
 
         x, y, z = map(taken, triple)
         return x, y, z
 
-    def _joined(self, parts: list[tuple[Scalar, Integers]], count: int) -> Scalar:
-        """Scalars of several groups of members put together in the order asked for."""
-        pieces = [(x, self.wide(x, member_numbers.size)) for x, member_numbers in parts]
-        order = np.argsort(np.concatenate([member_numbers for _, member_numbers in parts]), kind="stable")
-        together = np.concatenate([piece for _, piece in pieces], axis=1)
-        links, start = [], 0
-        for x, piece in pieces:
-            if isinstance(x, GraphNode):
-                column = np.zeros(piece.shape[1], dtype=np.int64)
-                taken = column if x.value.shape[1] == 1 else np.arange(piece.shape[1])
-                links.append(Edge(x, 1.0, taken, slice(start, start + piece.shape[1])))
-            start += piece.shape[1]
-        joined = self.graph.node(together, links)
-        return self.graph.node(together[:, order], (Edge(joined, 1.0, order),))
+
+def build(
+    on_table: ModelOnTable,
+    bodies: Sequence[rigid.Geometry],
+    closed: Sequence[tuple[nouns.Inequality, Integers]],
+) -> tuple[RowValues, RowValues]:
+    """The holonomic and the differential rows; bodies: of `geometries`, closed: of `members`."""
+    model = on_table.index.model
+    surfaces: RowValues = []
+    laws: RowValues = []
+    first = 0
+
+    def add(
+        into: RowValues, equation: nouns.Expression, variables: Mapping[str, Integers], count: int
+    ) -> int:
+        """Add the rows of a law, left - right; those of one member stand together. The number of rows so far."""
+        assert isinstance(equation.tree, tree.Relation)
+        parts = evaluate.difference(equation.tree, on_table.algebra(variables)) if count else ()
+        members = np.arange(count, dtype=np.int64)
+        for axis, part in enumerate(parts):
+            into.append((part, first + len(parts) * members + axis))
+        return first + len(parts) * count
+
+    for holonomic in model.holonomic:
+        first = add(surfaces, holonomic.equation, holonomic.members.variables, holonomic.members.count)
+    for body, geometry in zip(model.rigid, bodies, strict=True):
+        for x, offsets in _rigid_rows(on_table, np.array(body.particles, dtype=np.int64), geometry):
+            surfaces.append((x, first + offsets))
+        first += len(geometry.pairs) + 3 * len(geometry.further)
+    for inequality, members in closed:
+        first = add(surfaces, inequality.equation, inequality.members.taken(members), members.size)
+    for differential in model.differential:
+        first = add(laws, differential.equation, differential.members.variables, differential.members.count)
+    return surfaces, laws
+
+
+def geometries(index: ModelIndex) -> tuple[rigid.Geometry, ...]:
+    """The geometry of each rigid body at the declared start."""
+    t, q, v = start(index.model)
+    on_table = ModelOnTable(index, np.full((1, 1), t), q[None, :], v[None, :])
+    by_body = []
+    for body in index.model.rigid:
+        numbers = np.array(body.particles, dtype=np.int64)
+        parts = on_table.position(numbers)
+        by_body.append(rigid.geometry(np.stack([on_table.wide(p, numbers.size)[0] for p in parts], axis=1)))
+    return tuple(by_body)
+
+
+def members(
+    laws: Sequence[nouns.Inequality], numbers: Integers
+) -> Iterator[tuple[nouns.Inequality, Integers]]:
+    """The inequalities with those of their members that are among these numbers of all."""
+    first = 0
+    for law in laws:
+        count = law.members.count
+        own = numbers[(numbers >= first) & (numbers < first + count)] - first
+        if own.size:
+            yield law, own
+        first += count
+
+
+def _rigid_rows(
+    on_table: ModelOnTable, numbers: Integers, geometry: rigid.Geometry
+) -> Iterator[tuple[Scalar, Integers]]:
+    """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
+    a, base = on_table.algebra(), numbers[list(geometry.base)]
+
+    def minus(left: Triple, right: Triple) -> list[Scalar]:
+        return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
+
+    def point(j: int) -> Triple:
+        return on_table.position(base[j : j + 1])
+
+    if geometry.pairs:
+        one, other = (base[[pair[side] for pair in geometry.pairs]] for side in (0, 1))
+        square: Scalar = np.zeros((1, 1))
+        for part in minus(on_table.position(one), on_table.position(other)):
+            square = a.add(SPOT, square, 1, a.multiply(SPOT, part, part))
+        distances = np.array(geometry.distances)[None, :]
+        yield a.add(SPOT, a.function(SPOT, "sqrt", (square,)), -1, distances), np.arange(len(geometry.pairs))
+    if not geometry.further:
+        return
+    further = on_table.position(numbers[list(geometry.further)])
+    normal: list[Scalar] = [np.zeros((1, 1))] * 3
+    if geometry.gamma.size:
+        (p, q, r), (x, y, z) = minus(point(1), point(0)), minus(point(2), point(0))
+        for axis, (c, d, e, f) in enumerate(((q, z, r, y), (r, x, p, z), (p, y, q, x))):
+            minor = a.add(SPOT, a.multiply(SPOT, c, d), -1, a.multiply(SPOT, e, f))
+            normal[axis] = a.multiply(SPOT, minor, geometry.gamma[None, :])
+    indices = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
+    for axis in range(3):
+        row = a.add(SPOT, further[axis], -1, normal[axis])
+        for j in range(len(geometry.base)):
+            row = a.add(SPOT, row, -1, a.multiply(SPOT, point(j)[axis], geometry.alpha[None, :, j]))
+        yield row, indices + axis
+
+
+def reduced(f: Array, jumps: Mapping[int, tuple[float, ...]]) -> None:
+    """Take the whole turns of angles out of f (T, s), in place. jumps: the constants of each row, by its number.
+
+    A run goes on smoothly beyond the cut of `atan2` or `atan`, so that f differs from what the file says by whole
+    numbers of the constants by which one turn of each angle changes it. They are given: nothing here knows the solver.
+    """
+    for row, (size, *others) in jumps.items():
+        if 1 + len(others) not in MOST_TURNS:
+            continue
+        x = f[:, row].real
+        best = x - size * np.round(x / size)
+        most = MOST_TURNS[1 + len(others)]
+        for turns in itertools.product(range(-most, most + 1), repeat=len(others)):
+            rest = x - sum(k * other for k, other in zip(turns, others, strict=True))
+            rest = rest - size * np.round(rest / size)
+            best = np.where(np.abs(rest) < np.abs(best), rest, best)
+        f[:, row] += best - x

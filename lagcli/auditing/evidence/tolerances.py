@@ -15,9 +15,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.evidence import balanced_forces, differences, table_input, written_digits
+from lagcli.auditing.evidence import differences, table_input, written_digits
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.balanced_forces import ForceRounding
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames
@@ -25,11 +24,13 @@ from lagcli.auditing.evidence.virtual_space import VirtualSpace
 from lagcli.auditing.evidence.written_digits import WrittenDigits
 
 Made = typing.TypeVar("Made")
-# A limit is so many times the noise that evaluations at states moved by delta show.
-SAFETY = 30.0
+SAFETY = 30.0  # a limit is so many times the noise that evaluations at states moved by delta show
 RESOLVED = 1e-3  # of a quantity: where the spacing of rows leaves more than that open, nothing is judged
 WORSE = 1e6  # a limit grows by no more than that towards a singular configuration
 COST = 3e8  # of the singular values of B, in multiplications
+# Rows at which positions are moved by their rounding, and how much further: random moves show a part of the largest
+# change.
+SAMPLES, FURTHER = 9, 4
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -56,6 +57,16 @@ class WholeRun:
     table: AuditedTable
     incidents: Incidents | None
     of_incidents: Tolerance
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ForceRounding:
+    """The rounding of forces that balance each other, of a body at rest all there is of its motion: on coordinates q
+    (n,) and on dependent particles x (3 Nd,), and of the accelerations a (n,) that follow from it."""
+
+    q: Array
+    x: Array
+    a: Array
 
 
 class Evidence:
@@ -109,22 +120,19 @@ class Evidence:
     @functools.cached_property
     def off_q(self) -> Array:
         """By how much the coordinates may be off, (n,)."""
-        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * self._apart * self._apart
+        apart = float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
+        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * apart * apart
 
     @functools.cached_property
     def off_v(self) -> Array:
         """By how much their rates may be off, (n,)."""
-        return self._off(self._whole.v, self._whole.u) + self.force_rounding.a * self._apart
+        apart = float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
+        return self._off(self._whole.v, self._whole.u) + self.force_rounding.a * apart
 
     @functools.cached_property
     def force_rounding(self) -> ForceRounding:
         """The rounding of forces that balance each other."""
-        return balanced_forces.rounding(self.laws, self.record, self.values)
-
-    @property
-    def _apart(self) -> float:
-        """The longest time between two rows of the run."""
-        return float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
+        return _force_rounding(self.laws, self.record, self.values)
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
@@ -138,9 +146,8 @@ class Evidence:
         """The states (T, n) each moved by its tolerance."""
         q, v = self.record.q, self.record.v
         # Of unlike sizes, so that they do not cancel in a difference.
-        parts = self._random.choice((-1.0, 1.0), size=(2, *q.shape)) * self._random.uniform(
-            0.5, 1.0, (2, *q.shape)
-        )
+        signs = self._random.choice((-1.0, 1.0), size=(2, *q.shape))
+        parts = signs * self._random.uniform(0.5, 1.0, (2, *q.shape))
         return q + parts[0] * self.off_q, v + parts[1] * self.off_v
 
     @functools.cached_property
@@ -177,17 +184,10 @@ class Evidence:
         return np.asarray((SAFETY * found + doubles.SUM * size).reshape(one.shape))
 
     @functools.cached_property
-    def acceleration(self) -> Estimate:
-        """d/dt of the recorded rates, (T, n)."""
-        return self.grid.derivative(self.record.v, SAFETY * self.off_v)
-
-    @functools.cached_property
     def momentum_rate(self) -> tuple[Estimate, Estimate]:
         """d/dt of dL/dv (T, n) and of dL/du (T, 3 Nd) of the `lagrangian`."""
-        return (
-            self.grid.derivative(self.values.L_v, self.noise("L_v")),
-            self.grid.derivative(self.values.L_u, self.noise("L_u")),
-        )
+        of_q = self.grid.derivative(self.values.L_v, self.noise("L_v"))
+        return of_q, self.grid.derivative(self.values.L_u, self.noise("L_u"))
 
     @property
     def off_x(self) -> Array:
@@ -231,12 +231,8 @@ class Evidence:
     def _reaction_noise(self) -> Array:
         """The noise of B^T lambda against R in a regular configuration, (T, n)."""
         R = np.abs(self.record.R_q)
-        return np.asarray(
-            self.noise("pull")
-            + doubles.SUM * (R + R.max(initial=0.0))
-            + self.tolerance.atol
-            + (self.recorded(R) if self.tolerance.written.is_short else 0.0)
-        )
+        noise = self.noise("pull") + doubles.SUM * (R + R.max(initial=0.0)) + self.tolerance.atol
+        return np.asarray(noise + (self.recorded(R) if self.tolerance.written.is_short else 0.0))
 
     @functools.cached_property
     def reaction_limit(self) -> Array:
@@ -244,9 +240,8 @@ class Evidence:
         factor = np.ones(len(self.record.t))
         condition = self.displacements.condition
         usual = float(np.median(condition)) if condition.size else 1.0
-        factor[self.looked_at] = np.clip(
-            np.nan_to_num(condition / usual, nan=WORSE, posinf=WORSE), 1.0, WORSE
-        )
+        worse = np.nan_to_num(condition / usual, nan=WORSE, posinf=WORSE)
+        factor[self.looked_at] = np.clip(worse, 1.0, WORSE)
         noise = self._reaction_noise
         near = (factor > 2)[:, None]
         own = self.laws.index.first_generalized
@@ -257,9 +252,8 @@ class Evidence:
     @functools.cached_property
     def displacements(self) -> VirtualSpace:
         """B and the virtual displacements at the rows looked at."""
-        rows = self.looked_at
-        r = self.record
-        return VirtualSpace(self.laws.matrix(r.t[rows], r.q[rows], r.v[rows]))
+        r = self.record.part(self.looked_at)
+        return VirtualSpace(self.laws.matrix(r.t, r.q, r.v))
 
     @property
     def virtual_work(self) -> float:
@@ -277,7 +271,60 @@ class Evidence:
         if not limit.size:
             return np.zeros(self.record.q.shape)
         finite = np.where(np.isfinite(limit), limit, 0.0)
-        draws = [
-            np.abs(self.pushed(finite * self._random.choice((-1.0, 1.0), size=limit.shape))) for _ in range(3)
-        ]
+        signs = (self._random.choice((-1.0, 1.0), size=limit.shape) for _ in range(3))
+        draws = [np.abs(self.pushed(finite * each)) for each in signs]
         return np.asarray(2 * widest(np.maximum.reduce(draws)))
+
+
+def _force_rounding(laws: ModelLaws, record: Record, values: LawValues) -> ForceRounding:
+    """The rounding of the forces of a record with the values of the laws at its rows.
+
+    A tolerance follows the size of the motion, and of a motion that is none it is nothing; forces that cancel are known
+    to a part of themselves, and push by that much.
+    """
+    index, own = laws.index, laws.index.first_generalized
+    if not len(record.t):
+        return ForceRounding(*(np.zeros(part.shape[1]) for part in (record.q, record.x, record.q)))
+    rows = np.unique(np.linspace(0, len(record.t) - 1, min(SAMPLES, len(record.t))).astype(np.int64))
+    random = np.random.default_rng(6)
+    part = record.part(rows)
+    moved = part.q * (1 + FURTHER * doubles.SUM * random.choice((-1.0, 1.0), size=part.q.shape))
+    there = laws.values(part.t, moved, part.v, part.lam)
+
+    def largest(y: Array) -> Array:
+        return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
+
+    q = doubles.SUM * largest(record.R_q)
+    for name in ("V_q", "Q", "L_q", "pull"):
+        whole, shifted = getattr(values, name), getattr(there, name)
+        q = q + doubles.SUM * largest(whole) + largest(shifted - whole[rows])
+    pushed = doubles.SUM * largest(values.F) + largest(there.F - values.F[rows])
+    q[:own] += pushed[index.cartesian].ravel()
+    x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
+    x = x + pushed[index.dependent].ravel()
+    # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
+    M, M_x = _inertia(laws, part), np.repeat(index.masses[index.dependent], 3)
+    common = max((_ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
+    q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
+    return ForceRounding(q, x, _ratio(q, M))
+
+
+def _ratio(y: Array, by: Array) -> Array:
+    """y/by, and 0 where `by` is."""
+    return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
+
+
+def _inertia(laws: ModelLaws, record: Record) -> Array:
+    """The diagonal of the mass matrix (n,) at the first row of a record."""
+    index, n = laws.index, laws.index.n
+    M = np.zeros(n)
+    M[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
+    t, q, lam = (np.repeat(part[:1], n + 1, axis=0) for part in (record.t, record.q, record.lam))
+    unit = np.vstack([np.eye(n), np.zeros((1, n))])
+    if laws.model.lagrangian is not None:
+        L_v = laws.values(t, q, unit, lam).L_v
+        M += np.abs(np.diagonal(L_v[:n] - L_v[n]))
+    if index.dependent.size:
+        moved = laws.displaced(t, q, 0 * unit, unit)[:n]
+        M += (np.repeat(index.masses[index.dependent], 3) * moved**2).sum(axis=1)
+    return M
