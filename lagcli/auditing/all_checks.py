@@ -13,12 +13,11 @@ from lagcli.auditing.checks import (
     checks_contact,
     checks_flight,
     checks_impact,
+    checks_lagrangian,
     checks_motion,
     checks_outputs,
     checks_pointwise,
     checks_steps,
-    hamilton,
-    momenta,
 )
 from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.evidence import model_values, table_input, written_digits
@@ -52,9 +51,9 @@ CHECKS: tuple[tuple[Findings, Runs], ...] = (
     (checks_pointwise.carried, "all, by stretches"),
     (checks_motion.dalembert, "all, by stretches"),
     (checks_motion.energy, "all, by stretches"),
-    (hamilton.check, "all, by stretches"),
-    (hamilton.action, "smooth"),
-    (momenta.check, "all, by stretches"),
+    (checks_lagrangian.hamilton, "all, by stretches"),
+    (checks_lagrangian.action, "smooth"),
+    (checks_lagrangian.momenta, "all, by stretches"),
     (checks_flight.flights, "one-sided"),
     (checks_impact.balance, "one-sided"),
     (checks_outputs.columns, "all"),

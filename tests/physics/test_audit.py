@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 import lagcli
-from lagcli.auditing.checks import momenta
+from lagcli.auditing.checks import checks_lagrangian
 from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
 from lagcli.auditing.evidence import differences, model_values, table_input
 from lagcli.auditing.evidence.laws import ModelLaws
@@ -492,7 +492,7 @@ def test_symmetries_are_found_where_they_are() -> None:
     run = table(model, duration=1, samples=101)
     laws = ModelLaws(model)
     found = Evidence(laws, table_input.read(laws, run.columns, run.rows), Tolerance(1e-11, 1e-13))
-    names = {one.name for one in momenta.symmetries(found)}
+    names = {one.name for one in checks_lagrangian.symmetries(found)}
     assert names == {"translation along x", "translation along y", "rotation about z"}
 
 

@@ -18,7 +18,7 @@ from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, merged
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import PARAMETERS, values_at
+from lagcli.auditing.evidence.differences import PARAMETERS, of_particles, values_at
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.table_input import Record
@@ -232,9 +232,8 @@ def _flown(
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * begin.v))
     if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
-        unknown_v = _of_particles(unknown_v + h * SAFETY * motion.spread(inner[1], a[2]))
-        unknown_q = _of_particles(unknown_q)
-        size_v, size_q = _of_particles(size_v[None]), _of_particles(size_q)
+        unknown_v = of_particles(np.abs(unknown_v + h * SAFETY * motion.spread(inner[1], a[2])))
+        unknown_q, size_v, size_q = (of_particles(np.abs(y)) for y in (unknown_q, size_v[None], size_q))
     rebounds = flown.has_rebounds[:, None]
     unknown_v = np.where(rebounds, np.maximum(unknown_v, RESOLVED * size_v) + flown.left, unknown_v)
     unknown_q = unknown_q + np.where(rebounds, 0.0, h * unknown_v)
@@ -251,11 +250,6 @@ def _flown(
         np.concatenate(parts, axis=1) for parts in (residuals, limits, (judged_q, judged_v))
     )
     return residual, limit, judged
-
-
-def _of_particles(y: Array) -> Array:
-    """The largest size of the three components of each particle, (P, n)."""
-    return np.asarray(np.repeat(np.abs(y).reshape(len(y), -1, 3).max(axis=2), 3, axis=1))
 
 
 class _FreeMotion:

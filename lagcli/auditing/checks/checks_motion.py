@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import Estimate
+from lagcli.auditing.evidence.differences import Estimate, of_particles, with_truncation
 from lagcli.auditing.evidence.laws import LawValues
 from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
@@ -36,7 +36,7 @@ def _held(
 ) -> list[Check]:
     """Residuals within their bounds, judged where truncation leaves little of a size open or less than noise."""
     judged = judged & (residual.truncation <= np.maximum(RESOLVED * size, residual.noise))
-    limit = _sum(residual.noise, residual.truncation)
+    limit = with_truncation(residual.noise, residual.truncation)
     judged = e.once(RowSpacing).unaliased(residual.value, limit, judged)
     return [judge(law, names, e.record.t, residual.value, limit, judged)]
 
@@ -78,7 +78,7 @@ def _integrated(
     largest = np.abs(moving).max(axis=0, initial=0.0)
     own = e.laws.index.first_generalized
     for part in (largest[:own], largest[y[0].shape[1] :]):  # the components of a particle have one size
-        part[:] = np.repeat(part.reshape(-1, 3).max(axis=1, initial=0.0), 3)
+        part[:] = of_particles(part)
     small = e.recorded(largest) + e.tolerance.atol + off[1]
     total = e.grid.integral(moving, small)
     span = np.abs(e.record.t - e.record.t[0])[:, None]
@@ -89,20 +89,13 @@ def _integrated(
     return _held(e, law, (*names[0], *names[1]), residual, size, judged)
 
 
-def _sum(limit: Array, truncation: Array) -> Array:
-    return np.asarray(limit + np.where(np.isfinite(truncation), truncation, 0.0))
-
-
 def _grouped(size: Array, e: Evidence) -> Array:
     """The largest of the three components of each Cartesian particle, others as they are, (n,)."""
     own = e.laws.index.first_generalized
-    largest = size.copy()
-    largest[:own] = np.repeat(size[:own].reshape(-1, 3).max(axis=1, initial=0.0), 3)
-    return largest
+    return np.concatenate([of_particles(size[:own]), size[own:]])
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class ForceBalance:
+class ForceBalance(NamedTuple):
     """m a - F on coordinates and then on dependent particles, (T, n + 3 Nd), with limits and what can be judged."""
 
     inertia: Array
@@ -143,10 +136,10 @@ def force_balance(e: Evidence) -> ForceBalance:
     slow, slow_x = e.once(RowSpacing).is_resolved
     judged = slow & (truncation <= np.maximum(RESOLVED * largest, limit))
     judged[:, own:] &= np.all(slow_x, axis=1, keepdims=True)  # generalized ones carry particles
-    top_x = np.repeat(np.maximum(size_x, np.abs(r.R_x)).max(axis=0).reshape(-1, 3).max(axis=1), 3)
+    top_x = of_particles(np.maximum(size_x, np.abs(r.R_x)).max(axis=0))
     limit_x = limit_x + e.tolerance.atol + e.recorded(r.R_x) + e.force_rounding.x
     judged_x = slow_x & (truncation_x <= np.maximum(RESOLVED * top_x, limit_x))
-    limits = _sum(limit, truncation), _sum(limit_x, truncation_x)
+    limits = with_truncation(limit, truncation), with_truncation(limit_x, truncation_x)
     both = (inertia, inertia_x), limits, (judged, judged_x)
     return ForceBalance(*(np.concatenate(parts, axis=1) for parts in both))
 
@@ -172,8 +165,7 @@ def dalembert(e: Evidence) -> list[Check]:
     return [judge(DALEMBERT, e.names.q, e.record.t[rows], along, limit, judged)]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Energies:
+class Energies(NamedTuple):
     """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T, 3) of all that changes E, of the constraints,
     and the sum of the sizes of its parts; the limit (T,) of E - E(0) - work, and where it can be judged."""
 
@@ -220,7 +212,7 @@ def energies(e: Evidence) -> Energies:
     is_driven = bool(np.abs(values.x_t).max(initial=0.0) > 0 and through)
     judged = (truncation <= np.maximum(RESOLVED * largest, noise)) & is_slow & (rows > 2)
     judged &= e.is_seen[:, 0] & (not is_driven)
-    limit = _sum(noise + rounding, truncation)
+    limit = with_truncation(noise + rounding, truncation)
     return Energies(E, E_moved, work, limit, judged)
 
 

@@ -13,10 +13,11 @@ import functools
 
 import numpy as np
 
-from lagcli.auditing.checks import pulses_between
+from lagcli import doubles
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence import differences
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import of_particles
 from lagcli.auditing.evidence.row_spacing import COARSE, OFTEN, REACHED, RowSpacing
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
@@ -36,6 +37,12 @@ UNSEEN = 4.0  # times the differences of order 2 where a swing is sampled slowly
 FAR = 4.0  # times the way at the largest speed of all rows, and what the largest acceleration adds
 SUDDEN = 2.0  # times how the forces of the rows bend: a push that is larger was not seen by them
 OPEN = 0.1  # of the largest step of a quantity: a bound beyond that judges nothing
+# Between two rows of a table a pulse changes velocities, and no row shows it.
+AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
+POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
+PARTS = np.arange(POINTS + 2) / (POINTS + 1)  # of a step, both ends among them
+BENDS = 2.0  # times the bend that rows show: what is above is hidden
+FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass it on
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -84,12 +91,6 @@ class TableSteps:
             by_order[m] = indices, plain, moment
         return by_order
 
-    @functools.cached_property
-    def is_around(self) -> dict[int, Array]:
-        """By order: steps (T - 1,) around which the rows of the interpolant stand; others see half of a jump only."""
-        i = np.arange(len(self.h))
-        return {m: (i >= m // 2 - 1) & (i <= len(self.h) - m // 2) for m in self.orders}
-
     def spread(self, m: int, y: Array) -> Array:
         """The largest differences of order m of columns y (T, k) around each step, (T - 1, k)."""
         size = np.abs(differences.scaled_differences(self.t, y, m))
@@ -126,22 +127,23 @@ def quantities(e: Evidence) -> list[Quantity]:
         off_F_x = off_F_x + SAFETY * e.tolerance.rtol * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
         of_x = (r.x, e.noise("x"), r.u, off_u, m_x * r.u, m_x * off_u, F_x, off_F_x)
         particles.append((e.names.x, e.names.u, m_x, coarse_x, of_x))
-    for name, name_p, m, is_coarse, (
-        y,
-        off_y,
-        v,
-        off_rate,
-        momentum,
-        off_momentum,
-        force,
-        off_force,
-    ) in particles:
+    for name, name_p, m, is_coarse, values in particles:
+        y, off_y, v, off_rate, momentum, off_momentum, force, off_force = values
         roots = np.sqrt(np.where(m > 0, m, 1.0))
         is_plain = (m > 0).all() and np.array_equal(momentum, m * v)
         a = (force / m, off_force / m) if is_plain else (None, None)
         listed += [
-            Quantity(name, y, v, off_y, off_rate, is_coarse, _of_triples(v), roots, *a),
-            Quantity(name_p, momentum, force, off_momentum, off_force, is_coarse, _of_triples(force), roots),
+            Quantity(name, y, v, off_y, off_rate, is_coarse, of_particles(np.abs(v).max(axis=0)), roots, *a),
+            Quantity(
+                name_p,
+                momentum,
+                force,
+                off_momentum,
+                off_force,
+                is_coarse,
+                of_particles(np.abs(force).max(axis=0)),
+                roots,
+            ),
         ]
     if index.n > own:
         k = slice(own, None)
@@ -155,11 +157,6 @@ def quantities(e: Evidence) -> list[Quantity]:
         rates = r.v[:, k], off_q[:, k], off_v[:, k], is_coarse, np.abs(r.v[:, k]).max(axis=0), roots
         listed.append(Quantity(e.names.q[k], r.q[:, k], *rates))
     return listed
-
-
-def _of_triples(y: Array) -> Array:
-    """The largest of each particle, three times."""
-    return np.repeat(np.abs(y).max(axis=0).reshape(-1, 3).max(axis=1), 3)
 
 
 def steps(e: Evidence) -> list[Check]:
@@ -181,7 +178,7 @@ def steps(e: Evidence) -> list[Check]:
         if 2 in grid.orders:
             bends = [grid.spread(2, each.rate) / each.root for each in every_quantity if each.second is None]
             shown = np.linalg.norm(np.concatenate(bends, axis=1), axis=1)
-        push = pulses_between.hidden_push(e, wrong, SUDDEN * shown)
+        push = _hidden_push(e, wrong, SUDDEN * shown)
         e.hidden |= push > 0
         # The most that a push within a step changes: a momentum, or a position
         changes = (
@@ -194,13 +191,12 @@ def steps(e: Evidence) -> list[Check]:
         # So a motion looks that is too fast for the rows; an error of the table is wrong at some
         judged &= ~beyond
     # True where a particle is farther from its last position than it can come, however fast it swings between rows
-    far = [
-        np.zeros((len(h), each.y.shape[1]), dtype=bool)
-        if each.second is None
-        else np.abs(np.diff(each.y, axis=0))
-        > each.off[1:] + FAR * h * (each.size + h * _of_triples(each.second))
-        for each in every_quantity
-    ]
+    far = []
+    for each in every_quantity:
+        most = np.full((1, 1), np.inf)
+        if each.second is not None:
+            most = FAR * h * (each.size + h * of_particles(np.abs(each.second).max(axis=0)))
+        far.append(np.abs(np.diff(each.y, axis=0)) > each.off[1:] + most)
     judged |= np.concatenate(far, axis=1) & (np.abs(residual) > limit)
     return [judge(STEPS, names, e.record.t[:-1], residual, limit, judged)]
 
@@ -231,7 +227,10 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
             limit = off + h * off_rate + h * h / 4 * off_second + open_
         if m == 2:
             limit = limit + np.where(fast[:, None], (UNSEEN - 1) * open_, 0.0)
-        better = (limit < best) & grid.is_around[m][:, None] & ~(fast[:, None] & (m > 2))
+        # Where the rows of the interpolant stand around the step: others see half of a jump only.
+        i = np.arange(len(grid.h))[:, None]
+        is_around = (i >= m // 2 - 1) & (i <= len(grid.h) - m // 2)
+        better = (limit < best) & is_around & ~(fast[:, None] & (m > 2))
         residual, best, truncation = (
             np.where(better, new, old) for new, old in ((apart, residual), (limit, best), (open_, truncation))
         )
@@ -239,3 +238,76 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
     close = truncation <= np.maximum(OPEN * h * quantity.size, best - truncation)
     judged = (close | (np.abs(residual) > best)) & ~quantity.coarse
     return residual, best, judged
+
+
+def _hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
+    """The excess of the forces between the rows of steps over those at their ends, (T - 1,).
+
+    steps (K,): those in question, the worst first; others are 0, and so is what is no larger than `shown` (T - 1,), but
+    for impulses, which no row shows.
+    """
+    excess = np.zeros(len(e.record.t) - 1)
+    for first in range(0, len(steps), AT_ONCE):
+        some = steps[first : first + AT_ONCE]
+        push, impulses = _pushes(e, some)
+        excess[some] = np.maximum(np.where(push > shown[some], push, 0.0), impulses)
+        if not excess[some].any():
+            break
+    return excess
+
+
+def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
+    """What pushes within steps (K,) beyond what rows show: by forces or by t alone, and by rows that jump, (K,) each.
+
+    A push is divided by the root of the mass: in that metric reactions to a force are not larger than the force.
+    """
+    r, laws = e.record, e.laws
+    root, root_x = (np.sqrt(np.where(masses > 0, masses, 1.0)) for masses in (e.masses, e.masses_x))
+
+    def bulge(y: Array) -> Array:
+        """The largest distances of values (K, S, k) from the straight line between those at the ends, (K,)."""
+        straight = y[:, :1] + PARTS[None, :, None] * (y[:, -1:] - y[:, :1])
+        return np.asarray(np.linalg.norm(y - straight, axis=2).max(axis=1))
+
+    # Forces at states on the straight lines between those of the rows
+    states = []
+    for y in (r.t, r.q, r.v):
+        first, last = y[steps][:, None], y[steps + 1][:, None]
+        parts = PARTS.reshape((1, -1) + (1,) * (y.ndim - 1))
+        states.append(np.asarray((first + parts * (last - first)).reshape((-1, *y.shape[1:]))))
+    t, q, v = states
+    nothing = np.zeros((len(t), laws.C))
+    values = laws.values(t, q, v, nothing)
+    force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(len(t), -1)
+    force = np.concatenate([laws.forces_on_coordinates(values) / root, force_x / root_x], axis=1)
+    pushes = FORWARD * bulge(force.reshape(len(steps), POINTS + 2, -1))
+    # Momenta that t alone brings about, at the positions and velocities of the first rows: in rows, dependent
+    # particles and inertia, beyond what the rows around show
+    heaviest = np.sqrt(max(e.masses.max(initial=0.0), e.masses_x.max(initial=0.0)) or 1.0)
+
+    def momenta(t: Array) -> Array:
+        """At times (K, S), (K, S, k)."""
+        q, v = (np.repeat(y[steps], t.shape[1], axis=0) for y in (r.q, r.v))
+        at = laws.values(t.ravel(), q, v, np.zeros((t.size, laws.C)))
+        parts = [at.L_v / root, at.x_t * np.sqrt(e.masses_x), at.b * heaviest]
+        return np.concatenate(parts, axis=1).reshape(len(steps), t.shape[1], -1)
+
+    h = r.t[steps + 1] - r.t[steps]
+    fine = momenta(r.t[steps][:, None] + PARTS * h[:, None])
+    coarse = momenta(r.t[np.clip(steps[:, None] + np.arange(-1, 3), 0, len(r.t) - 1)])
+    apart, bends = bulge(fine), np.linalg.norm(np.diff(coarse, 2, axis=1), axis=2).max(axis=1)
+    rounding = doubles.VALUE * np.linalg.norm(fine, axis=2).max(axis=1)
+    drives = np.where(apart > BENDS * bends + rounding, FORWARD * apart / h, 0.0)
+    # A wall whose velocity jumps strikes what rests on it; rows are states after what jumps at their times.
+    w = laws.values(t + 2 * e.clock, q, v, nothing).w.reshape(len(steps), POINTS + 2, -1)
+    changes = np.abs(np.diff(w, axis=1))
+    largest = changes.max(axis=1, initial=0.0)
+    is_sudden = largest > BENDS * np.median(changes, axis=1)
+    impulses = np.zeros(len(steps))
+    if is_sudden.any():
+        B = laws.matrix(r.t[steps], r.q[steps], r.v[steps])
+        jumps = np.where(is_sudden & (largest > SAFETY * np.abs(B) @ e.off_v), largest, 0.0)
+        lengths = np.linalg.norm(B / root, axis=2)
+        struck = np.where(lengths > 0, jumps / np.where(lengths > 0, lengths, 1.0), 0.0)
+        impulses = np.asarray(FORWARD * struck.sum(axis=1) / h)
+    return np.maximum(pushes, drives), impulses

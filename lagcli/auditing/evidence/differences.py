@@ -276,6 +276,18 @@ def widest(y: Array, reach: int = 2) -> Array:
     return largest
 
 
+def with_truncation(limit: Array, truncation: Array) -> Array:
+    """A limit with what the spacing of rows leaves open, where that is known."""
+    return np.asarray(limit + np.where(np.isfinite(truncation), truncation, 0.0))
+
+
+def of_particles(size: Array) -> Array:
+    """The largest size of the three components of each particle, (..., 3 K), in place of each of them."""
+    return np.repeat(
+        size.reshape(*size.shape[:-1], size.shape[-1] // 3, 3).max(axis=-1, initial=0.0), 3, axis=-1
+    )
+
+
 def _weights(x: Array) -> tuple[Array, Array]:
     """Weights (M, S) of the value and of the derivative at 0 of what is known at x (M, S)."""
     size = np.abs(x).max(axis=1)
