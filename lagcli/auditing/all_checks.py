@@ -1,36 +1,43 @@
-"""The audit of the table of a run, and the registry of its checks, in the order in which they are reported."""
+"""The audit of the table of a run, and the registry of its checks, in the order in which they are reported.
+
+A run with contacts is taken apart: rows of one set of closed contacts, and stretches of them without an incident.
+Within a stretch closed contacts are rows like others, and every check of a smooth motion holds as it is. What jumps
+between two stretches is judged by the incidents.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lagcli.auditing import audit_lines
 from lagcli.auditing.checks import (
     checks_contact,
     checks_flight,
     checks_impact,
     checks_lagrangian,
     checks_motion,
-    checks_outputs,
     checks_pointwise,
     checks_steps,
 )
-from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import FAR_APART, Audit, Check, CheckedLaw, judge, merged
 from lagcli.auditing.evidence import model_values, table_input, written_digits
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
 from lagcli.auditing.evidence.written_digits import WrittenDigits
-from lagcli.auditing.one_sided import Findings, OneSidedParts
 from lagcli.model import model as nouns
 
 NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
 FEW_NUMBERS = "the table has too few numbers to tell whether they are rounded"
+MOST = 60  # stretches, the longest ones, that are examined by differences
+MOST_MODES = 60  # sets of closed contacts, those with most rows
+MOST_DESCRIBED = 3  # sets of closed contacts of which it is reported what is determined
+SHOWN = 6  # names of rows in a sentence
+Findings = Callable[[Evidence], Sequence[Check]]
 Runs = Literal["all, by rows", "all, by stretches", "all", "smooth", "one-sided"]
 Figures = tuple[tuple[str, float], ...]
 
@@ -56,7 +63,7 @@ CHECKS: tuple[tuple[Findings, Runs], ...] = (
     (checks_lagrangian.momenta, "all, by stretches"),
     (checks_flight.flights, "one-sided"),
     (checks_impact.balance, "one-sided"),
-    (checks_outputs.columns, "all"),
+    (checks_pointwise.columns, "all"),
 )
 """The registry: each check is a function of the evidence that gives its findings, none where it has nothing to say, and
 its runs. A further one is a function in a file of `checks`, and a line here where it is to be reported.
@@ -79,30 +86,39 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     record = table_input.read(laws, table.columns, table.rows, repeats=not is_smooth)
     if incidents is not None:
         incidents = table_input.at_rows(incidents, record)
-    checks = [_numbers(laws, record)]
+    # Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others
+    names = table_input.names(laws)
+    parts = [(getattr(names, part), getattr(record, part)) for part in ("q", "v", "x", "u", "R_q", "R_x")]
+    parts.append((names.lam, np.where(np.isinf(record.lam), np.nan, 0.0)))
+    entries = np.where(np.isfinite(np.concatenate([values for _, values in parts], axis=1)), 0.0, np.nan)
+    of_entries = [name for part, _ in parts for name in part]
+    checks = [judge(NUMBERS, of_entries, record.t, entries, np.ones((1, 1)))]
     judged, written = _Judged([], (), (), ()), [written_digits.ALL, written_digits.ALL]
     short = written
 
-    def judge_by(of_table: Tolerance, of_incidents: Tolerance) -> _Judged:
+    def judge_by(digits: list[WrittenDigits]) -> _Judged:
+        of_table, of_incidents = (tolerance.by(each) for each in digits)
         with np.errstate(all="ignore"):
             return _judged(Evidence(laws, record, of_table, run=WholeRun(table, incidents, of_incidents)))
 
     if checks[0].verdict != "fail":
-        judged = judge_by(tolerance, tolerance)
-        if judged.fails:  # a table and that of its incidents are two files
-            short = [_digits(table.columns, table.rows, record.t)]
-            short += [
-                written_digits.ALL
-                if table.events is None
-                else _digits(table.events.columns, table.events.rows)
-            ]
+        judged = judge_by(written)
+        if any(check.verdict == "fail" for check in judged.checks):
+            short = [_digits(table.columns, table.rows, record.t), written_digits.ALL]
+            if table.events is not None:  # two files
+                short[1] = _digits(table.events.columns, table.events.rows)
         told = [digits if digits.is_told else written_digits.ALL for digits in short]
         if any(digits.is_certain for digits in told) or judged.fail_everywhere:
             written = told
         if any(digits.is_short for digits in written):
-            judged = judge_by(*(tolerance.by(digits) for digits in written))
+            judged = judge_by(written)
         if judged.fail_everywhere and not all(digits.is_told for digits in short):
-            judged = judged.unless_rounded(judge_by(*(tolerance.by(digits) for digits in short)))
+            # What fails but would not if the numbers were rounded is not judged.
+            right = {check.name for check in judge_by(short).checks if check.verdict != "fail"}
+            for k, check in enumerate(judged.checks):
+                if check.verdict == "fail" and check.name in right:
+                    law = CheckedLaw(check.name, check.law, check.equation)
+                    judged.checks[k] = law.unjudged(FEW_NUMBERS, check.entries)
     return Audit(
         title=model.title,
         path=model.path,
@@ -146,10 +162,6 @@ class _Judged(NamedTuple):
     notes: tuple[str, ...]
 
     @property
-    def fails(self) -> bool:
-        return any(check.verdict == "fail" for check in self.checks)
-
-    @property
     def fail_everywhere(self) -> bool:
         """True if most rows that a check looks at fail: so they do where they are rounded, but for the first row, which
         may be as it was declared."""
@@ -158,26 +170,6 @@ class _Judged(NamedTuple):
             [ratio > 1 for _, ratio in check.curve][1:] for check in self.checks if check.verdict == "fail"
         )
         return any(np.mean(rows) >= least for rows in beyond if rows)
-
-    def unless_rounded(self, rounded: _Judged) -> _Judged:
-        """The findings, of which those are not judged that fail but would not if the numbers were rounded."""
-        right = {check.name for check in rounded.checks if check.verdict != "fail"}
-        checks = [
-            dataclasses.replace(
-                check,
-                verdict="not judged",
-                worst=None,
-                failing=(),
-                failures=0,
-                judged=0,
-                note=FEW_NUMBERS,
-                curve=(),
-            )
-            if check.verdict == "fail" and check.name in right
-            else check
-            for check in self.checks
-        ]
-        return self._replace(checks=checks)
 
 
 def _judged(e: Evidence) -> _Judged:
@@ -207,22 +199,11 @@ def _judged(e: Evidence) -> _Judged:
         ("energy_gained", float(energies.E[-1] - energies.E[0])),
     )
     if parts is None:
-        return _Judged(checks, audit_lines.uniqueness(e), figures, ())
+        return _Judged(checks, _uniqueness(e), figures, ())
     impact = e.once(checks_impact.impact_evidence)
     if impact is not None:
         figures = (*figures, ("energy_lost_in_impacts", impact.lost))
     return _Judged(checks, parts.sentences, figures, parts.notes)
-
-
-def _numbers(laws: ModelLaws, record: Record) -> Check:
-    """Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others."""
-    names = table_input.names(laws)
-    # Positions, velocities and reactions, then multipliers
-    parts = [(getattr(names, part), getattr(record, part)) for part in ("q", "v", "x", "u", "R_q", "R_x")]
-    parts.append((names.lam, np.where(np.isinf(record.lam), np.nan, 0.0)))
-    entries = np.concatenate([values for _, values in parts], axis=1)
-    residual = np.where(np.isfinite(entries), 0.0, np.nan)
-    return judge(NUMBERS, [name for part, _ in parts for name in part], record.t, residual, np.ones((1, 1)))
 
 
 def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list[str]:
@@ -240,3 +221,167 @@ def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list
         f"the table begins at another position than the model says ({names[worst]} is off by {apart[worst]:.3g}): it is"
         " of another start, or of another model"
     ]
+
+
+class OneSidedParts:
+    """The parts of one record, and what their checks find. e: of laws with all inequalities closed.
+
+    sentences: what is determined while some contacts are closed; virtual_work: the largest of R, with the rows that
+    were looked at in `by_sets`.
+    """
+
+    def __init__(self, e: Evidence) -> None:
+        self._e = e
+        states = e.once(checks_contact.contact_states)
+        self._closed = states.is_closed
+        t, incidents = e.record.t, e.run.incidents if e.run else None
+        self._has_incidents = incidents is not None
+        if incidents is None:
+            self._cut = checks_contact.may_hold_impact(t, states)
+        else:  # the steps with t_k < t <= t_k+1 for an incident that changes forces or velocities
+            times = incidents.t[incidents.cuts]
+            is_first = np.concatenate([t[1:-1] == t[2:], [False]])[: len(t) - 1]  # of rows at one time
+            left, right = (np.searchsorted(times, t[1:], side) for side in ("left", "right"))
+            up_to = np.where(is_first, left, right)
+            self._cut = up_to > np.searchsorted(times, t[:-1], "right")
+        # Between the two rows of an instant there is no step.
+        is_step = np.diff(t) > 0
+        self._steps, self._cut_steps = int(is_step.sum()), int((self._cut & is_step).sum())
+        # Stretches of rows between cuts, with one set of closed contacts
+        ends = self._cut | ~is_step | (self._closed[1:] != self._closed[:-1]).any(axis=1)
+        stretches = np.split(np.arange(len(t)), np.flatnonzero(ends) + 1)
+        long = [k for k in stretches if len(k) >= checks_flight.FEWEST_ROWS]
+        longest = sorted(long, key=len, reverse=True)[:MOST]
+        self._looked_at = sorted(longest, key=lambda k: int(k[0]))
+        self.sentences: tuple[str, ...] = ()
+        self.virtual_work = 0.0
+        self.are_reported = False
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Steps that no difference looks at."""
+        steps = self._steps
+        looked = sum(len(k) - 1 for k in self._looked_at)
+        if looked == steps:
+            return ()
+        if not self._has_incidents and self._cut_steps:
+            return (
+                f"{self._cut_steps} of {steps} steps between rows may hold an impact: they are not judged without"
+                f" --events ({steps - looked} steps are left out of what is judged by differences)",
+            )
+        return (
+            f"{self._cut_steps} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too"
+            " short for differences, or between them",
+        )
+
+    def by_sets(self, checks: Sequence[Findings]) -> list[Check]:
+        """Checks of rows by themselves, by the set of contacts that are closed at them."""
+        self.are_reported = True
+        parts: list[tuple[int, list[Check]]] = []
+        # The sets of closed contacts that occur, each with its rows
+        every = np.arange(len(self._closed))
+        modes = [(self._closed[0], every)] if len(every) and not self._closed.shape[1] else []
+        if self._closed.shape[1]:
+            kinds, which = np.unique(self._closed, axis=0, return_inverse=True)
+            modes = [(kind, every[which.ravel() == number]) for number, kind in enumerate(kinds)]
+        modes.sort(key=lambda mode: -len(mode[1]))
+        for number, (is_closed, rows) in enumerate(modes[:MOST_MODES]):
+            closed = np.flatnonzero(is_closed).tolist()
+            own, found = self._found(checks, rows, closed)
+            parts.append((len(rows), found))
+            self.virtual_work = max(self.virtual_work, own.virtual_work)
+            if number < MOST_DESCRIBED:
+                names = [self._e.laws.contacts[j] for j in closed]
+                shown = ", ".join(names[:MOST_DESCRIBED]) + (" ..." if len(names) > MOST_DESCRIBED else "")
+                while_ = f"while {shown} {'is' if len(names) == 1 else 'are'} closed"
+                while_ = while_ if names else "with all contacts open"
+                self.sentences += tuple(f"{while_}, {sentence}" for sentence in _uniqueness(own))
+        return _merged_by_name(parts, sum(len(rows) for _, rows in modes[MOST_MODES:]))
+
+    def by_stretches(self, checks: Sequence[Findings]) -> list[Check]:
+        """Checks of the motion along each stretch."""
+        parts: list[tuple[int, list[Check]]] = []
+        for rows in self._looked_at:
+            _, found = self._found(checks, rows, np.flatnonzero(self._closed[rows[0]]).tolist())
+            parts.append((len(rows), found))
+        if not parts:
+            laws = (checks_steps.STEPS, checks_motion.RATES, checks_motion.NEWTON, checks_motion.ENERGY)
+            return [law.unjudged(FAR_APART) for law in laws]
+        looked = sum(len(k) for k in self._looked_at)
+        checks_of_rows = _merged_by_name(parts, len(self._e.record.t) - looked)
+        # Entries of `steps` are steps and not rows, and one stands between two stretches.
+        name = checks_steps.STEPS.name
+        of_steps = [check for _, part in parts for check in part if check.name == name]
+        columns = sum(check.entries for check in of_steps) // (looked - len(parts))
+        steps = merged(of_steps, (self._steps - looked + len(parts)) * columns)
+        return [steps if check.name == name else check for check in checks_of_rows]
+
+    def _found(
+        self, checks: Sequence[Findings], rows: Array, closed: Sequence[int]
+    ) -> tuple[Evidence, list[Check]]:
+        """The evidence of some rows, at which these contacts are closed, and what checks find in it."""
+        e = self._e
+        laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
+        index = {name: k for k, name in enumerate(e.laws.rows)}
+        part = e.record.part(rows)
+        part = dataclasses.replace(part, lam=part.lam[:, [index[name] for name in laws.rows]])
+        own = Evidence(laws, part, e.tolerance, e.record)
+        return own, [found for findings in checks for found in findings(own)]
+
+
+def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:
+    """The checks of all parts by name, each part with its number of rows; `skipped` rows were in none of them."""
+    by_name: dict[str, list[Check]] = {}
+    at_a_row: dict[str, int] = {}
+    for rows, part in parts:
+        for check in part:
+            by_name.setdefault(check.name, []).append(check)
+            at_a_row[check.name] = max(at_a_row.get(check.name, 0), check.entries // rows)
+    return [merged(checks, skipped * at_a_row[name]) for name, checks in by_name.items()]
+
+
+def _uniqueness(e: Evidence) -> tuple[str, ...]:
+    """Existence and uniqueness: rank, condition, consistency, and which multipliers are determined."""
+    laws, d = e.laws, e.displacements
+    times = e.record.t[e.looked_at]
+    n = laws.index.n
+    if not laws.C:
+        return (f"there are no rows: all {n} coordinates are free, R = 0, and the motion is unique",)
+    rows = f"the {laws.C} rows are independent; they leave"
+    if d.usual < laws.C:
+        rows = f"the {laws.C} rows have rank {d.usual}: {laws.C - d.usual} too many; they leave"
+    elif laws.C == 1:
+        rows = "the one row leaves"
+    sentences = [f"{rows} {n - d.usual} of {n} directions free"]
+    regular = ~d.is_singular
+    if regular.any():
+        worst = int((d.condition * regular).argmax())
+        sentences.append(
+            f"the condition of the rows, each divided by its length, is at most {d.condition[worst]:.2g}"
+            f" (at t = {times[worst]:.6g})"
+        )
+    if d.is_singular.any():
+        first = times[d.is_singular][0]
+        sentences.append(
+            f"{int(d.is_singular.sum())} of the {len(times)} rows of the table that were looked at are at or next to a"
+            f" singular configuration, the first at t = {first:.6g}: multipliers may have poles there, R has none"
+        )
+    open_ = [
+        row for row, unique in zip(laws.rows, d.is_unique[regular].all(axis=0), strict=True) if not unique
+    ]
+    if not regular.any():
+        sentences.append(
+            "which multipliers are determined is not known: no row of the table that was looked at is regular"
+        )
+    elif open_:
+        shown = ", ".join(f"`{row}`" for row in open_[:SHOWN]) + (" ..." if len(open_) > SHOWN else "")
+        sentences.append(
+            f"{len(open_)} of {laws.C} multipliers are not determined ({shown}): their rows depend on each other;"
+            " the others, R and the motion are unique"
+        )
+    else:
+        sentences.append(
+            "all multipliers are determined, lambda(0) too: they follow from (B M^-1 B^T) lambda = gamma - B M^-1 F"
+            " at every instant"
+        )
+    return tuple(sentences)

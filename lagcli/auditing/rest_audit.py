@@ -6,11 +6,12 @@ f = 0, b = 0,   F + B^T lambda = 0 with the inertial terms of positions that mov
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
@@ -53,26 +54,78 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         rows[:, [column[name] for name in part]]
         for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
     )
+    # What rounding does is told by points beside these
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], q.shape)
     with np.errstate(all="ignore"):
-        points = _RestValues(laws, q, lam)
-        checks = [points.positions(x, names), points.equilibrium(names), points.reactions(R_q, R_x, names)]
-        if laws.contacts:
-            checks.append(points.contacts())
-    notes = ("the rows are points of rest; in the checks t is the number of a row",)
-    end, checked = float(len(q) - 1), tuple(checks)
+        one = _point(laws, q, lam)
+        other = _point(laws, q + ROUNDED * np.maximum(np.abs(q), 1e-3 * (_largest(q) + 1e-3)) * signs, lam)
+        here, there = one.values, other.values
+        first = laws.s - len(laws.contacts)
+        is_rest = np.ones(laws.C, dtype=bool)
+        is_rest[first : laws.s] = False
+        rest = [name for name, own in zip(laws.rows, is_rest, strict=True) if own]
+        f, b, g, push = here.f[:, :first], here.b[:, is_rest], here.f[:, first:], lam[:, first : laws.s]
+        driven = _largest(one.inertial) + _largest(one.explicit)
+        of_balance = doubles.ZERO * one.size + 4 * np.abs(other.total - one.total)
+        of_F = 4 * np.abs(other.F_x - one.F_x) + doubles.ZERO * _largest(one.F_x)
+        off = 4 * np.abs(there.f[:, first:] - g) + 1e-12
+        laws_at_rest: list[tuple[CheckedLaw, Sequence[str], list[tuple[Array, Array]]]] = [
+            # f = 0 and b = 0, and positions of dependent particles
+            (
+                POSITIONS,
+                [*laws.holonomic[:first], *(f"rate of {name}" for name in rest), *names.x],
+                [
+                    (f, 4 * (np.abs(there.f[:, :first] - f) + 1e-13 * np.maximum(_largest(q), 1.0))),
+                    (b, 4 * np.abs(there.b[:, is_rest] - b) + 1e-12),
+                    (here.x - x, 4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15),
+                ],
+            ),
+            # the forces along every coordinate
+            (
+                EQUILIBRIUM,
+                names.q,
+                [(one.total, of_balance + doubles.ROOT * driven * (one.size > 0) + 1e-300)],
+            ),
+            # R of coordinates and of dependent particles
+            (
+                REACTIONS,
+                [*names.R_q, *names.R_x],
+                [
+                    (
+                        here.pull - R_q,
+                        4 * np.abs(there.pull - here.pull) + doubles.ZERO * _largest(here.pull) + 1e-300,
+                    ),
+                    (one.inertial - one.F_x - R_x, of_F + doubles.ROOT * np.abs(one.inertial) + 1e-300),
+                ],
+            ),
+            # contacts push, and only where they touch
+            (
+                SIGNORINI,
+                [f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts],
+                [
+                    (np.minimum(g, 0), off),
+                    (np.minimum(push, 0), doubles.ZERO * _largest(lam) + 0 * push + 1e-300),
+                    (np.minimum(np.abs(g), np.abs(push)), off),
+                ],
+            ),
+        ]
+        numbers, checks = np.arange(len(q), dtype=float), []
+        for law, labels, parts in laws_at_rest[: None if laws.contacts else -1]:
+            residual, limit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+            checks.append(judge(law, labels, numbers, residual, limit))
     return Audit(
         model.title,
         model.path,
-        len(q),
-        0.0,
-        end,
-        0.0,
-        0.0,
-        checked,
-        (),
-        notes,
-        (),
-        tuple(unread),
+        rows=len(q),
+        start=0.0,
+        end=float(len(q) - 1),
+        rtol=0.0,
+        atol=0.0,
+        checks=tuple(checks),
+        sentences=(),
+        notes=("the rows are points of rest; in the checks t is the number of a row",),
+        figures=(),
+        unread=tuple(unread),
         of_rest=True,
     )
 
@@ -81,103 +134,40 @@ def _laws(model: nouns.Model) -> ModelLaws:
     return ModelLaws(model, closed=range(len(model.contact_names)))
 
 
-class _RestValues:
-    """The laws at points of rest, and at points beside them, which tell what rounding does.
+class _Point(NamedTuple):
+    """The laws at points of rest: inertial (T, 3 Nd), m d2x/dt2 of the dependent particles at fixed q; explicit (T, n),
+    the rate of dL/dv of the `lagrangian`; F_x (T, 3 Nd) on dependent particles; total (T, n), F + B^T lambda with these
+    terms; size (T, 1), the sum of the sizes of its terms at each row."""
 
-    What moves with t is differentiated at fixed q by differences of order four: m d2x/dt2 of the dependent particles
-    and the explicit rate of dL/dv of the `lagrangian`.
-    """
+    values: LawValues
+    inertial: Array
+    explicit: Array
+    F_x: Array
+    total: Array
+    size: Array
 
-    def __init__(self, laws: ModelLaws, q: Array, lam: Array) -> None:
-        self._laws, self._q, self._lam = laws, q, lam
-        self._rows, self._t = np.arange(len(q), dtype=float), np.full(len(q), laws.model.simulation.start)
-        random = np.random.default_rng(0)
-        sizes = _largest(q) + 1e-3
-        beside = q + ROUNDED * np.maximum(np.abs(q), 1e-3 * sizes) * random.choice([-1.0, 1.0], q.shape)
-        self._here, self._there = self._values(q), self._values(beside)
-        (self._inertial, explicit), (inertial, moved_explicit) = self._rates(q), self._rates(beside)
-        self._total, self._parts = self._balance(q, self._here, self._inertial, explicit)
-        self._moved_total = self._balance(beside, self._there, inertial, moved_explicit)[0]
-        self._driven = _largest(self._inertial) + _largest(explicit)
 
-    def _values(self, q: Array, later: float = 0.0) -> LawValues:
-        return self._laws.values(self._t + later, q, np.zeros(q.shape), self._lam)
-
-    def _rates(self, q: Array) -> tuple[Array, Array]:
-        h = STEP * (self._laws.model.simulation.duration or 1.0)
-        at = [self._values(q, k * h) for k in (-2, -1, 1, 2)]
-        u, L_v = (
-            (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
-            for y in ([values.u for values in at], [values.L_v for values in at])
-        )
-        return np.repeat(self._laws.index.masses[self._laws.index.dependent], 3) * u, L_v
-
-    def _balance(self, q: Array, values: LawValues, inertial: Array, explicit: Array) -> tuple[Array, Array]:
-        """F + B^T lambda (T, n), and the sum of the sizes of its terms at each row, (T, 1)."""
-        index, laws = self._laws.index, self._laws
-        direct = np.zeros(q.shape)
-        direct[:, : index.first_generalized] = values.F[:, index.cartesian].reshape(len(q), -1)
-        terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
-        if index.dependent.size:
-            onto = self._on_dependent(values) + values.L_x - inertial
-            terms.append(laws.pushed(self._t, q, np.zeros(q.shape), onto))
-        terms.append(-explicit)
-        return np.asarray(sum(terms)), np.asarray(sum(map(_largest, terms)))
-
-    def _on_dependent(self, values: LawValues) -> Array:
-        """F of the dependent particles, (T, 3 Nd)."""
-        return values.F[:, self._laws.index.dependent].reshape(len(values.F), -1) - values.V_x
-
-    def positions(self, x: Array, names: table_input.TableNames) -> Check:
-        """f = 0 and b = 0, and positions of dependent particles."""
-        laws, here, there = self._laws, self._here, self._there
-        equal = laws.s - len(laws.contacts)
-        is_rest = np.ones(laws.C, dtype=bool)
-        is_rest[equal : laws.s] = False
-        f, b = here.f[:, :equal], here.b[:, is_rest]
-        size = np.maximum(_largest(self._q), 1.0)
-        limits = (
-            4 * (np.abs(there.f[:, :equal] - f) + 1e-13 * size),
-            4 * np.abs(there.b[:, is_rest] - b) + 1e-12,
-            4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15,
-        )
-        rest = [name for name, own in zip(laws.rows, is_rest, strict=True) if own]
-        labels = [*laws.holonomic[:equal], *(f"rate of {name}" for name in rest), *names.x]
-        return self._judge(POSITIONS, labels, (f, b, here.x - x), limits)
-
-    def equilibrium(self, names: table_input.TableNames) -> Check:
-        """The forces along every coordinate."""
-        limit = doubles.ZERO * self._parts + 4 * np.abs(self._moved_total - self._total)
-        limit = limit + doubles.ROOT * self._driven * (self._parts > 0) + 1e-300
-        return self._judge(EQUILIBRIUM, names.q, (self._total,), (limit,))
-
-    def reactions(self, R_q: Array, R_x: Array, names: table_input.TableNames) -> Check:
-        """R of coordinates and of dependent particles."""
-        pull, F, inertial = self._here.pull, self._on_dependent(self._here), self._inertial
-        beside = 4 * np.abs(self._on_dependent(self._there) - F) + doubles.ZERO * _largest(F)
-        limits = (
-            4 * np.abs(self._there.pull - pull) + doubles.ZERO * _largest(pull) + 1e-300,
-            beside + doubles.ROOT * np.abs(inertial) + 1e-300,
-        )
-        return self._judge(REACTIONS, [*names.R_q, *names.R_x], (pull - R_q, inertial - F - R_x), limits)
-
-    def contacts(self) -> Check:
-        """Contacts push, and only where they touch."""
-        laws = self._laws
-        first = laws.s - len(laws.contacts)
-        g, lam = self._here.f[:, first:], self._lam[:, first : laws.s]
-        off = 4 * np.abs(self._there.f[:, first:] - g) + 1e-12
-        push = doubles.ZERO * _largest(self._lam) + 0 * lam + 1e-300
-        residuals = np.minimum(g, 0), np.minimum(lam, 0), np.minimum(np.abs(g), np.abs(lam))
-        labels = [f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts]
-        return self._judge(SIGNORINI, labels, residuals, (off, push, off))
-
-    def _judge(
-        self, law: CheckedLaw, names: Sequence[str], residuals: Sequence[Array], limits: Sequence[Array]
-    ) -> Check:
-        return judge(
-            law, names, self._rows, np.concatenate(residuals, axis=1), np.concatenate(limits, axis=1)
-        )
+def _point(laws: ModelLaws, q: Array, lam: Array) -> _Point:
+    index, t, still = laws.index, np.full(len(q), laws.model.simulation.start), np.zeros(q.shape)
+    values = laws.values(t, q, still, lam)
+    # What moves with t is differentiated by differences of order four.
+    h = STEP * (laws.model.simulation.duration or 1.0)
+    at = [laws.values(t + k * h, q, still, lam) for k in (-2, -1, 1, 2)]
+    rate_u, explicit = (
+        (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
+        for y in ([each.u for each in at], [each.L_v for each in at])
+    )
+    inertial = np.repeat(index.masses[index.dependent], 3) * rate_u
+    F_x = values.F[:, index.dependent].reshape(len(q), -1) - values.V_x
+    direct = np.zeros(q.shape)
+    direct[:, : index.first_generalized] = values.F[:, index.cartesian].reshape(len(q), -1)
+    terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
+    if index.dependent.size:
+        terms.append(laws.pushed(t, q, still, F_x + values.L_x - inertial))
+    terms.append(-explicit)
+    return _Point(
+        values, inertial, explicit, F_x, np.asarray(sum(terms)), np.asarray(sum(map(_largest, terms)))
+    )
 
 
 def _largest(y: Array) -> Array:

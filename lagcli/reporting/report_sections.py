@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from lagcli.analysis import check_report
 from lagcli.analysis.check_report import Report
-from lagcli.auditing import audit_lines
+from lagcli.auditing.checks import audit_report
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.errors import diagnostics
 from lagcli.linear import independent_rows
@@ -193,7 +193,7 @@ def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
             f" {found.rows} rows from t = {found.start:.9g} to {found.end:.9g}. {found.conclusion}",
         )
     )
-    lines = audit_lines.of(found)
+    lines = audit_report.lines(found)
     head, *rows = lines.rows
     failing = frozenset(i for i, check in enumerate(found.checks) if check.verdict == "fail")
     yield PageTable(head, tuple(rows), failures=failing)

@@ -10,7 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.auditing import all_checks
-from lagcli.auditing.checks import checks_outputs, checks_steps
+from lagcli.auditing.checks import checks_pointwise, checks_steps
 from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.laws import ModelLaws
@@ -497,7 +497,7 @@ def test_energy_and_outputs_are_computed_again(with_outputs: tuple[lagcli.Model,
                 continue
             e.run = WholeRun(AuditedTable(run.columns, rows), None, e.tolerance)
             with np.errstate(all="ignore"):
-                (off,) = checks_outputs.columns(e)
+                (off,) = checks_pointwise.columns(e)
             assert [place.name for place in off.failing] == [name]
 
 

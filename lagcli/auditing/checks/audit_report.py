@@ -1,11 +1,13 @@
-"""The findings of an audit: the checks, each with its worst entry and the limit it was compared with, and sentences."""
+"""The findings of an audit: the checks, each with its worst entry and the limit it was compared with, and how they are
+said."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
 NAMED = 12  # entries that a check names, the worst
+UNREAD = 12  # names of columns that no check looks at
+MOST_FAULTS_LISTED = 6  # entries of a check that fails
 # Of the entries must be judged before a check says `pass`: kinks may leave the rows around them open.
 NEARLY_ALL = 0.9
 # Of the entries that show the motion: less, and nothing is known of it. At 0.01 and at 1
@@ -72,18 +76,15 @@ class Check:
 
     def as_json(self) -> dict[str, object]:
         """The check as it stands in the JSON; numbers that are not finite are null."""
+        heads, counts = (
+            ("name", "law", "equation", "verdict"),
+            ("failures", "judged", "entries", "fraction", "note"),
+        )
         return {
-            "name": self.name,
-            "law": self.law,
-            "equation": self.equation,
-            "verdict": self.verdict,
+            **{name: getattr(self, name) for name in heads},
             "worst": None if self.worst is None else self.worst.as_json(),
             "failing": [location.as_json() for location in self.failing],
-            "failures": self.failures,
-            "judged": self.judged,
-            "entries": self.entries,
-            "fraction": self.fraction,
-            "note": self.note,
+            **{name: getattr(self, name) for name in counts},
         }
 
 
@@ -173,17 +174,9 @@ class Audit:
 
     def as_json(self) -> dict[str, Any]:
         """The object of `lagcli audit --json`."""
+        names = "title", "path", "passed", "conclusion", "complete", "rows", "start", "end", "rtol", "atol"
         return {
-            "title": self.title,
-            "path": self.path,
-            "passed": self.passed,
-            "conclusion": self.conclusion,
-            "complete": self.complete,
-            "rows": self.rows,
-            "start": self.start,
-            "end": self.end,
-            "rtol": self.rtol,
-            "atol": self.atol,
+            **{name: getattr(self, name) for name in names},
             "checks": [check.as_json() for check in self.checks],
             "unjudged": list(self.unjudged),
             "unread": list(self.unread),
@@ -251,12 +244,12 @@ def judge(
         law.equation,
         _verdict(bool(beyond), count, residual.size),
         location(int(worst[0]), int(worst[1])),
-        tuple(location(int(rows[j]), j) for j in beyond[:NAMED]),
-        len(beyond),
-        count,
-        residual.size,
-        _note(count, residual.size),
-        tuple(zip(t[known].tolist(), ratio[known].max(axis=1).tolist(), strict=True)),
+        failing=tuple(location(int(rows[j]), j) for j in beyond[:NAMED]),
+        failures=len(beyond),
+        judged=count,
+        entries=residual.size,
+        note=_note(count, residual.size),
+        curve=tuple(zip(t[known].tolist(), ratio[known].max(axis=1).tolist(), strict=True)),
     )
 
 
@@ -300,3 +293,75 @@ def _note(judged: int, entries: int) -> str:
 
 def _finite(number: float) -> float | None:
     return number if np.isfinite(number) else None
+
+
+class AuditLines(NamedTuple):
+    """The lines of an audit. rows: the table of checks, its headers first; failures: of each check that fails the head,
+    entries that are beyond their limits, and the number of others; sentences: those below, the verdict last."""
+
+    rows: list[tuple[str, ...]]
+    failures: list[tuple[str, list[str], int]]
+    sentences: list[str]
+
+
+def lines(audit: Audit) -> AuditLines:
+    """All lines of an audit."""
+    failures = [
+        (
+            failure(check),
+            [fault(location) for location in check.failing[:MOST_FAULTS_LISTED]],
+            max(0, check.failures - MOST_FAULTS_LISTED),
+        )
+        for check in audit.checks
+        if check.verdict == "fail"
+    ]
+    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in audit.sentences]
+    if audit.figures:
+        sentences.append(work(dict(audit.figures)))
+    if audit.unread:
+        others = f" and {len(audit.unread) - UNREAD} others" if len(audit.unread) > UNREAD else ""
+        sentences.append(f"Columns that no check looks at: {', '.join(audit.unread[:UNREAD])}{others}.")
+    if audit.written is not None:
+        sentences.append(audit.written.sentence())
+    if audit.written_events is not None:
+        sentences.append(audit.written_events.sentence("table of events"))
+    return AuditLines(wide_rows(audit.checks), failures, [*sentences, audit.conclusion])
+
+
+def failure(check: Check) -> str:
+    """The head of the list of what fails."""
+    law = f" ({check.law}: {check.equation})" if check.law else ""
+    return f"{check.name} fails{law}:"
+
+
+def work(figures: dict[str, float]) -> str:
+    """The work of the constraints, virtual and real."""
+    real = figures["work_of_constraints"]
+    real_work = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
+    return (
+        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {real_work}, energy gained"
+        f" {figures['energy_gained']:.10g}."
+    )
+
+
+def fault(location: TableLocation) -> str:
+    """An entry that is beyond its limit."""
+    return f"{location.name} at t = {location.t:.9g}: {location.value:.3g}, the limit is {location.limit:.3g}"
+
+
+def wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:
+    """The table of checks, its headers first."""
+    lines: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
+    for check in checks:
+        law, worst = f"{check.equation} ({check.law})" if check.law else check.equation, check.worst
+        verdict: str = check.verdict
+        if check.verdict == "partly judged" and check.fraction is not None:
+            verdict = f"{max(1, math.floor(100 * check.fraction))} % judged"
+        if worst is None:
+            lines.append((check.name, law, "-", "-", verdict, "-"))
+            continue
+        # An entry over a window names its times itself
+        time = "" if " over t = " in worst.name else f", t = {worst.t:.6g}"
+        where = f"{worst.name}{time}" if worst.value else "-"
+        lines.append((check.name, law, f"{worst.value:.1e}", f"{worst.limit:.1e}", verdict, where))
+    return lines

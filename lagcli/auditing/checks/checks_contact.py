@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -19,7 +20,7 @@ MISSED = CheckedLaw("missed", "", "no contact opens or closes between rows witho
 BEND = 3.0  # times the change of a rate of g over a step, the usual one or that beside: what smooth forces may add
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class ContactStates:
     """The states of K contacts at T rows: g and its rate with their limits, lambda with its limit, (T, K) each."""
 
@@ -35,7 +36,7 @@ class ContactStates:
         """True where a contact touches and does not move off or on."""
         return np.asarray((np.abs(self.g) <= self.g_limit) & (np.abs(self.rate) <= self.rate_limit))
 
-    @property
+    @functools.cached_property
     def is_closed(self) -> Array:
         """True where it pushes; and where it touches between rows at which it does."""
         pushes = self.lam != 0
@@ -74,9 +75,8 @@ def may_hold_impact(t: Array, states: ContactStates) -> Array:
     # Of a contact that rests the rates are rounding: they tell nothing of how others change.
     changes = np.abs(np.diff(states.rate, axis=0)) / np.where(h > 0, h, 1.0)
     is_open = ~(states.rests[1:] | states.rests[:-1])
-    usual = np.array(
-        [np.median(own[k]) if k.any() else 0.0 for own, k in zip(changes.T, is_open.T, strict=True)]
-    )
+    pairs = zip(changes.T, is_open.T, strict=True)
+    usual = np.array([np.median(own[k]) if k.any() else 0.0 for own, k in pairs])
     beside = np.zeros((len(h) + 2, changes.shape[1]))
     beside[1:-1] = changes
     usual = np.maximum(usual, np.maximum(beside[:-2], beside[2:]))
@@ -121,23 +121,19 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
         rates = np.maximum.reduce([second(r.q, r.v, total, side * e.clock) for side in (-1, 0, 1)])
         moved = second(e.moved[0][at], e.moved[1][at], total + noise)
         residual[at] = np.where(touches[at], np.minimum(rates, 0.0), 0.0)
-        judged[at] = _stay(e, s, touches, at, rates)
+        # True for what does not rebound there, at a speed within the limit of its rate: it pushes in the row before,
+        # or touches for longer than such rebounds last
+        numbers = np.arange(len(touches))[:, None]
+        begin = np.maximum.accumulate(np.where(touches, 0, numbers + 1), axis=0)
+        end = np.minimum.accumulate(np.where(touches, len(touches) - 1, numbers - 1)[::-1], axis=0)[::-1]
+        pushed = np.take_along_axis(s.lam, np.maximum(begin - 1, 0), axis=0) != 0
+        since = e.record.t[np.minimum(begin, len(touches) - 1)]
+        lasts = (e.record.t[np.maximum(end, 0)] - since)[at]
+        slowing = np.abs(rates) * (1 - laws.model.restitution)
+        judged[at] = pushed[at] | (lasts * slowing > 2 * s.rate_limit[at]) | (s.rate[at] == 0)
         size = SAFETY * e.tolerance.rtol * np.abs(rates).max(initial=0.0)
         limit[at] = widest(e.spread(rates, moved)) + size + e.tolerance.atol
     return judge(PRESSED, laws.contacts, e.record.t, residual, limit, judged)
-
-
-def _stay(e: Evidence, s: ContactStates, touches: Array, at: Array, rates: Array) -> Array:
-    """True for the rows `at` and contacts that do not rebound there, at a speed within the limit of their rate: they
-    push in the row before, or touch for longer than such rebounds last. rates: d2g/dt2 of these rows."""
-    t, rows = e.record.t, np.arange(len(touches))[:, None]
-    begin = np.maximum.accumulate(np.where(touches, 0, rows + 1), axis=0)
-    end = np.minimum.accumulate(np.where(touches, len(rows) - 1, rows - 1)[::-1], axis=0)[::-1]
-    pushed = np.take_along_axis(s.lam, np.maximum(begin - 1, 0), axis=0) != 0
-    since = t[np.minimum(begin, len(rows) - 1)]
-    lasts = (t[np.maximum(end, 0)] - since)[at]
-    slowing = np.abs(rates) * (1 - e.laws.model.restitution)
-    return np.asarray(pushed[at] | (lasts * slowing > 2 * s.rate_limit[at]) | (s.rate[at] == 0))
 
 
 def missed(e: Evidence) -> list[Check]:

@@ -123,7 +123,11 @@ def flights(e: Evidence) -> list[Check]:
     parts, count = [], 0
     for closed, numbers in longest[:MOST_SETS]:
         motion = _FreeMotion(e, np.flatnonzero(closed).tolist())
-        k = motion.looked_at(numbers)
+        # As many as the size of B allows, evenly chosen
+        size = STATES * 4 * motion.laws.C**2 * motion.laws.index.n
+        most, k = max(LEAST, int(COST / max(1, size))), numbers
+        if most < len(numbers):
+            k = numbers[np.unique(np.linspace(0, len(numbers) - 1, most).astype(np.int64))]
         parts.append((every_flight.end.t[k], *_flown(e, impact, motion, every_flight.part(k))))
         count += len(k)
     if not parts:
@@ -162,15 +166,24 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
         return judge(FLIGHTS, names, state.t, state.q, state.q)
     h = np.abs(r.t[np.clip(row, 0, len(r.t) - 1)] - state.t)[:, None]
     residual, best = np.zeros(state.q.shape), np.full(state.q.shape, np.inf)
-    off_q, off_v, clock = _off(e, impact)
+    off_q, off_v, clock = impact.off_q, impact.off_v, impact.clock
     off = 2 * SAFETY * (off_q + h * off_v) + clock * np.abs(state.v)
     before: Array | None = None
+    nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
     for width in PARAMETERS.widths:
         k = np.flatnonzero(count >= width)
         rows = row[k, None] + ahead[k, None] * np.arange(width)
-        way, rate, spread = _extrapolated(state.t[k], r.t[rows], r.v[rows])
+        # The integral from the state to the first row of the polynomials through the rates of rows, their values at
+        # the state, and the sums of the sizes of the weights of the mean
+        t, times, rates = state.t[k], r.t[rows], r.v[rows]
+        way, mean = times[:, 0] - t, np.zeros(times.shape)
+        for node, share in zip(nodes, shares, strict=True):
+            mean += share / 2 * values_at(times - (t + way * (1 + node) / 2)[:, None])
+        integral = way[:, None] * np.einsum("ms,msn->mn", mean, rates)
+        rate = np.einsum("ms,msn->mn", values_at(times - t[:, None]), rates)
+        spread = np.abs(mean).sum(axis=1)
         apart = np.zeros(state.q.shape)
-        apart[k] = r.q[rows[:, 0]] - state.q[k] - way
+        apart[k] = r.q[rows[:, 0]] - state.q[k] - integral
         if before is not None:
             unknown = PARAMETERS.caution * np.abs(apart - before)[k] + h[k] * np.abs(state.v[k] - rate)
             unknown = unknown + spread[:, None] * h[k] * SAFETY * off_v
@@ -185,24 +198,6 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     return judge(FLIGHTS, names, state.t[order], residual[order], (best + off)[order], judged[order])
 
 
-def _extrapolated(t: Array, times: Array, rates: Array) -> tuple[Array, Array, Array]:
-    """The integrals (M, n) from t (M,) to the first of times (M, W) of the polynomials through rates (M, W, n), their
-    values at t, and the sums of the sizes of the weights of the mean, (M,)."""
-    nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
-    way = times[:, 0] - t
-    mean = np.zeros(times.shape)
-    for node, share in zip(nodes, shares, strict=True):
-        mean += share / 2 * values_at(times - (t + way * (1 + node) / 2)[:, None])
-    integral = way[:, None] * np.einsum("ms,msn->mn", mean, rates)
-    return integral, np.einsum("ms,msn->mn", values_at(times - t[:, None]), rates), np.abs(mean).sum(axis=1)
-
-
-def _off(e: Evidence, impact: ImpactEvidence) -> tuple[Array, Array, float]:
-    """By how much coordinates and rates (n,) and times of rows and of incidents may be off, which are two tables."""
-    off_q, off_v = np.maximum(e.off_q, impact.before.off_q), np.maximum(e.off_v, impact.before.off_v)
-    return off_q, off_v, max(e.clock, impact.before.clock)
-
-
 def _flown(
     e: Evidence, impact: ImpactEvidence, motion: _FreeMotion, flown: Flights
 ) -> tuple[Array, Array, Array]:
@@ -213,7 +208,7 @@ def _flown(
     """
     begin, end = flown.begin, flown.end
     h = (end.t - begin.t)[:, None]
-    off_q, off_v, clock = _off(e, impact)
+    off_q, off_v, clock = impact.off_q, impact.off_v, impact.clock
     rtol = max(e.tolerance.rtol, impact.tolerance.rtol)
     ends = motion.accelerations(begin), motion.accelerations(end)
     inner = [_between(begin, end, ends, u) for u in (0.25, 0.5, 0.75)]
@@ -231,7 +226,7 @@ def _flown(
     unknown_q = CAREFUL * np.abs(bend - plain) + np.where(rough, np.abs(plain), 0.0)
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * begin.v))
-    if motion.has_rows:  # known as the rows are, and of a vector that turns one component may tell nothing
+    if motion.laws.C:  # known as the rows are, and of a vector that turns one component may tell nothing
         unknown_v = of_particles(np.abs(unknown_v + h * SAFETY * motion.spread(inner[1], a[2])))
         unknown_q, size_v, size_q = (of_particles(np.abs(y)) for y in (unknown_q, size_v[None], size_q))
     rebounds = flown.has_rebounds[:, None]
@@ -246,9 +241,8 @@ def _flown(
     limits = 2 * SAFETY * (off_q + h * off_v) + unknown_q, 2 * SAFETY * off_v + unknown_v
     judged_q = unknown_q <= np.maximum(RESOLVED * size_q, 2 * SAFETY * off_q)
     judged_v = unknown_v <= np.maximum(RESOLVED * size_v, 2 * SAFETY * off_v)
-    residual, limit, judged = (
-        np.concatenate(parts, axis=1) for parts in (residuals, limits, (judged_q, judged_v))
-    )
+    both = residuals, limits, (judged_q, judged_v)
+    residual, limit, judged = (np.concatenate(parts, axis=1) for parts in both)
     return residual, limit, judged
 
 
@@ -258,38 +252,21 @@ class _FreeMotion:
 
     def __init__(self, e: Evidence, closed: Sequence[int]) -> None:
         self._e = e
-        self._laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
+        self.laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
         self._roots = np.sqrt(e.masses)
         self._random = np.random.default_rng(6)
 
-    @property
-    def has_rows(self) -> bool:
-        """True if there are rows that are equations, or contacts that rest."""
-        return self._laws.C > 0
-
-    def looked_at(self, flights: Array) -> Array:
-        """The numbers of so many flights as the size of B allows, evenly chosen."""
-        C, n = self._laws.C, self._laws.index.n
-        most = max(LEAST, int(COST / max(1, STATES * 4 * C * C * n)))
-        if most >= len(flights):
-            return flights
-        return np.asarray(flights[np.unique(np.linspace(0, len(flights) - 1, most).astype(np.int64))])
-
     def accelerations(self, r: Record) -> Array:
         """a (P, n); no numbers where rows depend on each other, or almost, and multipliers need not tell the motion."""
-        e, laws = self._e, self._laws
+        e, laws = self._e, self.laws
         values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
         a = laws.forces_on_coordinates(values) / e.masses
-        if not self.has_rows:
+        if not laws.C:
             return a
         demanded = laws.demanded(r.t, r.q, r.v, a)
         W = laws.matrix(r.t, r.q, r.v) / self._roots
-        usable = (
-            np.isfinite(W).all(axis=(1, 2))
-            & (W != 0).any(axis=2).all(axis=1)
-            & np.isfinite(demanded).all(axis=1)
-        )
-        usable &= W.shape[1] <= W.shape[2]
+        usable = np.isfinite(W).all(axis=(1, 2)) & (W != 0).any(axis=2).all(axis=1)
+        usable &= np.isfinite(demanded).all(axis=1) & (W.shape[1] <= W.shape[2])
         constrained = np.full(a.shape, np.nan)
         if not usable.any():
             return constrained

@@ -67,8 +67,13 @@ class ImpactEvidence:
         is_row = np.ones(e.laws.C, dtype=bool)
         is_row[self.contacts] = False
         self.rows = np.flatnonzero(is_row)
+        # By how much coordinates and rates (n,) and times of rows and of incidents may be off, which are two tables
+        self.off_q = np.maximum(e.off_q, self.before.off_q)
+        self.off_v = np.maximum(e.off_v, self.before.off_v)
+        self.clock = max(e.clock, self.before.clock)
         largest = np.abs(incidents.impulses).max(initial=0.0)
         self.impulse_limit = float(self.before.recorded(largest)) + self.tolerance.atol
+        self.gaps = self.before.values.f[:, self.contacts]
 
     def jumps(self) -> Check:
         """The jump of the momenta of all coordinates.
@@ -99,7 +104,7 @@ class ImpactEvidence:
         limit = limit + off_v + 2 * rounding + SAFETY * self.tolerance.rtol * size + self.tolerance.atol
         return judge(JUMPS, names, self.incidents.t, jump - pull, limit)
 
-    def rows_hold(self) -> Check:
+    def kept(self) -> Check:
         """The rows that are equations, and the dependent particles, before and after."""
         laws, t, one, other = self.laws, self.incidents.t, self.before, self.after
         own = [i for i in self.rows if i < laws.s]
@@ -110,22 +115,19 @@ class ImpactEvidence:
             checks_pointwise.dependent(other),
         )
         residual, limit = (np.concatenate(part, axis=1) for part in zip(*held, strict=True))
-        of_particles = [
-            f"{name} {side}" for side in ("before", "after") for name in (*one.names.x, *one.names.u)
-        ]
+        particles = (*one.names.x, *one.names.u)
+        of_particles = [f"{name} {side}" for side in ("before", "after") for name in particles]
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows), *of_particles]
         return judge(ROWS_AFTER, names, t, residual, limit + self.tolerance.atol)
 
-    @property
-    def _gaps(self) -> tuple[Array, Array]:
-        """g (E, K) with its limit."""
-        limit = self.before.noise("f")[:, self.contacts] + self.tolerance.atol
-        return self.before.values.f[:, self.contacts], limit
+    @cached_property
+    def gap_limit(self) -> Array:
+        """The limit of g (E, K) at incidents."""
+        return np.asarray(self.before.noise("f")[:, self.contacts] + self.tolerance.atol)
 
     def touched(self) -> Check:
         """Contacts that an incident names, or that push, are closed; none is passed through."""
-        g, limit = self._gaps
-        incidents = self.incidents
+        g, incidents = self.gaps, self.incidents
         named = np.zeros(g.shape, dtype=bool)
         marked = np.flatnonzero(incidents.cuts)
         named[marked, incidents.contact[marked]] = True
@@ -136,7 +138,7 @@ class ImpactEvidence:
         was = earlier.f[:, self.contacts]
         g = np.where(freed[:, None] & (np.abs(was) < np.abs(g)), was, g)
         residual = np.where(acts, g, np.minimum(g, 0.0))
-        return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * limit)
+        return judge(TOUCHED, self.laws.contacts, incidents.t, residual, MERGED * self.gap_limit)
 
     def recorded(self) -> Check:
         """Each incident is there once, and as what it is: an impulse is of an impact, or ends a series of rebounds.
@@ -183,24 +185,11 @@ class ImpactEvidence:
         jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])
         return np.asarray(jump.max(initial=0.0) * e / (1 - e) * np.ones(self.laws.index.n))
 
-    def _are_struck_soon(self, most: Array, rates: Array) -> Array:
-        """True for contacts that approach at rates (E, K) and of which it is recorded that they close as soon as they
-        come over gaps (E, K), which are the most that they may have: they were open yet, (E, K)."""
-        incidents, is_struck = self.incidents, np.zeros(rates.shape, dtype=bool)
-        closing = np.isin(incidents.kinds, CLOSING)
-        for j in range(rates.shape[1]):
-            rows = np.flatnonzero(closing & (incidents.contact == j))
-            following = np.searchsorted(rows, np.arange(len(rates)), "right")
-            k = np.flatnonzero((following < len(rows)) & (rates[:, j] < 0))
-            way = -rates[k, j] * (incidents.t[rows[following[k]]] - incidents.t[k])
-            is_struck[k, j] = way <= SOON * most[k, j]
-        return is_struck
-
     @property
     def _limits_of_series(self) -> Array:
         """True for contacts (E, K) that accumulate by an impact, the limit of infinitely many: they were struck before
         and had no time to leave, or one of them was, and others are struck first within it."""
-        incidents, limit = self.incidents, self._gaps[1]
+        incidents, limit = self.incidents, self.gap_limit
         kinds, is_limit = incidents.kinds, np.zeros(limit.shape, dtype=bool)
         pushed = (np.abs(incidents.impulses) > self.impulse_limit).any(axis=1)
         is_other = (np.diff(incidents.t) > 0) | (np.diff(incidents.impulses, axis=0) != 0).any(axis=1)
@@ -220,7 +209,7 @@ class ImpactEvidence:
 
     def impacts(self) -> Check:
         """Complementarity of impulses and rates after, of the contacts with g = 0; others have no impulse."""
-        g, limit_g = self._gaps
+        g, limit_g = self.gaps, self.gap_limit
         impulse = self.incidents.impulses[:, self.contacts]
         before, after = (e.values.w[:, self.contacts] for e in (self.before, self.after))
         e = np.where(self._limits_of_series, 0.0, self.laws.model.restitution)
@@ -236,9 +225,14 @@ class ImpactEvidence:
         wrong = np.where(pushes, rebound, np.minimum(rebound, 0.0))
         wrong = np.where(np.abs(g) <= np.where(pushes, MERGED, 1.0) * limit_g, wrong, 0.0)
         # Within the limit it may be open all the same: then it parts, or is struck as soon as it comes.
-        is_open = (after >= 0) & (np.abs(g) > doubles.ROOT * limit_g) | self._are_struck_soon(
-            g + limit_g, after
-        )
+        is_open = (after >= 0) & (np.abs(g) > doubles.ROOT * limit_g)
+        closing = np.isin(self.incidents.kinds, CLOSING)
+        for j in range(after.shape[1]):
+            rows = np.flatnonzero(closing & (self.incidents.contact == j))
+            following = np.searchsorted(rows, np.arange(len(after)), "right")
+            k = np.flatnonzero((following < len(rows)) & (after[:, j] < 0))
+            way = -after[k, j] * (t[rows[following[k]]] - t[k])
+            is_open[k, j] |= way <= SOON * (g + limit_g)[k, j]
         wrong = np.where(~pushes & is_open, 0.0, wrong)
         sign = np.minimum(impulse, 0.0)
         residual = np.concatenate([wrong, sign], axis=1)
@@ -260,12 +254,29 @@ class ImpactEvidence:
         limit = limit + self.tolerance.rtol * SAFETY * size
         residual = np.stack([change - (impulses * rates).sum(axis=1), np.maximum(change, 0.0)], axis=1)
         names = ("impulses and velocities", "energy created")
-        judged = _is_quadratic(one, other)[:, None]
+        # Momenta must be linear in the rates between the states: those of the particles are, those of a `lagrangian` at
+        # the mean rates are compared with the mean momenta.
+        judged = np.ones((len(self.incidents.t), 1), dtype=bool)
+        if self.laws.model.lagrangian is not None:
+            of_sides = []
+            for e in (one, other):
+                p = self._own_momenta(e.record.q, e.record.v, e.values)
+                off_p = e.spread(p, self._own_momenta(*e.moved, e.moved_values)) + e.tolerance.atol
+                of_sides.append((p, off_p))
+            r, mean = one.record, (one.record.v + other.record.v) / 2
+            middle = self._own_momenta(r.q, mean, self.laws.values(r.t, r.q, mean, r.lam))
+            (p, off_p), (p_after, off_after) = of_sides
+            linear = np.abs(middle - (p + p_after) / 2) <= off_p + off_after
+            judged = np.asarray(linear.all(axis=1, keepdims=True))
         check = judge(LOSSES, names, self.incidents.t, residual, np.stack([limit, limit], axis=1), judged)
         if judged.all():
             return check
         note = f"momenta are not linear in the rates at {int((~judged).sum())} of {len(judged)} incidents"
         return dataclasses.replace(check, note=note)
+
+    def _own_momenta(self, q: Array, v: Array, values: LawValues) -> Array:
+        """The part of p that is of the `lagrangian`, (E, n)."""
+        return np.asarray(values.L_v + self.laws.pushed(self.incidents.t, q, v, values.L_u))
 
     @property
     def lost(self) -> float:
@@ -286,12 +297,6 @@ def _energy_of_motion(e: Evidence, r: Record, values: LawValues) -> Array:
     return np.asarray(T + own - values.L)
 
 
-def _energy(e: Evidence) -> tuple[Array, Array]:
-    """The energy of motion (E,), and by how much it may be off."""
-    T = _energy_of_motion(e, e.record, e.values)
-    return T, e.spread(T[:, None], _energy_of_motion(e, _moved(e), e.moved_values)[:, None])[:, 0]
-
-
 def _hamiltonian(e: Evidence) -> tuple[Array, Array]:
     """H - V (E,) at the states of a record, and by how much it may be off."""
 
@@ -301,28 +306,6 @@ def _hamiltonian(e: Evidence) -> tuple[Array, Array]:
     # The recorded u is what is judged: the limit is made of that of the model alone.
     own = at(dataclasses.replace(e.record, u=e.values.u), e.values)
     return at(e.record, e.values), e.spread(own[:, None], at(_moved(e), e.moved_values)[:, None])[:, 0]
-
-
-def _is_quadratic(before: Evidence, after: Evidence) -> Array:
-    """True where momenta are linear in the rates between the states before and after, (E,).
-
-    Those of the particles always are; those of a `lagrangian` at the mean rates are compared with the mean momenta.
-    """
-    laws, r = before.laws, before.record
-    if laws.model.lagrangian is None:
-        return np.ones(len(r.t), dtype=bool)
-
-    def momenta(q: Array, v: Array, values: LawValues) -> Array:
-        return np.asarray(values.L_v + laws.pushed(r.t, q, v, values.L_u))
-
-    def known(e: Evidence) -> tuple[Array, Array]:
-        p = momenta(e.record.q, e.record.v, e.values)
-        return p, e.spread(p, momenta(*e.moved, e.moved_values)) + e.tolerance.atol
-
-    (one, off), (other, off_other) = known(before), known(after)
-    mean = (r.v + after.record.v) / 2
-    middle = momenta(r.q, mean, laws.values(r.t, r.q, mean, r.lam))
-    return np.asarray((np.abs(middle - (one + other) / 2) <= off + off_other).all(axis=1))
 
 
 def impact_evidence(e: Evidence) -> ImpactEvidence | None:
@@ -337,7 +320,7 @@ def impacts(e: Evidence) -> list[Check]:
         return []
     checks = [impact.recorded(), impact.jumps(), impact.touched(), impact.impacts()]
     if impact.rows.size or impact.before.record.x.size:
-        checks.append(impact.rows_hold())
+        checks.append(impact.kept())
     return [*checks, impact.losses()]
 
 
@@ -355,14 +338,18 @@ def balance(e: Evidence) -> list[Check]:
     rests[incidents.contact[incidents.cuts & (incidents.kinds != "impact")]] = True
     if moves[impact.rows].any() or (moves[impact.contacts] & rests).any():
         return []
-    (before, off), (after, off_after) = map(_energy, (impact.before, impact.after))
-    before, after = before[incidents.first], after[incidents.last]
+    energies = []  # of motion, and by how much they may be off
+    for side in (impact.before, impact.after):
+        T = _energy_of_motion(side, side.record, side.values)
+        T_moved = _energy_of_motion(side, _moved(side), side.moved_values)
+        energies.append((T, side.spread(T[:, None], T_moved[:, None])[:, 0].max(initial=0.0)))
+    before, after = energies[0][0][incidents.first], energies[1][0][incidents.last]
     t = incidents.t[incidents.first]
     count = np.searchsorted(t, e.record.t, "right")
     total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
     E_moved = _energy_of_motion(e, _moved(e), e.moved_values) + e.moved_values.V
     noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
-    of_impacts = max(off.max(initial=0.0), off_after.max(initial=0.0))
+    of_impacts = max(off for _, off in energies)
     limit = noise * (1 + np.arange(len(E)) / SAFETY) + e.tolerance.atol
     limit = limit + of_impacts * np.where(count > 0, 1 + count / SAFETY, 0.0)
     # Of rows at one time the last, which is after the impacts then: at the first time too.

@@ -103,10 +103,10 @@ def audit(
 
 def _print_report(found: Audit, verbose: bool) -> None:
     """The report: a table of checks, what fails by name, and what the rows determine uniquely."""
-    from lagcli.auditing import audit_lines
+    from lagcli.auditing.checks import audit_report
     from lagcli.output.figures import labels
 
-    name, report = labels.shortened(found.title or found.path, labels.TITLE), audit_lines.of(found)
+    name, report = labels.shortened(found.title or found.path, labels.TITLE), audit_report.lines(found)
     console.paragraph(
         f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
         f" run to rtol {found.rtol:g}, atol {found.atol:g}",
