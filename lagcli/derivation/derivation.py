@@ -13,7 +13,7 @@ from lagcli.derivation.sections.one_sided_sections import OneSided
 from lagcli.derivation.sections.page_sections import Sections
 from lagcli.derivation.sections.vakonomic_sections import Vakonomic
 from lagcli.derivation.symbolic.signs import Signs
-from lagcli.derivation.symbolic.symbolic_system import Symbolic, symbolic
+from lagcli.derivation.symbolic.symbolic_system import symbolic
 from lagcli.derivation.writing import formula as f
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -21,8 +21,7 @@ from lagcli.model import settings
 from lagcli.pfaffian.exact import time_limit
 from lagcli.pfaffian.exact.guarded import TooDeep
 
-# Of a family this many lines are shown, then the last one; of a long sum this many terms.
-SHOWN, TERMS = 2, 16
+SHOWN, TERMS = 2, 16  # lines of a family that are shown before the last one; terms of a long sum
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -89,17 +88,16 @@ def _derived(built: System, options: Options) -> Derivation:
     elif lengths:
         written.insert(0, ("Lengths", lengths))
     # Parameters that stand as numbers, and the constants of rigid bodies
-    found = []
+    substituted = []
     for name, value in system.table.substituted.items():
         left = f.FormulaText(name)
         right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
-        found.append(Line(sides=(left, right), kind="value"))
+        substituted.append(Line(sides=(left, right), kind="value"))
     for symbol, number in system.constants.items():
         body = symbol.name.split(" ")[1]
-        found.append(
-            Line(sides=(signs.node(symbol), f.FormulaNumber(f"{number:.10g}")), kind="constant", family=body)
-        )
-    if substituted := found:
+        sides = signs.node(symbol), f.FormulaNumber(f"{number:.10g}")
+        substituted.append(Line(sides=sides, kind="constant", family=body))
+    if substituted:
         written.insert(0, ("Values put in", substituted))
     sections = tuple(
         Section(title, tuple(lines if options.everything else _cut(lines)))
@@ -108,20 +106,16 @@ def _derived(built: System, options: Options) -> Derivation:
     )
     # No title, whatever characters it has, steers a terminal or leaves its line.
     title = " ".join(diagnostics.printable(model.title or "Equations of motion").split())
-    return Derivation(title, _about(system), sections, system)
-
-
-def _about(system: Symbolic) -> str:
-    particles, rows = len(system.table.particles), len(system.rows)
-    contacts = len(system.contacts.rows)
+    particles, rows, inequalities = len(system.table.particles), len(system.rows), len(system.contacts.rows)
     counts = [
         f"{particles} particle{'s' * (particles != 1)}" if particles else "",
         f"{len(system.q)} coordinate{'s' * (len(system.q) != 1)}",
         f"{rows} constraint row{'s' * (rows != 1)}",
-        f"{contacts} inequalit{'ies' if contacts > 1 else 'y'}" if contacts else "",
+        f"{inequalities} inequalit{'ies' if inequalities > 1 else 'y'}" if inequalities else "",
     ]
-    counted = ", ".join(part for part in counts if part)
-    return f"{counted}. (D.n): `lagcli explain D.n` says what each equation is."
+    counted = ", ".join(filter(None, counts))
+    about = f"{counted}. (D.n): `lagcli explain D.n` says what each equation is."
+    return Derivation(title, about, sections, system)
 
 
 def _cut(lines: list[Line]) -> Iterator[Line]:

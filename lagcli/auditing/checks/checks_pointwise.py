@@ -14,7 +14,7 @@ from lagcli.auditing.evidence.differences import CLOCK, widest, with_truncation
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.model_values import ModelOnTable
 from lagcli.auditing.evidence.table_input import ENERGY
-from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
+from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, tree
 from lagcli.expression.tree import ExpressionError
@@ -146,7 +146,7 @@ def carried(e: Evidence) -> list[Check]:
     limit += (e.noise("V_q") + e.noise("Q") + e.noise("L_q") + rate.noise)[:, own:] + e.tolerance.atol
     truncation = rate.truncation[:, own:] + np.abs(e.pushed_limit(rate_x.truncation))[:, own:]
     limit += np.abs(e.pushed_limit(e.noise("L_x") + rate_x.noise))[:, own:]
-    judged = truncation <= np.maximum(1e-3 * np.abs(acting).max(axis=0), limit)
+    judged = truncation <= np.maximum(RESOLVED * np.abs(acting).max(axis=0), limit)
     return [judge(CARRIED, e.names.q[own:], r.t, residual, with_truncation(limit, truncation), judged)]
 
 

@@ -18,7 +18,7 @@ from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence import differences
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import of_particles
-from lagcli.auditing.evidence.row_spacing import COARSE, OFTEN, REACHED, RowSpacing
+from lagcli.auditing.evidence.row_spacing import OFTEN, REACHED, RowSpacing
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 STEPS = CheckedLaw(
@@ -35,7 +35,6 @@ NODES = 4  # of a quadrature that is exact for the polynomials of six rows and t
 LEAST = 3  # differences of an order, of which one may vanish by chance
 UNSEEN = 4.0  # times the differences of order 2 where a swing is sampled slowly: they do not show all of it
 FAR = 4.0  # times the way at the largest speed of all rows, and what the largest acceleration adds
-SUDDEN = 2.0  # times how the forces of the rows bend: a push that is larger was not seen by them
 OPEN = 0.1  # of the largest step of a quantity: a bound beyond that judges nothing
 # Between two rows of a table a pulse changes velocities, and no row shows it.
 AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
@@ -151,7 +150,7 @@ def quantities(e: Evidence) -> list[Quantity]:
         if not r.x.size:
             step = float(np.median(np.diff(r.t))) if len(r.t) > 1 else np.inf
             push, size = (np.sqrt((y[:, k] ** 2).mean(axis=0)) for y in (F, L_v))
-            is_coarse = is_coarse | np.any(step * push > COARSE * size)
+            is_coarse = is_coarse | np.any(step * push > size)
             rates = F[:, k], off_L_v[:, k], off_F[:, k], is_coarse, np.abs(F[:, k]).max(axis=0), roots
             listed.append(Quantity(e.names.v[k], L_v[:, k], *rates))
         rates = r.v[:, k], off_q[:, k], off_v[:, k], is_coarse, np.abs(r.v[:, k]).max(axis=0), roots
@@ -178,7 +177,7 @@ def steps(e: Evidence) -> list[Check]:
         if 2 in grid.orders:
             bends = [grid.spread(2, each.rate) / each.root for each in every_quantity if each.second is None]
             shown = np.linalg.norm(np.concatenate(bends, axis=1), axis=1)
-        push = _hidden_push(e, wrong, SUDDEN * shown)
+        push = _hidden_push(e, wrong, BENDS * shown)
         e.hidden |= push > 0
         # The most that a push within a step changes: a momentum, or a position
         changes = (

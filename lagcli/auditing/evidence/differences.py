@@ -120,19 +120,13 @@ class DifferenceGrid:
             slope = combined(indices, weights, y, about=True)
             if narrower is not None:
                 now = np.abs(slope - narrower)
-                wrong = PARAMETERS.caution * widest(
-                    np.maximum(now, PARAMETERS.last * before), PARAMETERS.reach
-                )
-                before = now
+                larger = np.maximum(now, PARAMETERS.last * before)
+                wrong, before = PARAMETERS.caution * widest(larger, PARAMETERS.reach), now
                 wrong[indices[:, 0] != np.arange(len(y)) - indices.shape[1] // 2] *= PARAMETERS.one_sided
                 sizes = np.abs(weights)
-                if noise.ndim == 1:
-                    spread = sizes.sum(axis=1)[:, None] * noise
-                else:
-                    spread = combined(indices, sizes, noise)
-                spread = (
-                    spread + clock * np.abs(slope) + 4 * doubles.EPS * sizes.sum(axis=1)[:, None] * np.abs(y)
-                )
+                total = sizes.sum(axis=1)[:, None]
+                spread = total * noise if noise.ndim == 1 else combined(indices, sizes, noise)
+                spread = spread + clock * np.abs(slope) + 4 * doubles.EPS * total * np.abs(y)
                 wider = Estimate(slope, spread, wrong)
                 if best is not None:
                     keep = best.bound <= wider.bound
@@ -170,25 +164,22 @@ class DifferenceGrid:
             first, width = self._quadrature[0][0][:, 0], self._quadrature[0][0].shape[1]
             wrong[first != np.arange(len(first)) - (width - 1) // 2] *= PARAMETERS.one_sided
             clear = self.resolved(y, noise)
-            wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, self._unresolved(y)))
+            # Where y may have a kink or a jump within a step, the integral over it is bounded by second differences.
+            unresolved = np.full(wrong.shape, np.inf)
+            if len(self.t) >= 4:
+                second = np.abs(scaled_differences(self.t, y, 2))
+                ends = np.concatenate([second[:1], second, second[-1:]])
+                unresolved = widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None]
+            wrong = np.where(clear[1:] & clear[:-1], wrong, np.maximum(wrong, unresolved))
         begin = np.zeros((1, y.shape[1]))
         total = np.concatenate([begin, np.cumsum(increments, axis=0)])
         rounding = np.concatenate([begin, np.cumsum(np.abs(increments), axis=0)]) * 16 * doubles.EPS
         # Each time is an end of two steps: with an integrand that stays the same no more is left of the rounding of all
         # times than of the first and the last.
         ways = np.concatenate([begin, np.cumsum(np.abs(np.diff(y, axis=0)), axis=0)])
-        rounding = rounding + self.clock / CLOCK * (
-            CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + doubles.EPS * ways
-        )
+        clock = CLOCK * np.maximum(np.abs(y), np.abs(y[0])) + doubles.EPS * ways
+        rounding = rounding + self.clock / CLOCK * clock
         return Estimate(total, rounding, np.concatenate([begin, np.cumsum(wrong, axis=0)]))
-
-    def _unresolved(self, y: Array) -> Array:
-        """A bound of the integral over each step (T - 1, k) where y may have a kink or a jump within it."""
-        if len(self.t) < 4:
-            return np.full((len(self.t) - 1, y.shape[1]), np.inf)
-        second = np.abs(scaled_differences(self.t, y, 2))
-        ends = np.concatenate([second[:1], second, second[-1:]])
-        return np.asarray(widest(np.maximum(ends[1:], ends[:-1]), 1) * self._steps[:, None])
 
     def roughness(self, y: Array, rate: Array) -> Array:
         """The effect that a jump or a kink of the rates (T, k) may have on the derivative of columns y (T, k), (T, k).
@@ -201,19 +192,18 @@ class DifferenceGrid:
         if order < 2:
             return np.zeros(rate.shape)
         steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
-        ours = scaled_differences(self.t, y, order + 1) / steps
-        return np.minimum(
-            self._largest_in_stencil(ours, order + 1),
-            self._largest_in_stencil(scaled_differences(self.t, rate, order), order),
+        ours, theirs = (
+            scaled_differences(self.t, y, order + 1) / steps,
+            scaled_differences(self.t, rate, order),
         )
-
-    def _largest_in_stencil(self, differences: Array, order: int) -> Array:
-        """The largest difference of an order within the stencils of each row."""
-        weights = np.full(len(differences), PARAMETERS.kinked)
-        weights[: order // 2] = weights[-(order // 2) :] = PARAMETERS.kinked_end
-        centred = np.zeros((len(self.t), differences.shape[1]))
-        centred[order // 2 : order // 2 + len(differences)] = np.abs(differences) * weights[:, None]
-        return widest(centred, PARAMETERS.around)
+        largest = []  # within the stencils of each row
+        for differences, half in ((ours, (order + 1) // 2), (theirs, order // 2)):
+            weights = np.full(len(differences), PARAMETERS.kinked)
+            weights[:half] = weights[-half:] = PARAMETERS.kinked_end
+            centred = np.zeros(rate.shape)
+            centred[half : half + len(differences)] = np.abs(differences) * weights[:, None]
+            largest.append(widest(centred, PARAMETERS.around))
+        return np.minimum(*largest)
 
     @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:

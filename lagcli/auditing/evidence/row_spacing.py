@@ -18,7 +18,6 @@ from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
-COARSE = 1.0  # a row to the next may change a velocity by that part of itself
 LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
 OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
@@ -42,7 +41,7 @@ class TurningParameters:
 
 
 PARAMETERS = TurningParameters()
-GOLDEN = (np.sqrt(5.0) - 1) / 2
+GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 class RowSpacing:
@@ -61,17 +60,13 @@ class RowSpacing:
         rows, own = len(r.t), index.first_generalized
         force = self._e.total_force
         force_x = r.R_x + self._e.particle_forces[:, index.dependent].reshape(rows, -1)
-        slow = self._e.grid.resolved(r.v, SAFETY * self._e.off_v) | self._e.grid.resolved(
-            force, SAFETY * self._e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
-        )
-        slow_x = self._e.grid.resolved(r.u, SAFETY * self._e.off_x) | self._e.grid.resolved(
-            force_x, SAFETY * self._e.tolerance.rtol * np.abs(force_x).max(axis=0, initial=0.0)
-        )
+        grid, part = self._e.grid, SAFETY * self._e.tolerance.rtol
+        by_rates = grid.resolved(r.v, SAFETY * self._e.off_v)
+        slow = by_rates | grid.resolved(force, part * np.abs(force).max(axis=0, initial=0.0))
+        slow_x = grid.resolved(r.u, SAFETY * self._e.off_x)
+        slow_x |= grid.resolved(force_x, part * np.abs(force_x).max(axis=0, initial=0.0))
         if r.x.size:
-            slow[:, own:] &= (
-                np.all(slow_x, axis=1, keepdims=True)
-                | self._e.grid.resolved(r.v, SAFETY * self._e.off_v)[:, own:]
-            )
+            slow[:, own:] &= np.all(slow_x, axis=1, keepdims=True) | by_rates[:, own:]
         if self.is_coarse[1].any():
             slow[:, own:] = False
         return slow & ~self.is_coarse[0], slow_x & ~self.is_coarse[1]
@@ -84,7 +79,7 @@ class RowSpacing:
         can_swing = np.zeros(self._e.record.q.shape, dtype=bool)
         own = self._e.laws.index.first_generalized
         if own and len(can_swing) > 1:
-            can_swing[:, :own] = np.repeat(widest(self._swing) > COARSE, 3, axis=1)
+            can_swing[:, :own] = np.repeat(widest(self._swing) > 1, 3, axis=1)
         return can_swing
 
     @functools.cached_property
@@ -149,7 +144,7 @@ def _coarse(v: Array, a: Array, step: float, size: float) -> Array:
     What moves by less than rounding beside the `size` of the system is at rest.
     """
     speed, push = (np.sqrt((y.reshape(len(y), -1, 3) ** 2).sum(axis=2).mean(axis=0)) for y in (v, a))
-    return np.asarray((step * push > COARSE * speed) & (step * step * push > 1e-9 * size))
+    return np.asarray((step * push > speed) & (step * step * push > 1e-9 * size))
 
 
 def _turning_steps(laws: ModelLaws, record: Record, part: float, atol: float) -> Array:
@@ -159,7 +154,12 @@ def _turning_steps(laws: ModelLaws, record: Record, part: float, atol: float) ->
     Each row is gone on from with its own rates, so that rows out of order look as they are. part: of the size of a
     column what is noise, beside `atol`.
     """
-    sizes = _weights(laws, record)
+    # Rates of the size of those of the record, and multipliers by which rows pull alike at its first row
+    random = np.random.default_rng(6)
+    B = laws.matrix(record.t[:1], record.q[:1], record.v[:1])[0]
+    lengths = np.nan_to_num(np.linalg.norm(B, axis=1))
+    rates = np.abs(record.v).max(axis=0) * random.uniform(0.5, 1.0, record.v.shape[1])
+    sizes = rates, random.uniform(0.5, 1.0, len(lengths)) / np.where(lengths > 0, lengths, 1.0)
     rows = _on_coordinates(laws, record.t, record.q, *sizes)
     ahead = np.zeros((len(rows) - 1, rows.shape[1]))
     h = np.diff(record.t)
@@ -173,14 +173,6 @@ def _turning_steps(laws: ModelLaws, record: Record, part: float, atol: float) ->
     shown = np.maximum(shown, np.concatenate([shown[:1], shown[:-1]]))
     turned = (ahead > 2 * np.sin(PARAMETERS.angle / 2) * swing) | (ahead > 2 * shown)
     return np.asarray(turned & (ahead > floor))
-
-
-def _weights(laws: ModelLaws, record: Record) -> tuple[Array, Array]:
-    """Rates (n,) of the size of those of a record, and multipliers (C,) by which rows pull alike at its first row."""
-    random = np.random.default_rng(6)
-    lengths = np.nan_to_num(np.linalg.norm(laws.matrix(record.t[:1], record.q[:1], record.v[:1])[0], axis=1))
-    rates = np.abs(record.v).max(axis=0) * random.uniform(0.5, 1.0, record.v.shape[1])
-    return rates, random.uniform(0.5, 1.0, len(lengths)) / np.where(lengths > 0, lengths, 1.0)
 
 
 def _on_coordinates(laws: ModelLaws, t: Array, q: Array, rates: Array, multipliers: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -114,11 +115,6 @@ class TableNames:
     R_q: tuple[str, ...]
     R_x: tuple[str, ...]
 
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """All columns."""
-        return ("t", *self.q, *self.v, *self.x, *self.u, *self.lam, *self.R_q, *self.R_x)
-
 
 def names(laws: ModelLaws) -> TableNames:
     """The columns that the audit of a model needs."""
@@ -143,7 +139,8 @@ def names(laws: ModelLaws) -> TableNames:
 
 def wanted(laws: ModelLaws, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that an audit reads of those of a table. Raises `TableError` with what is missing."""
-    needed, known = names(laws).needed, set(columns)
+    needed = ("t", *itertools.chain.from_iterable(dataclasses.astuple(names(laws))))
+    known = set(columns)
     missing = [name for name in needed if name not in known]
     if missing:
         shown = ", ".join(f"`{name}`" for name in missing[:SHOWN])
@@ -180,10 +177,7 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
         t = t.copy()
         for k in np.flatnonzero(np.diff(t) <= ROUNDINGS * np.spacing(np.abs(t[1:])))[::-1]:
             t[k] = t[k + 1]
-    own = names(laws)
-    parts = {
-        field.name: [known[name] for name in getattr(own, field.name)] for field in dataclasses.fields(own)
-    }
+    parts = {part: [known[name] for name in own] for part, own in dataclasses.asdict(names(laws)).items()}
     follows = np.concatenate([[False], np.diff(t) == 0])
     side = follows * 1.0 - (np.append(follows[1:], False) & ~follows)
     return Record(t=t, side=side, **{part: rows[:, indices] for part, indices in parts.items()})
@@ -229,10 +223,8 @@ def at_rows(incidents: Incidents, r: Record) -> Incidents:
     if not len(t):
         return incidents
     row = np.clip(np.searchsorted(r.t, t), 1, max(1, len(r.t) - 1))
-    for k in (row - 1, np.minimum(row, len(r.t) - 1)):
-        k = (
-            np.searchsorted(r.t, r.t[k], "right") - 1
-        )  # of rows at one time the last, which has the state after
+    for near in (row - 1, np.minimum(row, len(r.t) - 1)):
+        k = np.searchsorted(r.t, r.t[near], "right") - 1  # of rows at one time the last, with the state after
         is_near = np.abs(r.t[k] - t) <= ROUNDINGS * np.spacing(np.abs(t))
         off = [np.abs(r.v[k] - state.v).max(axis=1) for state in (incidents.before, incidents.after)]
         t = np.where(is_near & (off[1] < off[0]), r.t[k], t)

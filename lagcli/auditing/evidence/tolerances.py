@@ -302,29 +302,22 @@ def _force_rounding(laws: ModelLaws, record: Record, values: LawValues) -> Force
     q[:own] += pushed[index.cartesian].ravel()
     x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
     x = x + pushed[index.dependent].ravel()
-    # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
-    M, M_x = _inertia(laws, part), np.repeat(index.masses[index.dependent], 3)
-    common = max((_ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
-    q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
-    return ForceRounding(q, x, _ratio(q, M))
-
-
-def _ratio(y: Array, by: Array) -> Array:
-    """y/by, and 0 where `by` is."""
-    return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
-
-
-def _inertia(laws: ModelLaws, record: Record) -> Array:
-    """The diagonal of the mass matrix (n,) at the first row of a record."""
-    index, n = laws.index, laws.index.n
-    M = np.zeros(n)
-    M[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
-    t, q, lam = (np.repeat(part[:1], n + 1, axis=0) for part in (record.t, record.q, record.lam))
+    # The diagonal of the mass matrix at the first row
+    n, M, M_x = index.n, np.zeros(index.n), np.repeat(index.masses[index.dependent], 3)
+    M[:own] = np.repeat(index.masses[index.cartesian], 3)
+    t, still, lam = (np.repeat(y[:1], n + 1, axis=0) for y in (part.t, part.q, part.lam))
     unit = np.vstack([np.eye(n), np.zeros((1, n))])
     if laws.model.lagrangian is not None:
-        L_v = laws.values(t, q, unit, lam).L_v
+        L_v = laws.values(t, still, unit, lam).L_v
         M += np.abs(np.diagonal(L_v[:n] - L_v[n]))
     if index.dependent.size:
-        moved = laws.displaced(t, q, 0 * unit, unit)[:n]
-        M += (np.repeat(index.masses[index.dependent], 3) * moved**2).sum(axis=1)
-    return M
+        M += (M_x * laws.displaced(t, still, 0 * unit, unit)[:n] ** 2).sum(axis=1)
+
+    def ratio(y: Array, by: Array) -> Array:
+        """y/by, and 0 where `by` is."""
+        return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
+
+    # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
+    common = max((ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
+    q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
+    return ForceRounding(q, x, ratio(q, M))

@@ -81,16 +81,6 @@ class WrittenDigits:
         """True for a table that was rounded."""
         return self.part + self.unit > 0
 
-    def of_times(self, t: Array) -> WrittenDigits:
-        """Add the digits of times (T,), which may be fewer: those of a grid are exact."""
-        if (
-            not self.is_short
-            or _is_whole(np.abs(t[t != 0]), self.digits + self.decimals - 1, self.digits > 0).all()
-        ):
-            return self
-        half = self.part * float(np.abs(t).max(initial=0.0)) + self.unit
-        return dataclasses.replace(self, time=max(self.time, half))
-
     @property
     def is_certain(self) -> bool:
         """True for so many digits that they are short by rounding alone."""
@@ -119,7 +109,10 @@ def of(rows: Array, t: Array) -> WrittenDigits:
         enough = len(t) * max(digits.digits, digits.decimals) >= PARAMETERS.together
         if not digits.is_short or (enough and not digits.is_told):
             return ALL
-    return digits.of_times(t)
+    # Times may have fewer: those of a grid are exact.
+    if _is_whole(np.abs(t[t != 0]), digits.digits + digits.decimals - 1, digits.digits > 0).all():
+        return digits
+    return dataclasses.replace(digits, time=digits.part * float(np.abs(t).max(initial=0.0)) + digits.unit)
 
 
 def _of_numbers(numbers: Array) -> WrittenDigits:

@@ -91,19 +91,10 @@ def _small(node: f.Fraction) -> str | None:
     return None
 
 
-# Each part of a formula is written once: written twice at every level, a nested one would take 2^depth steps.
-def _fraction(node: f.Fraction) -> tuple[str, int]:
-    return _small(node) or f"{_grouped(node.above, PRODUCT)}/{_grouped(node.below, APPLIED)}", PRODUCT
-
-
 def _raised(exponent: f.FormulaNode) -> str:
     """A whole exponent in raised digits; empty for another."""
     digits = text(exponent).replace("−", "-")
     return digits.translate(_SUPER) if digits.lstrip("-").isdecimal() and digits.isascii() else ""
-
-
-def _power(node: f.FormulaPower) -> tuple[str, int]:
-    return _grouped(node.base, ATOM) + (_raised(node.exponent) or f"^{_grouped(node.exponent, ATOM)}"), ATOM
 
 
 def _apply(node: f.Apply, closed: bool = False) -> tuple[str, int]:
@@ -127,14 +118,21 @@ def _slope(node: f.Slope) -> tuple[str, int]:
     return f"{letter}{text(node.above) if node.above else ''}/{letter}{text(node.below)}", APPLIED
 
 
+# Each part of a formula is written once: written twice at every level, a nested one would take 2^depth steps.
 _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
     f.Sign: _sign,
     f.FormulaNumber: _number,
     f.FormulaText: lambda node: (node.text, ATOM),
     f.FormulaSum: _sum,
     f.FormulaProduct: _product,
-    f.Fraction: _fraction,
-    f.FormulaPower: _power,
+    f.Fraction: lambda node: (
+        _small(node) or f"{_grouped(node.above, PRODUCT)}/{_grouped(node.below, APPLIED)}",
+        PRODUCT,
+    ),
+    f.FormulaPower: lambda node: (
+        _grouped(node.base, ATOM) + (_raised(node.exponent) or f"^{_grouped(node.exponent, ATOM)}"),
+        ATOM,
+    ),
     f.Root: lambda node: (f"√{_grouped(node.inner, ATOM)}", ATOM),
     f.Bars: lambda node: (f"|{text(node.inner)}|", ATOM),
     f.Apply: _apply,
