@@ -23,12 +23,11 @@ from lagcli.auditing.checks import (
     checks_steps,
 )
 from lagcli.auditing.checks.audit_report import FAR_APART, Audit, Check, CheckedLaw, judge, merged
-from lagcli.auditing.evidence import model_values, table_input, written_digits
+from lagcli.auditing.evidence import model_values, table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import ModelLaws
-from lagcli.auditing.evidence.table_input import AuditedTable, Record
+from lagcli.auditing.evidence.table_input import AuditedTable, Record, WrittenDigits
 from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
-from lagcli.auditing.evidence.written_digits import WrittenDigits
 from lagcli.model import model as nouns
 
 NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
@@ -93,7 +92,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     entries = np.where(np.isfinite(np.concatenate([values for _, values in parts], axis=1)), 0.0, np.nan)
     of_entries = [name for part, _ in parts for name in part]
     checks = [judge(NUMBERS, of_entries, record.t, entries, np.ones((1, 1)))]
-    judged, written = _Judged([], (), (), ()), [written_digits.ALL, written_digits.ALL]
+    judged, written = _Judged([], (), (), ()), [table_input.ALL, table_input.ALL]
     short = written
 
     def judge_by(digits: list[WrittenDigits]) -> _Judged:
@@ -104,10 +103,10 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     if checks[0].verdict != "fail":
         judged = judge_by(written)
         if any(check.verdict == "fail" for check in judged.checks):
-            short = [_digits(table.columns, table.rows, record.t), written_digits.ALL]
+            short = [_digits(table.columns, table.rows, record.t), table_input.ALL]
             if table.events is not None:  # two files
                 short[1] = _digits(table.events.columns, table.events.rows)
-        told = [digits if digits.is_told else written_digits.ALL for digits in short]
+        told = [digits if digits.is_told else table_input.ALL for digits in short]
         if any(digits.is_certain for digits in told) or judged.fail_everywhere:
             written = told
         if any(digits.is_short for digits in written):
@@ -140,7 +139,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
 def _digits(columns: Sequence[str], rows: Array, t: Array | None = None) -> WrittenDigits:
     """The digits of the numbers of a table with its times, those of its column t where they are not given."""
     index = list(columns).index("t")
-    return written_digits.of(np.delete(rows, index, axis=1), rows[:, index] if t is None else t)
+    return table_input.digits_of(np.delete(rows, index, axis=1), rows[:, index] if t is None else t)
 
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
@@ -165,7 +164,7 @@ class _Judged(NamedTuple):
     def fail_everywhere(self) -> bool:
         """True if most rows that a check looks at fail: so they do where they are rounded, but for the first row, which
         may be as it was declared."""
-        least = written_digits.PARAMETERS.everywhere
+        least = table_input.PARAMETERS.everywhere
         beyond = (
             [ratio > 1 for _, ratio in check.curve][1:] for check in self.checks if check.verdict == "fail"
         )

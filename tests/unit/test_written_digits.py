@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagcli.auditing.evidence import written_digits
+from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.table_input import ALL, WrittenDigits
 from lagcli.auditing.evidence.tolerances import SAFETY, Tolerance
-from lagcli.auditing.evidence.written_digits import ALL, WrittenDigits
 
 T = np.array([0.0, 0.5, 1.0])
 
@@ -24,7 +24,7 @@ def rounded(numbers: Array, digits: int) -> Array:
 
 
 def of(numbers: Array, t: Array = T) -> WrittenDigits:
-    return written_digits.of(numbers[:, None], t)
+    return table_input.digits_of(numbers[:, None], t)
 
 
 @pytest.mark.parametrize("digits", [6, 8, 9, 10, 12])
@@ -71,13 +71,13 @@ def test_no_more_than_two_thousand_numbers_are_looked_at_where_all_digits_are_th
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     counts: list[int] = []
-    judged = written_digits._of_numbers
+    judged = table_input._of_numbers
 
     def counted(numbers: Array) -> WrittenDigits:
         counts.append(len(numbers))
         return judged(numbers)
 
-    monkeypatch.setattr(written_digits, "_of_numbers", counted)
+    monkeypatch.setattr(table_input, "_of_numbers", counted)
     assert of(generic(100_000)) is ALL
     assert counts == [2000]
     # Of a table that is rounded all are looked at: one number that is not tells.

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.written_digits import WrittenDigits
+from lagcli.auditing.evidence.table_input import WrittenDigits
 from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]

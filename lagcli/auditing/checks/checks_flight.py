@@ -18,7 +18,7 @@ from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, merged
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import PARAMETERS, of_particles, values_at
+from lagcli.auditing.evidence.differences import PARAMETERS, of_particles, weights_at_zero
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.table_input import Record
@@ -178,9 +178,9 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
         t, times, rates = state.t[k], r.t[rows], r.v[rows]
         way, mean = times[:, 0] - t, np.zeros(times.shape)
         for node, share in zip(nodes, shares, strict=True):
-            mean += share / 2 * values_at(times - (t + way * (1 + node) / 2)[:, None])
+            mean += share / 2 * weights_at_zero(times - (t + way * (1 + node) / 2)[:, None])[0]
         integral = way[:, None] * np.einsum("ms,msn->mn", mean, rates)
-        rate = np.einsum("ms,msn->mn", values_at(times - t[:, None]), rates)
+        rate = np.einsum("ms,msn->mn", weights_at_zero(times - t[:, None])[0], rates)
         spread = np.abs(mean).sum(axis=1)
         apart = np.zeros(state.q.shape)
         apart[k] = r.q[rows[:, 0]] - state.q[k] - integral

@@ -75,20 +75,7 @@ class TableSteps:
     @functools.cached_property
     def weights(self) -> dict[int, tuple[Array, Array, Array]]:
         """By order: indices (T - 1, m), weights of the integral of s -> y and of s -> (h/2 - s) y over each step."""
-        nodes, shares = np.polynomial.legendre.leggauss(NODES)
-        by_order = {}
-        for m in self.orders:
-            first = np.clip(np.arange(len(self.h)) - (m // 2 - 1), 0, len(self.t) - m)
-            indices = first[:, None] + np.arange(m)
-            plain, moment = np.zeros(indices.shape), np.zeros(indices.shape)
-            s = self.h * (1 + nodes[:, None]) / 2
-            values = differences.values_at((self.t[indices] - (self.t[:-1] + s)[:, :, None]).reshape(-1, m))
-            for i, here in enumerate(values.reshape(NODES, *indices.shape)):
-                here *= (shares[i] / 2 * self.h)[:, None]
-                plain += here
-                moment += here * (self.h / 2 - s[i])[:, None]
-            by_order[m] = indices, plain, moment
-        return by_order
+        return {m: differences.step_weights(self.t, m, NODES) for m in self.orders}
 
     def spread(self, m: int, y: Array) -> Array:
         """The largest differences of order m of columns y (T, k) around each step, (T - 1, k)."""

@@ -102,8 +102,8 @@ class DifferenceGrid:
         stencils = []
         for width in PARAMETERS.widths:
             if width <= len(self.t):
-                indices = self._around(np.arange(len(self.t)) - width // 2, width)
-                stencils.append((indices, _weights(self.t[indices] - self.t[:, None])[1]))
+                indices = _around(np.arange(len(self.t)) - width // 2, width, len(self.t))
+                stencils.append((indices, weights_at_zero(self.t[indices] - self.t[:, None])[1]))
         return stencils
 
     def derivative(self, y: Array, noise: Array) -> Estimate:
@@ -208,22 +208,29 @@ class DifferenceGrid:
     @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:
         """Indices and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
-        nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
-        rules: list[tuple[Array, Array]] = []
         widest = min(2 * PARAMETERS.gauss, len(self.t))
-        for width in (widest, max(1, widest - 2), max(1, widest - 4)):
-            indices = self._around(np.arange(len(self.t) - 1) - (width - 1) // 2, width)
-            at = self.t[:-1] + self._steps * (1 + nodes[:, None]) / 2
-            values = _weights((self.t[indices] - at[:, :, None]).reshape(-1, width))[0]
-            weights = np.zeros(indices.shape)
-            for share, value in zip(shares, values.reshape(PARAMETERS.gauss, *indices.shape), strict=True):
-                weights += share / 2 * self._steps[:, None] * value
-            rules.append((indices, weights))
-        return rules
+        widths = (widest, max(1, widest - 2), max(1, widest - 4))
+        return [step_weights(self.t, width, PARAMETERS.gauss)[:2] for width in widths]
 
-    def _around(self, first: Array, width: int) -> Array:
-        first = np.clip(first, 0, len(self.t) - width)
-        return np.asarray(first[:, None] + np.arange(width))
+
+def step_weights(t: Array, width: int, count: int) -> tuple[Array, Array, Array]:
+    """Indices (T - 1, S) of `width` rows around each step of times (T,), and the weights of the integrals over it of
+    the polynomials y through them and of (h/2 - s) y, s from its beginning; count: nodes of the quadrature."""
+    nodes, shares = np.polynomial.legendre.leggauss(count)
+    h, indices = np.diff(t), _around(np.arange(len(t) - 1) - (width - 1) // 2, width, len(t))
+    s = h * (1 + nodes[:, None]) / 2
+    values = weights_at_zero((t[indices] - (t[:-1] + s)[:, :, None]).reshape(-1, width))[0]
+    plain, moment = np.zeros(indices.shape), np.zeros(indices.shape)
+    for share, offset, value in zip(shares, s, values.reshape(count, *indices.shape), strict=True):
+        here = value * (share / 2 * h)[:, None]
+        plain += here
+        moment += here * (h / 2 - offset)[:, None]
+    return indices, plain, moment
+
+
+def _around(first: Array, width: int, rows: int) -> Array:
+    """The numbers of `width` rows from the first on, of a table of so many, (M, width)."""
+    return np.asarray(np.clip(first, 0, rows - width)[:, None] + np.arange(width))
 
 
 def combined(indices: Array, weights: Array, y: Array, about: bool = False) -> Array:
@@ -252,11 +259,6 @@ def scaled_differences(t: Array, y: Array, order: int) -> Array:
     return np.asarray(differences * (math.factorial(order) * steps**order)[:, None])
 
 
-def values_at(x: Array) -> Array:
-    """The weights (M, S) of the value at 0 of the polynomials through what is known at x (M, S)."""
-    return _weights(x)[0]
-
-
 def widest(y: Array, reach: int = 2) -> Array:
     """The largest of each column within `reach` rows."""
     largest = y.copy()
@@ -278,7 +280,7 @@ def of_particles(size: Array) -> Array:
     )
 
 
-def _weights(x: Array) -> tuple[Array, Array]:
+def weights_at_zero(x: Array) -> tuple[Array, Array]:
     """Weights (M, S) of the value and of the derivative at 0 of what is known at x (M, S)."""
     size = np.abs(x).max(axis=1)
     x = np.ascontiguousarray(x.T) / size

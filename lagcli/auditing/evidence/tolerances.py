@@ -15,13 +15,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.evidence import differences, table_input, written_digits
+from lagcli.auditing.evidence import differences, table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
-from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames
+from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames, WrittenDigits
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
-from lagcli.auditing.evidence.written_digits import WrittenDigits
 
 Made = typing.TypeVar("Made")
 SAFETY = 30.0  # a limit is so many times the noise that evaluations at states moved by delta show
@@ -41,11 +40,11 @@ class Tolerance:
     rtol: float
     atol: float
     jumps: Mapping[int, tuple[float, ...]] = dataclasses.field(default_factory=dict)
-    written: WrittenDigits = written_digits.ALL
+    written: WrittenDigits = table_input.ALL
 
     def by(self, written: WrittenDigits) -> Tolerance:
         """The tolerance for a table whose numbers have these digits: `SAFETY` times it contains the rounding."""
-        share = written_digits.PARAMETERS.halves / SAFETY
+        share = table_input.PARAMETERS.halves / SAFETY
         rtol, atol = self.rtol + share * written.part, self.atol + share * written.unit
         return Tolerance(rtol, atol, self.jumps, written)
 
@@ -88,7 +87,7 @@ class Evidence:
         self.laws, self.record, self.tolerance = laws, record, tolerance
         self.names: TableNames = table_input.names(laws)
         rounding = differences.CLOCK * np.abs(self._whole.t).max(initial=0.0)
-        self.clock = rounding + written_digits.PARAMETERS.halves * tolerance.written.time
+        self.clock = rounding + table_input.PARAMETERS.halves * tolerance.written.time
         self.grid = DifferenceGrid(record.t, self.clock)
         # A row before an instant is on that side of what jumps there.
         self._t = record.t + 2 * rounding * record.side
@@ -156,7 +155,7 @@ class Evidence:
         lam, written = self.record.lam, self.tolerance.written
         if written.is_short:
             lam = lam + self._random.choice((-1.0, 1.0), lam.shape) * self.recorded(lam) / SAFETY
-        clock = self.clock if not written.time else written_digits.PARAMETERS.halves / SAFETY * written.time
+        clock = self.clock if not written.time else table_input.PARAMETERS.halves / SAFETY * written.time
         ahead = np.where(self.record.side < 0, -clock, clock)
         return self.laws.values(self._t + ahead, *self.moved, lam)
 
