@@ -94,6 +94,11 @@ def generic_direction(n: int, seed: int) -> Floats:
     return np.asarray((k * k * golden).astype(np.int64) * (3**0.5 / 2**63))
 
 
+def generic_parts(count: int) -> tuple[float, ...]:
+    """So many parts of a way, the last of them 1, at no common period."""
+    return tuple(((np.arange(1, count + 1) / count) ** np.sqrt(2)).tolist())
+
+
 def generic_signs(n: int) -> Floats:
     """n times -1 or 1 (n,), the first that the generator with the seed 0 chooses."""
     if n <= len(_FIRST_SIGNS):

@@ -21,7 +21,6 @@ from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions, rank
 from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
-from lagcli.linearization.reference import PATH_PARTS
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
@@ -31,6 +30,8 @@ Signature = Callable[[float], Floats]
 RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow
 # Times that are looked at in a span, and decades of the spans, the longest of which is the time allowed.
 TIMES, DECADES = 400, 3
+# Instants, in parts of a span, at which what comes back must do so; a return to the second of them is looked for.
+INSTANTS = (0.0173, 0.1379, 0.3813)
 # A return is one that comes this near, as a part of the way between: at 1e-8
 # `test_a_motion_is_periodic_where_it_comes_back_to_seven_digits` of `tests/unit/test_numbers_of_linear_equations.py`
 # fails.
@@ -151,7 +152,7 @@ def cycle(orbit: FollowedMotion, T: float) -> tuple[Complex, Complex]:
 
 
 def period(signature: Signature, longest: float) -> float | None:
-    """The period T of a function of time, T <= longest / (1 + the last of PATH_PARTS), or None where it has none.
+    """The period T of a function of time, T <= longest / 2, or None where it has none.
 
     A return of its value is looked for by its way through the plane across its first direction, and what comes back
     must do so at other instants too.
@@ -173,7 +174,7 @@ def _first_return(signature: Signature, times: Floats, values: Floats, size: flo
     from scipy import optimize
 
     # A generic instant: at the first one a derivative may vanish.
-    begin = int(PATH_PARTS[1] * len(times))
+    begin = int(INSTANTS[1] * len(times))
     here, ahead = values[begin], values[begin + 1] - values[begin - 1]
     along = (values - here) @ ahead
 
@@ -187,7 +188,7 @@ def _first_return(signature: Signature, times: Floats, values: Floats, size: flo
         if way(at) != 0:
             at = float(optimize.brentq(way, at, until, xtol=1e-300, rtol=4e-15, maxiter=REFINEMENTS))
         T = at - times[begin]
-        again = (times[int(part * (len(times) - 1))] for part in PATH_PARTS[:3])
+        again = (times[int(part * (len(times) - 1))] for part in INSTANTS)
         if np.abs(signature(at) - here).max() <= CLOSED * size and all(
             np.abs(signature(t + T) - signature(t)).max() <= CLOSED * size for t in again
         ):

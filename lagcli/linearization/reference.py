@@ -15,14 +15,15 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
+from lagcli.linear import decompositions
 from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference, RowValues
 
 Floats = npt.NDArray[np.float64]
 Kind = Literal["equilibrium", "steady", "varying"]
 
-# Parts of the duration at which the path is looked at: no common period.
-PATH_PARTS = (0.0173, 0.1379, 0.3813, 0.7071, 1.0)
+# Parts of the duration at which the path is looked at.
+PATH_PARTS = decompositions.generic_parts(5)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -24,13 +24,14 @@ from lagcli.compiled.program import Program
 from lagcli.equations.level_functions import LevelExpression
 from lagcli.equations.power_series import SeriesFunction
 from lagcli.equations.system import System
+from lagcli.linear import decompositions
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
-# Times at which equations that hold t are asked to hold together, as parts of the length of a run, and those at which
-# what is found is looked at again.
-ASKED, PROVED = (0.0, 0.37, 0.81), (0.113, 0.291, 0.523, 0.697, 0.977)
+# Times at which equations that hold t are looked at: every third of them together with the start, the others again when
+# a point is found.
+TIMES = 8
 # Of a value as a function of one coordinate: it has the period, or grows by a whole multiple of the coordinate.
 NOT_PERIODIC: Final = None
 # Functions without which nothing is periodic.
@@ -168,10 +169,10 @@ class StaticProblem:
         self._precise: dict[tuple[int, ...], Program] = {}
         self.times: tuple[float, ...] = (self.t,)
         self.later: tuple[float, ...] = ()
-        later = tuple(self.t + part * (duration or 1.0) for part in PROVED)
-        if not self._is_steady(later):
-            self.times = tuple(self.t + part * (duration or 1.0) for part in ASKED)
-            self.later = later
+        times = [self.t + part * (duration or 1.0) for part in decompositions.generic_parts(TIMES)]
+        if not self._is_steady(times):
+            self.times = (self.t, *times[3::3])
+            self.later = tuple(t for t in times if t not in self.times)
 
     @cached_property
     def _bound(self) -> BoundFunction:
