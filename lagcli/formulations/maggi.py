@@ -221,23 +221,16 @@ class Chart:
         return float(np.abs(step).max(initial=0.0)) / self._size
 
 
-def multipliers(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:
-    """lambda (C,) with B^T lambda = M a - h (D.24); of dependent rows those with the least sum of
-    lambda_i^2 B_i M^-1 B_i^T."""
+def reactions(functions: DenseFunctions, t: float, motion: ReducedMotion) -> tuple[Floats, Floats]:
+    """lambda (C,) with B^T lambda = R, of dependent rows those with the least sum of lambda_i^2 B_i M^-1 B_i^T, and
+    R = M a - h (n,), the forces of constraint without multipliers (D.23, D.24)."""
+    forces = functions.forces(t, motion.q, motion.v)
+    R = forces.times(motion.a) - forces.h
     if not functions.rows:
-        return np.zeros(0)
-    B = functions.point(t, motion.q).B
-    forces = functions.forces(t, motion.q, motion.v)
+        return np.zeros(0), R
     lower = np.linalg.cholesky(forces.M)
-    white = np.linalg.solve(lower, B.T).T
-    right = np.linalg.solve(lower, forces.M @ motion.a - forces.h)
-    return rank.multipliers(white, right, decompositions.lengths(white))
-
-
-def reaction(functions: DenseFunctions, t: float, motion: ReducedMotion) -> Floats:
-    """R = M a - h (n,), the forces of constraint without multipliers (D.23)."""
-    forces = functions.forces(t, motion.q, motion.v)
-    return forces.times(motion.a) - forces.h
+    white = np.linalg.solve(lower, functions.point(t, motion.q).B.T).T
+    return rank.multipliers(white, np.linalg.solve(lower, R), decompositions.lengths(white)), R
 
 
 def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:

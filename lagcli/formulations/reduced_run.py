@@ -69,9 +69,9 @@ def run(
     stopped = None
     try:
         for t, motion in _rows(functions, grid, (q, v), settings, statistics):
-            lam = maggi.multipliers(functions, t, motion)
+            lam, R = maggi.reactions(functions, t, motion)
             row = functions.row(t, (motion.q, motion.v, motion.a), lam)
-            row[columns] = maggi.reaction(functions, t, motion)
+            row[columns] = R
             found.append(row)
     except ReducedStop as stop:
         stopped = stop

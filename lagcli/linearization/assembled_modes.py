@@ -27,6 +27,7 @@ Complex = npt.NDArray[np.complex128]
 
 # Models of more coordinates have their lowest modes looked for, and how many of them where nobody says.
 DENSE, WANTED = 600, 20
+GROWING = "small deviations grow as exp({:.6g} t)"
 # The rounding of multipliers: the integration leaves 1e-9 of them over a period. At 1e-7
 # `test_a_multiplier_leaves_the_unit_circle_by_more_than_the_rounding_of_a_period` of
 # `tests/unit/test_numbers_of_linear_equations.py` fails.
@@ -225,7 +226,7 @@ def _verdict(
         return StabilityVerdict(True, 0.0, "no freedom is left: nothing can swing, and there are no modes")
     growth = float(found.values.real.max(initial=0.0 if found.zeros else -np.inf))
     if growth > 0:
-        return _growing(growth)
+        return StabilityVerdict(False, growth, GROWING.format(growth))
     if not found.zeros and growth < 0:
         reason = f"all small deviations die away, the slowest as exp({growth:.6g} t) (Lyapunov)"
         return StabilityVerdict(True, growth, reason)
@@ -252,17 +253,13 @@ def _verdict_of_lowest(functions: LinearizedFunctions, motion: Steady, found: Lo
     """The verdict where only the lowest eigenvalues are known; growth: the largest real part of these."""
     growth = float(found.values.real.max()) if found.values.size else 0.0
     if growth > 0:
-        return _growing(growth)
+        return StabilityVerdict(False, growth, GROWING.format(growth))
     if motion.kind == "equilibrium" and found.is_definite and functions.keeps_energy(motion.here):
         return StabilityVerdict(True, 0.0, MINIMUM)
     if found.has_all_growing:
         reason = "no eigenvalue is to the right of the imaginary axis: terms left out decide"
         return StabilityVerdict(None, 0.0, reason)
     return StabilityVerdict(None, growth, "only the lowest eigenvalues were looked at")
-
-
-def _growing(growth: float) -> StabilityVerdict:
-    return StabilityVerdict(False, growth, f"small deviations grow as exp({growth:.6g} t)")
 
 
 def of_multipliers(multipliers: Complex, T: float, is_autonomous: bool) -> StabilityVerdict:

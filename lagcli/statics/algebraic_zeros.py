@@ -25,10 +25,7 @@ Element = tuple[Whole, int]  # coefficients in the basis of an algebra, and thei
 
 
 class AlgebraParameters:
-    """Sizes of the algebra of functions on the zeros.
-
-    The tests are of `tests/unit/test_numbers_of_statics.py`.
-    """
+    """Sizes of the algebra. The tests are of `tests/unit/test_numbers_of_statics.py`."""
 
     __slots__ = ()
 

@@ -32,10 +32,7 @@ Piece = tuple[float, float]
 
 
 class CompletenessParameters:
-    """Sizes of models whose points are counted, and numbers of the enclosure of all zeros of one unknown.
-
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
-    """
+    """Sizes of models, and of pieces. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
 

@@ -32,10 +32,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class FlatParameters:
-    """Numbers of the series along flat directions.
-
-    The tests are of `tests/unit/test_numbers_of_statics.py`.
-    """
+    """Numbers of the series. The tests are of `tests/unit/test_numbers_of_statics.py`."""
 
     __slots__ = ()
 

@@ -25,10 +25,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class DescentParameters:
-    """Numbers of the way downhill; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
-    """
+    """Numbers of the way downhill. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
 
@@ -56,10 +53,7 @@ class DescentParameters:
 
 
 class HomotopyParameters:
-    """Numbers of Newton's homotopy; lengths are parts of the size of things.
-
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
-    """
+    """Lengths are parts of the size of things. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
 
@@ -87,10 +81,7 @@ class HomotopyParameters:
 
 
 class DeflationParameters:
-    """Numbers of equations without known zeros; lengths are parts of the size of things.
-
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
-    """
+    """Lengths are parts of the size of things. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
 

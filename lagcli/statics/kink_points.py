@@ -38,10 +38,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class KinkSearchParameters:
-    """Numbers of the search for extremes at kinks; lengths are parts of the size of things.
-
-    The tests are of `tests/unit/test_numbers_of_statics.py`.
-    """
+    """Lengths are parts of the size of things. The tests are of `tests/unit/test_numbers_of_statics.py`."""
 
     __slots__ = ()
 
@@ -230,7 +227,14 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     walls = values.G[near] @ Z
     bounds = decompositions.unit(np.vstack([normals, walls]))
     if is_surface and rank.null_basis(bounds).size:
-        along = str(_along(on_kink, q, tuple(np.flatnonzero(near).tolist())))
+        # The type of the point on the surface, with these contacts closed
+        scales = rest_equations.scales(on_kink, q)
+        equations = RestEquations(on_kink, tuple(np.flatnonzero(near).tolist()), scales)
+        x = refine.begun(equations, q)
+        point = None if x is None else refine.settled(equations, x)
+        along = ""
+        if isinstance(point, refine.EquilibriumPoint):
+            along = str(point_type.classify(on_kink, point, scales, True)[0].kind)
 
     def changes(ways: Floats, distance: float = h) -> Floats:
         """f - f(q) at a distance along directions (m, n) and at a thousandth of it, (2, m); nan beyond a contact and
@@ -354,19 +358,6 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
     if not is_known.any():
         return "an extreme may sit there"
     return f"an extreme may sit there, where the {value} beside it is {near[is_known].mean():.6g}"
-
-
-def _along(on_kink: StaticProblem, q: Floats, closed: tuple[int, ...]) -> str | None:
-    """The type of a point on the surface of a kink, with these contacts closed."""
-    scales = rest_equations.scales(on_kink, q)
-    equations = RestEquations(on_kink, closed, scales)
-    x = refine.begun(equations, q)
-    if x is None:
-        return None
-    point = refine.settled(equations, x)
-    if not isinstance(point, refine.EquilibriumPoint):
-        return None
-    return point_type.classify(on_kink, point, scales, True)[0].kind
 
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:

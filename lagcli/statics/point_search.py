@@ -112,11 +112,6 @@ class SearchOptions:
     repeating: Flags = ()
 
 
-def _everywhere(q: Floats) -> bool:
-    """True: all points with some contacts closed are known."""
-    return True
-
-
 class PointSearch:
     """One search; `points` grows, `best` is the least residual where none is found."""
 
@@ -170,19 +165,19 @@ class PointSearch:
         return True
 
     def settle(
-        self, exact: Mapping[Contacts, Sequence[EquilibriumPoint]], is_decided: Region = _everywhere
+        self, exact: Mapping[Contacts, Sequence[EquilibriumPoint]], region: Region | None = None
     ) -> bool:
         """Put all points of some sets of contacts, as far as a region is decided, in the place of those that were
         found; nothing further is taken there. False if a regular point was found that is none of them, which stays."""
         own: list[FoundPoint] = []
-        has_potential, along = self.options.has_potential, np.zeros((self.problem.n, 0))
-        is_whole = is_decided is _everywhere
+        has_potential, is_whole = self.options.has_potential, region is None
+        is_decided = region or (lambda q: True)
         for point in itertools.chain.from_iterable(exact.values()):
             if not self.problem.has_value(point.q):
                 continue
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
             kind, moved = point_type.classify(
-                self.problem, point, self.scales, has_potential, along, is_exact=is_whole
+                self.problem, point, self.scales, has_potential, is_exact=is_whole
             )
             is_one = moved.q is not point.q and not is_whole
             if is_one and any(self.apart(each.point.q, moved.q) <= doubles.ROOT for each in own):

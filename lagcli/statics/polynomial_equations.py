@@ -23,10 +23,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class PolynomialParameters:
-    """Sizes beyond which equations are not taken for polynomials.
-
-    The tests are of `tests/unit/test_numbers_of_statics.py`.
-    """
+    """Sizes of polynomials. The tests are of `tests/unit/test_numbers_of_statics.py`."""
 
     __slots__ = ()
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from fractions import Fraction
 from math import comb
 
@@ -31,10 +31,7 @@ Terms = Mapping[tuple[Fraction, int], tuple[float, float]]
 
 
 class SignParameters:
-    """Numbers of signs; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_statics.py`.
-    """
+    """Numbers of signs. The tests are of `tests/unit/test_numbers_of_statics.py`."""
 
     __slots__ = ()
 
@@ -105,11 +102,8 @@ def _axes_of_two(rays: Floats, form: Floats, rounding: Floats, power: int) -> Fl
     P[[i for i, _ in exponents]] = values
     s = np.polynomial.Polynomial(P)
     # P(s) / (1 + s^2)^(power/2) is flat where it is largest: between the rays beside this one.
-    flat = (
-        s.deriv()
-        + np.polynomial.Polynomial([0, 0, 1]) * s.deriv()
-        - power * np.polynomial.Polynomial([0, 1]) * s
-    )
+    x, slope = np.polynomial.Polynomial([0, 1]), s.deriv()
+    flat = slope + np.polynomial.Polynomial([0, 0, 1]) * slope - power * x * s
     roots = np.polynomial.Polynomial(flat.coef[: power + 1]).roots()
     real = roots.real[np.imag(roots) == 0]
     # There is none where the form is the same all around.
@@ -150,9 +144,8 @@ def _of_many(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tupl
         weights += [slope] * count
         turned = np.hstack([turned[:, :known], turned[:, known:] @ axes.T])
     terms = _clear_terms(turned, forms, roundings, range(power, most + 1))
-    face = {
-        at: pair for at, pair in terms.items() if sum(w * i for w, i in zip(weights, at, strict=True)) == 1
-    }
+    heights = {at: sum(w * i for w, i in zip(weights, at, strict=True)) for at in terms}
+    face = {at: pair for at, pair in terms.items() if heights[at] == 1}
     pure = [face.get(tuple(int(1 / w) * (i == j) for j in range(k))) for i, w in enumerate(weights)]
     is_odd = any(sum(at) % 2 for at in face)
     found = seen
@@ -202,16 +195,10 @@ def _on_box(
     c = sign * np.array([value for value, _ in face.values()]) * scale
     floor = float(np.array([rounding for _, rounding in face.values()]) @ scale)
     terms = dict(zip(face, c.tolist(), strict=True))
-    seconds = [
-        (
-            i,
-            j,
-            np.maximum(exponents - own - other, 0),
-            np.abs(c) * (exponents @ own) * ((exponents - own) @ other),
-        )
-        for i, own in enumerate(np.eye(k, dtype=int))
-        for j, other in enumerate(np.eye(k, dtype=int))
-    ]
+    seconds = []
+    for (i, own), (j, other) in itertools.product(enumerate(np.eye(k, dtype=int)), repeat=2):
+        factors = np.abs(c) * (exponents @ own) * ((exponents - own) @ other)
+        seconds.append((i, j, np.maximum(exponents - own - other, 0), factors))
     sides = [(i, side) for i in range(k) for side in ((1.0, -1.0) if is_odd else (1.0,))]
     left = PARAMETERS.boxes
     for axis, side in sides:
@@ -289,7 +276,11 @@ def _on_edge(
     c, e = edge[:, first:]
     found = PowerSigns(bool(c[0] > 0 or c[-1] > 0), bool(c[0] < 0 or c[-1] < 0), True)
     touched: list[float] = []
-    for s in _extremes(c):
+    # Zeros of the odd derivatives, of the highest first: where a polynomial touches zero to the fourth power the third
+    # derivative has a single zero.
+    slopes = (np.polynomial.polynomial.polyder(c, k) for k in range(c.size - 1 - c.size % 2, 0, -2))
+    roots = (np.polynomial.polynomial.polyroots(slope).real.tolist() for slope in slopes if slope.size > 1)
+    for s in itertools.chain.from_iterable(roots):
         powers = s ** np.arange(c.size)
         value, floor = float(c @ powers), float(e @ np.abs(powers))
         if abs(value) > floor:
@@ -298,14 +289,6 @@ def _on_edge(
             touched.append(s)
             found |= _signs(_shifted(terms, s, line[0]), line[0], orders)
     return found
-
-
-def _extremes(c: Floats) -> Iterator[float]:
-    """The zeros of the odd derivatives of a polynomial, of the highest first: where it touches zero to the fourth power
-    the third derivative has a single zero."""
-    for order in range(c.size - 1 - c.size % 2, 0, -2):
-        slope = np.polynomial.polynomial.polyder(c, order)
-        yield from np.polynomial.polynomial.polyroots(slope).real.tolist() if slope.size > 1 else []
 
 
 def _shifted(terms: Terms, s: float, slope: Fraction) -> Terms:

@@ -23,10 +23,7 @@ Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 
 
 class RefineParameters:
-    """Numbers of a search for a point and of its refinement; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py`.
-    """
+    """Numbers of a search for a point. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
 

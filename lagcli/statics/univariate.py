@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Protocol
 
+from sympy.polys.densetools import dup_diff
 from sympy.polys.domains import ZZ
 from sympy.polys.euclidtools import dup_gcd
 from sympy.polys.rootisolation import dup_isolate_real_roots_sqf
@@ -26,10 +27,7 @@ Enclosure = tuple[Fraction, Fraction]
 
 
 class RepresentationParameters:
-    """Numbers of the representation; they decide about cost and refusal, and about no answer.
-
-    The tests are of `tests/unit/test_univariate.py`.
-    """
+    """They decide about cost and refusal, and about no answer. The tests are of `tests/unit/test_univariate.py`."""
 
     __slots__ = ()
 
@@ -208,7 +206,7 @@ class RealRoot:
         middle, radius = (self._low + self._high) / 2, (self._high - self._low) / 2
         value = _value(g, middle)
         size = abs(middle) + radius
-        slope = _value([abs(x) for x in _slope(g)], size)
+        slope = _value([abs(x) for x in dup_diff(g, 1, ZZ)], size)
         return value - radius * slope, value + radius * slope
 
     def _narrow(self, bits: int) -> None:
@@ -220,7 +218,7 @@ class RealRoot:
             middle = _rounded((self._low + self._high) / 2, digits)
             if not self._low < middle < self._high:
                 middle = (self._low + self._high) / 2
-            slope = slope or _slope(f)
+            slope = slope or dup_diff(f, 1, ZZ)
             steep = _value(slope, middle)
             digits = min(2 * digits, bits + 2)
             end = _rounded(middle - _value(f, middle) / steep, digits) if steep else middle
@@ -270,12 +268,7 @@ def _sign(polynomial: Sequence[int], x: Fraction) -> int:
 
 def _sign_after(polynomial: Sequence[int], x: Fraction) -> int:
     """The sign beyond x, of a polynomial that has no double root there."""
-    return _sign(polynomial, x) or _sign(_slope(polynomial), x)
-
-
-def _slope(polynomial: Sequence[int]) -> Whole:
-    powers = range(len(polynomial) - 1, 0, -1)
-    return [int(x) * k for x, k in zip(polynomial[:-1], powers, strict=True)] if len(polynomial) > 1 else []
+    return _sign(polynomial, x) or _sign(dup_diff(polynomial, 1, ZZ), x)
 
 
 def _rounded(x: Fraction, bits: int) -> Fraction:
