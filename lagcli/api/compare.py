@@ -16,7 +16,7 @@ from lagcli.api.cache import CompiledModel
 from lagcli.api.load import Path, as_model
 from lagcli.equations import particle_form, size_limits
 from lagcli.errors import diagnostics
-from lagcli.formulations import comparison, formulation_plan, reduced_run
+from lagcli.formulations import comparison, formulation_plan, maggi
 from lagcli.formulations.comparison import Comparison, Formulation, Principles, RunEvent
 from lagcli.input import given_expression
 from lagcli.input.overrides import OverrideError
@@ -126,7 +126,7 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
     is_too_large = vakonomic and first.coordinates > MOST_REDUCED
     if not is_too_large and formulation_plan.is_reducible(run.model, first.rows, first.coordinates):
         chosen = dataclasses.replace(run.model.simulation, start=float(t), assemble=False, keep=())
-        table, statistics, stop = reduced_run.run(run.built, run.grid, (q, v, run.parameters), chosen)
+        table, statistics, stop = maggi.run(run.built, run.grid, (q, v, run.parameters), chosen)
         yield dataclasses.replace(
             first,
             name="reduced",

@@ -17,7 +17,7 @@ from lagcli.api.load import Path, as_model
 from lagcli.compiled import NumericSystem
 from lagcli.equations import jump_warnings
 from lagcli.errors import diagnostics
-from lagcli.linearization import assembled_modes, floquet, reference
+from lagcli.linearization import floquet, linear_modes, reference
 from lagcli.linearization.linear_modes import Modes
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
@@ -124,7 +124,7 @@ def modes(
     Raises `ModelError`, `ValueError` for bad options, `NoEquilibriumError`, `SimulationStopped`.
     """
 
-    wanted = assembled_modes.WANTED if lowest is None else lowest
+    wanted = linear_modes.WANTED if lowest is None else lowest
     if wanted < 1:
         raise ValueError("lowest: a number of modes is needed, 1 or more")
     if about not in ABOUT:
@@ -204,7 +204,7 @@ def _of_start(
     T = None if path is None else floquet.period(functools.partial(orbit.signature, path), length)
     if T is None:
         return None
-    return assembled_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
+    return linear_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
 
 
 def _of_nearest(ready: CompiledModel, seconds: float, note: str, wanted: int, rest: RestPoints) -> Modes:
@@ -240,16 +240,16 @@ def _steady(
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
     looked at where the linear equations do not decide."""
-    if found.kind != "equilibrium" or found.here.q.size > assembled_modes.DENSE:
-        return assembled_modes.modes(functions, found, notes, wanted)
+    if found.kind != "equilibrium" or found.here.q.size > linear_modes.DENSE:
+        return linear_modes.modes(functions, found, notes, wanted)
     point = rest.typed(found.here.q, functions.closed)
     if point is None or point.type.kind is None:
-        return assembled_modes.modes(functions, found, notes, wanted)
+        return linear_modes.modes(functions, found, notes, wanted)
     if not point.type.is_regular:
         here = dataclasses.replace(found.here, q=point.point.q, lam=point.point.lam)
         found = dataclasses.replace(found, here=here, linear=functions.at(here))
     is_minimum = point.type.kind == "minimum" and not point.dimension
-    return assembled_modes.modes(functions, found, notes, wanted, is_minimum)
+    return linear_modes.modes(functions, found, notes, wanted, is_minimum)
 
 
 def _varying(
@@ -265,7 +265,7 @@ def _varying(
     if T is None:
         return None
     orbit = floquet.FollowedMotion(functions, _independent(ready, found.here), found.here)
-    return assembled_modes.of_cycle(orbit, T, notes)
+    return linear_modes.of_cycle(orbit, T, notes)
 
 
 def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:

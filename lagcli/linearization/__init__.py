@@ -5,5 +5,5 @@ Out: `linear_modes.Modes`: eigenvalues, frequencies, shapes, and a verdict on st
 
 `linearized` differentiates the equations at the reference, `reference` says what kind of motion it is, `spectrum` finds
 the eigenvalues in what the rows leave free, `lowest` the lowest of large systems, `floquet` the period of a motion and
-its multipliers; `assembled_modes` puts them together and says what they mean for stability.
+its multipliers; `linear_modes` puts them together and says what they mean for stability.
 """

@@ -53,24 +53,6 @@ class Freedoms:
     cyclic: int
     noise: float
 
-    def state_matrix(self) -> tuple[Floats, float]:
-        """The matrix of (x, w / rate) without the cyclic x, and that rate, a size of eigenvalues."""
-        N, G, c = self.N, self.G, self.cyclic
-        along = N.T @ (self.C - G) if G.size else N.T @ self.C
-        stiffness = N.T @ self.K - along @ G
-        damping = along @ N
-        size = max(float(np.sqrt(np.linalg.norm(stiffness, 2))) if stiffness.size else 0.0, 0.0)
-        rate = max(size, float(np.linalg.norm(damping, 2)) if damping.size else 0.0) or 1.0
-        top = np.hstack([-G[c:, c:], rate * N[c:]])
-        return np.vstack([top, np.hstack([-stiffness[:, c:] / rate, -damping])]), rate
-
-    def shapes(self, values: Complex, states: Complex, rate: float) -> Complex:
-        """dq (n, j) of eigenvectors (., j) of `state_matrix`, of this rate, with their values, none of them zero."""
-        c, (m, _) = self.cyclic, self.N.shape
-        x, w = states[: m - c], states[m - c :]
-        missing = (rate * self.N[:c] @ w - self.G[:c, c:] @ x) / values if c else np.zeros((0, x.shape[1]))
-        return np.asarray(self.Z @ np.vstack([missing, x]))
-
 
 def freedoms(linear: Linear, terms: Floats) -> Freedoms:
     """The free coordinates of linear equations; terms (n, n): the sizes of what the entries of K are sums of.
@@ -196,7 +178,13 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     """The spectrum of the state matrix."""
     from scipy import linalg
 
-    S, rate = free.state_matrix()
+    N, G, c, m = free.N, free.G, free.cyclic, len(free.N)
+    along = N.T @ (free.C - G) if G.size else N.T @ free.C
+    stiffness, damping = N.T @ free.K - along @ G, along @ N
+    # The matrix of (x, w / rate) without the cyclic x; the rate is a size of eigenvalues.
+    rate = max(float(np.sqrt(_size(stiffness))), _size(damping)) or 1.0
+    top = np.hstack([-G[c:, c:], rate * N[c:]])
+    S = np.vstack([top, np.hstack([-stiffness[:, c:] / rate, -damping])])
     found = deflate(S, free.noise / rate)
     values, left, right = linalg.eig(found.rest, left=True, right=True)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -208,8 +196,10 @@ def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
     values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
     shapes = np.zeros((len(free.Z), 0), dtype=complex)
     if values.size:
-        shapes = free.shapes(values, found.full_vectors(values, right), rate)
-    c, m = free.cyclic, free.N.shape[0]
+        states = found.full_vectors(values, right)
+        x, w = states[: m - c], states[m - c :]
+        missing = (rate * N[:c] @ w - G[:c, c:] @ x) / values if c else np.zeros((0, x.shape[1]))
+        shapes = np.asarray(free.Z @ np.vstack([missing, x]))
     still = np.hstack([free.Z[:, :c], free.Z[:, c:] @ found.null[: m - c]])
     return values, shapes, still
 

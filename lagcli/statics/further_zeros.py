@@ -52,7 +52,7 @@ class DescentParameters:
     `test_what_goes_down_a_thousand_sizes_goes_down_for_ever` fails at 100 and 10000."""
 
 
-class HomotopyParameters:
+class FurtherZerosParameters:
     """Lengths are parts of the size of things. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
@@ -78,13 +78,6 @@ class HomotopyParameters:
     bent: float = 0.7
     """Of two tangents the least cosine: a step that bends more may have come onto another path.
     `test_a_step_that_bends_much_is_made_shorter` fails at 0.07 and 7."""
-
-
-class DeflationParameters:
-    """Lengths are parts of the size of things. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
-
-    __slots__ = ()
-
     least: float = 1e-8
     """Distances below this are not divided by. `test_a_known_zero_is_not_divided_by_closer_than_eight_digits`
     fails at 1e-9 and 1e-7."""
@@ -93,7 +86,7 @@ class DeflationParameters:
     `test_the_latest_sixty_known_points_are_taken_out` fails at 6 and 600."""
 
 
-DESCENT, PARAMETERS, DEFLATION = DescentParameters(), HomotopyParameters(), DeflationParameters()
+DESCENT, PARAMETERS = DescentParameters(), FurtherZerosParameters()
 
 
 def onto(problem: StaticProblem, q: Floats, closed: tuple[int, ...], scales: Scales) -> Floats | None:
@@ -243,7 +236,7 @@ class DeflatedEquations:
     """The residual of some equations without the zeros at `known` configurations; angles count by their sines."""
 
     def __init__(self, equations: RestEquations, known: Sequence[Floats], angles: Sequence[bool]) -> None:
-        self._equations, self._known = equations, list(known)[-DEFLATION.most_known :]
+        self._equations, self._known = equations, list(known)[-PARAMETERS.most_known :]
         self._angles = np.array(angles, dtype=bool)
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats] | None:
@@ -259,7 +252,7 @@ class DeflatedEquations:
             along = way / size
             half = (x[:n] - q)[self._angles] / 2
             way[self._angles], along[self._angles] = 2 * np.sin(half), np.sin(2 * half)
-            square = max(float(way @ way), DEFLATION.least**2)
+            square = max(float(way @ way), PARAMETERS.least**2)
             factor *= 1 + 1 / square
             slope[:n] += -2 * along / square**2 / (1 + 1 / square)
         if not np.isfinite(factor):

@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from lagcli.linearization import assembled_modes, floquet, reference, spectrum
+from lagcli.linearization import floquet, linear_modes, reference, spectrum
 from lagcli.linearization.linearized import Linear
 
 
@@ -14,7 +14,7 @@ from lagcli.linearization.linearized import Linear
 def test_a_multiplier_leaves_the_unit_circle_by_more_than_the_rounding_of_a_period(
     beyond: float, stable: bool | None
 ) -> None:
-    found = assembled_modes.of_multipliers(np.array([1 + beyond, 0.5 + 0j]), 2.0, is_autonomous=False)
+    found = linear_modes.of_multipliers(np.array([1 + beyond, 0.5 + 0j]), 2.0, is_autonomous=False)
     assert found.stable is stable
 
 
@@ -48,11 +48,11 @@ def test_a_motion_is_periodic_where_it_comes_back_to_seven_digits(off: float, re
 
 @pytest.mark.parametrize(("part", "shown"), [(1e-8, True), (1e-10, False)])
 def test_an_entry_of_a_shape_is_rounding_below_nine_digits(part: float, shown: bool) -> None:
-    found = assembled_modes._normalized(np.array([part, 2.0 + 0j]))
+    found = linear_modes._normalized(np.array([part, 2.0 + 0j]))
     assert (found[0] != 0) == shown
 
 
 @pytest.mark.parametrize(("less", "first"), [(1e-8, 1), (1e-10, 0)])
 def test_the_first_of_entries_as_large_as_the_largest_is_one(less: float, first: int) -> None:
-    found = assembled_modes._normalized(np.array([-1.0 + less, 1.0 + 0j]))
+    found = linear_modes._normalized(np.array([-1.0 + less, 1.0 + 0j]))
     assert found[first] == 1.0
