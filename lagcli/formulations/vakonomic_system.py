@@ -84,8 +84,16 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
 
 def build(built: system.System, extended: nouns.Model, start: VakonomicStart) -> system.System:
     """The system of a model that `model` made of the one of `built`. Raises `TooLargeError`."""
-    count = len(built.rows.rows) - built.holonomic_count
-    n = built.symbols.q.numel()
+    s, symbols, n = built.holonomic_count, built.symbols, built.symbols.q.numel()
+    count, chosen = len(built.rows.rows) - s, list(start.independent)
+    assert count > 0
+    # B_i M^-1 B_i^T of the differential rows at the start: an inertia that measures mu as the speeds it changes. It
+    # weighs the errors of mu against those of velocities, and cancels from the equations.
+    A = built.rows.B[s:, :]
+    sizes = ca.sum2(A.T.T * selection.solver(built.dynamics.M)(A.T).T)
+    at = SizedFunction("sizes", [symbols.t, symbols.q, built.p], [ca.densify(sizes)])
+    found = np.array(at(start.t, start.q, system.values(built))).ravel()
+    inertia = ca.DM(np.where(np.isfinite(found) & (found > 0), found, 1.0))
     further: list[ca.SX] = []
 
     def restated(
@@ -93,18 +101,24 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
     ) -> tuple[ConstraintRows, energy.Dynamics]:
         G = _force(env, constraints, start.independent, n)
         further.append(G)
-        S, mu_rate = _mu_rate(constraints, dynamics, G, start.independent)
+        # S = B M^-1 B^T of the independent rows, and mu' = -lambda of the differential ones
+        B, gamma = constraints.B[chosen, :n], constraints.gamma[chosen, :]
+        solve = selection.solver(dynamics.M[:n, :n])
+        S = B @ solve(B.T)
+        lam = selection.solver(S)(ca.densify(gamma - B @ solve((dynamics.h + G)[:n])))
+        mu_rate = ca.SX.zeros(count)
+        for index, row in enumerate(chosen):
+            if row >= s:
+                mu_rate[row - s] = -lam[index]
         if selection.operations(S) > MOST_OPERATIONS:
             raise TooLargeError
-        inertia = _inertia(built, start)
-        M = ca.sparsify(dynamics.M + ca.diagcat(ca.SX(n, n), ca.diag(ca.SX(ca.DM(inertia)))))
-        h = ca.densify(dynamics.h + G + ca.vertcat(ca.SX.zeros(n), ca.DM(inertia) * mu_rate))
+        M = ca.sparsify(dynamics.M + ca.diagcat(ca.SX(n, n), ca.diag(ca.SX(inertia))))
+        h = ca.densify(dynamics.h + G + ca.vertcat(ca.SX.zeros(n), inertia * mu_rate))
         power = dynamics.power + ca.dot(env.v[:n], G[:n])
         return constraints, dataclasses.replace(dynamics, M=M, h=h, power=power)
 
-    assert count > 0
-    found = system.build(extended, restated)
-    return _with_total_reaction(dataclasses.replace(found, bodies=built.bodies), further[0])
+    whole = system.build(extended, restated)
+    return _with_total_reaction(dataclasses.replace(whole, bodies=built.bodies), further[0])
 
 
 def _force(env: Environment, constraints: ConstraintRows, independent: Sequence[int], n: int) -> ca.SX:
@@ -118,37 +132,6 @@ def _force(env: Environment, constraints: ConstraintRows, independent: Sequence[
     # d/dt of A^T mu with mu fixed: mu is a part of v, which is fixed here too.
     turned = ca.jtimes(momentum, q, v) + ca.jacobian(momentum, t)
     return ca.densify(ca.gradient(ca.dot(mu, A @ v + b), q) - turned)
-
-
-def _mu_rate(
-    constraints: ConstraintRows, dynamics: energy.Dynamics, G: ca.SX, independent: Sequence[int]
-) -> tuple[ca.SX, ca.SX]:
-    """S = B M^-1 B^T of the independent rows, and mu' (k,) = -lambda of the differential ones."""
-    s, n = constraints.f.numel(), constraints.B.shape[1] - (len(constraints.rows) - constraints.f.numel())
-    chosen = list(independent)
-    B, gamma = constraints.B[chosen, :n], constraints.gamma[chosen, :]
-    inertia = selection.solver(dynamics.M[:n, :n])
-    S = B @ inertia(B.T)
-    right = gamma - B @ inertia((dynamics.h + G)[:n])
-    lam = selection.solver(S)(ca.densify(right))
-    mu_rate = ca.SX.zeros(len(constraints.rows) - s)
-    for index, row in enumerate(chosen):
-        if row >= s:
-            mu_rate[row - s] = -lam[index]
-    return S, mu_rate
-
-
-def _inertia(built: system.System, start: VakonomicStart) -> Floats:
-    """B_i M^-1 B_i^T of the differential rows at the start (k,): an inertia that measures mu as the speeds it changes.
-
-    It weighs the errors of mu against those of velocities, and cancels from the equations.
-    """
-    s, symbols = built.holonomic_count, built.symbols
-    A, M = built.rows.B[s:, :], built.dynamics.M
-    sizes = ca.sum2(A.T.T * selection.solver(M)(A.T).T)
-    at = SizedFunction("sizes", [symbols.t, symbols.q, built.p], [ca.densify(sizes)])
-    found = np.array(at(start.t, start.q, system.values(built))).ravel()
-    return np.where(np.isfinite(found) & (found > 0), found, 1.0)
 
 
 def _with_total_reaction(found: system.System, G: ca.SX) -> system.System:

@@ -11,13 +11,13 @@ import dataclasses
 import itertools
 import math
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 from mpmath import iv
 
 from lagcli import doubles
-from lagcli.compiled.program import Program
 from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
 from lagcli.smoothness import sides
 from lagcli.statics import algebraic_zeros, point_search, polynomial_equations, refine
@@ -29,6 +29,8 @@ from lagcli.statics.univariate import NotCounted
 
 Floats = npt.NDArray[np.float64]
 Piece = tuple[float, float]
+# The force and its slope over an interval; it raises `NoBounds`.
+Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
 
 
 class CompletenessParameters:
@@ -180,27 +182,18 @@ class LinePieces:
     undecided: list[Piece] = dataclasses.field(default_factory=list)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Force:
-    """The force and its slope by intervals."""
-
-    program: Program
-    numbers: tuple[float, ...]
-
-    def __call__(self, x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
-        """The force and its slope over an interval. Raises `NoBounds`."""
-        numbers = [iv.mpf(number) for number in self.numbers]
-        value, slope = self.program.run([[x], numbers], iv.mpf, Enclosures(iv).result)
-        return value, slope
-
-
 def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
     """Put the zeros that intervals enclose in the place of the points of a search, but where a piece is undecided; and
     say whether all are known."""
     problem, length = search.problem, search.scales.length
     if len(problem.times) > 1:
         return Completeness(False, "the equations hold t")
-    force = _Force(problem.slope_program(), (problem.t, *problem.p.tolist()))
+    program, numbers = problem.slope_program(), (problem.t, *problem.p.tolist())
+
+    def force(x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
+        value, slope = program.run([[x], list(map(iv.mpf, numbers))], iv.mpf, Enclosures(iv).result)
+        return value, slope
+
     digits = iv.dps
     iv.dps = PARAMETERS.digits
     try:
@@ -265,7 +258,7 @@ def _width(length: float, x: float) -> float:
     return PARAMETERS.together * doubles.ZERO * (length + abs(x))
 
 
-def _narrowed(force: _Force, piece: Piece) -> float:
+def _narrowed(force: Force, piece: Piece) -> float:
     """The zero in a piece on which the force rises or falls, to rounding."""
     low, high = piece
     if low < 0 < high and 0 in force(iv.mpf(0))[0]:
@@ -281,7 +274,7 @@ def _narrowed(force: _Force, piece: Piece) -> float:
     return high
 
 
-def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
+def _pieces(force: Force, search: PointSearch, is_angle: bool) -> LinePieces:
     """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
     found = LinePieces()
     if is_angle:
@@ -300,7 +293,7 @@ def _pieces(force: _Force, search: PointSearch, is_angle: bool) -> LinePieces:
     return found
 
 
-def _search(force: _Force, begun: list[Piece], found: LinePieces, boxes: int, length: float) -> int:
+def _search(force: Force, begun: list[Piece], found: LinePieces, boxes: int, length: float) -> int:
     """Halve pieces as long as they are undecided; the number that was looked at."""
     waiting = deque(begun)
     count = 0
@@ -330,7 +323,7 @@ def _search(force: _Force, begun: list[Piece], found: LinePieces, boxes: int, le
     return count
 
 
-def _changes(force: _Force, low: float, high: float) -> bool | None:
+def _changes(force: Force, low: float, high: float) -> bool | None:
     """True if the force changes its sign between two ends; None where it is not determined at one."""
     try:
         ends = [force(iv.mpf(x))[0] for x in (low, high)]
@@ -341,7 +334,7 @@ def _changes(force: _Force, low: float, high: float) -> bool | None:
     return bool((ends[0].a > 0) != (ends[1].a > 0))
 
 
-def _has_no_zero(force: _Force, end: float, tail: iv.mpf) -> bool:
+def _has_no_zero(force: Force, end: float, tail: iv.mpf) -> bool:
     """True if the force has one sign beyond an end: by its bounds, or as it grows away from zero there."""
     try:
         value, slope = force(tail)

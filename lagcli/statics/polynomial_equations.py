@@ -183,36 +183,7 @@ class _Translation:
 
     def result(self, count: int) -> PolynomialEquations:
         """The first outputs as equations, the others as signs."""
-        outputs = self._outputs(count)
-        zeros = [outputs[k].above for k in range(count)]
-        gens = self._ring.gens
-        for k in range(len(self._angles)):
-            s, c = gens[self._count + 2 * k : self._count + 2 * k + 2]
-            zeros.append(s**2 + c**2 - 1)
-        for k, root in enumerate(self._roots):
-            if root.is_unknown:
-                zeros.append(gens[self._first_root + k] ** 2 * root.square.below - root.square.above)
-        signs = tuple(outputs[k] for k in range(count, len(outputs)))
-        # An angle stands in sines and cosines alone, or there are no polynomials.
-        everything = [*zeros, *(part for sign in signs for part in (sign.above, sign.below))]
-        for angle in self._angles:
-            if any(powers[angle] for part in everything for powers in part.itermonoms()):
-                raise NotPolynomial("an angle stands beside its own sine")
-        return PolynomialEquations(
-            self._ring,
-            tuple(map(str, self._ring.symbols))[: self._first_root + len(self._roots)],
-            tuple(zero for zero in zeros if zero),
-            tuple(dict.fromkeys(d for d in self._denominators if not d.is_ground)),
-            self._angles,
-            tuple(self._roots),
-            self._count,
-            signs,
-            tuple(dict.fromkeys(d for d in self._divisors if not d.is_ground)),
-        )
-
-    def _outputs(self, count: int) -> dict[int, Quotient]:
-        """The outputs by their numbers; the first ones are equations."""
-        # For each step whether one of these needs it, from the last step on
+        # For each step whether one of the equations needs it, from the last step on
         needed: set[int] = set()
         of_equations: list[bool] = []
         for name, out, ins, _ in reversed(self._program.steps):
@@ -239,7 +210,31 @@ class _Translation:
                 registers[out[0]] = self._number(value)
             else:
                 registers[out[0]] = self._operation(name, [registers[i] for i in ins])
-        return outputs
+        zeros = [outputs[k].above for k in range(count)]
+        gens = self._ring.gens
+        for k in range(len(self._angles)):
+            s, c = gens[self._count + 2 * k : self._count + 2 * k + 2]
+            zeros.append(s**2 + c**2 - 1)
+        for k, root in enumerate(self._roots):
+            if root.is_unknown:
+                zeros.append(gens[self._first_root + k] ** 2 * root.square.below - root.square.above)
+        signs = tuple(outputs[k] for k in range(count, len(outputs)))
+        # An angle stands in sines and cosines alone, or there are no polynomials.
+        everything = [*zeros, *(part for sign in signs for part in (sign.above, sign.below))]
+        for angle in self._angles:
+            if any(powers[angle] for part in everything for powers in part.itermonoms()):
+                raise NotPolynomial("an angle stands beside its own sine")
+        return PolynomialEquations(
+            self._ring,
+            tuple(map(str, self._ring.symbols))[: self._first_root + len(self._roots)],
+            tuple(zero for zero in zeros if zero),
+            tuple(dict.fromkeys(d for d in self._denominators if not d.is_ground)),
+            self._angles,
+            tuple(self._roots),
+            self._count,
+            signs,
+            tuple(dict.fromkeys(d for d in self._divisors if not d.is_ground)),
+        )
 
     def _number(self, value: float) -> Quotient:
         found = exact(value)
