@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -104,8 +104,7 @@ def _pairs(values: Complex) -> list[list[float]]:
     return [[float(z.real) + 0.0, float(z.imag) + 0.0] for z in values]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class StabilityVerdict:
+class StabilityVerdict(NamedTuple):
     """Stable or not, or None where the linear equations do not decide; growth: the largest real part."""
 
     stable: bool | None
@@ -150,9 +149,7 @@ def modes(
         None if values.real.any() else np.concatenate([still, swinging]),
         ordered,
         _shapes(every),
-        judged.stable,
-        judged.growth,
-        judged.reason,
+        *judged,
         ordered.size,
         notes=notes,
         title=model.title,
@@ -184,9 +181,7 @@ def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes
         np.abs(some.values.imag) if is_swinging else None,
         np.array(both, dtype=complex),
         np.array(rows),
-        judged.stable,
-        judged.growth,
-        judged.reason,
+        *judged,
         some.count,
         notes=(*notes, note),
         title=model.title,
@@ -205,9 +200,7 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
         None,
         (np.log(multipliers) / T).astype(complex),
         np.array([_normalized(shape) for shape in shapes]).reshape(shapes.shape),
-        judged.stable,
-        judged.growth,
-        judged.reason,
+        *judged,
         multipliers.size,
         T,
         multipliers,

@@ -28,6 +28,7 @@ from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.univariate import NotCounted
 
 Floats = npt.NDArray[np.float64]
+SetZeros = tuple[list[EquilibriumPoint], list[EquilibriumPoint]]
 Piece = tuple[float, float]
 # The force and its slope over an interval; it raises `NoBounds`.
 Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
@@ -75,15 +76,6 @@ class Completeness:
     is_told: bool = False
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class SetZeros:
-    """All zeros with some contacts closed: the points of them, and those at which further contacts touch, which are
-    points of another set."""
-
-    points: list[EquilibriumPoint]
-    touching: list[EquilibriumPoint]
-
-
 def by_algebra(search: PointSearch) -> Completeness:
     """Put the exact points in the place of those of a search, for every set of contacts that can be counted; and say
     whether all are known."""
@@ -109,10 +101,10 @@ def by_algebra(search: PointSearch) -> Completeness:
         except SpentError:
             reasons.append("the budget of exact algebra is spent")
     if reasons or planes:
-        for zeros in counted.values():
-            for point in zeros.touching:
+        for _, touching in counted.values():
+            for point in touching:
                 search.take(point)
-    agrees = search.settle({closed: zeros.points for closed, zeros in counted.items()})
+    agrees = search.settle({closed: points for closed, (points, _) in counted.items()})
     if reasons:
         return Completeness(False, reasons[0])
     if planes:
@@ -131,13 +123,13 @@ class _Plane(Exception):
 
 
 def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros:
-    """All points with these contacts closed, and with no other one touching."""
+    """All points with these contacts closed and no other one touching, and those at which further ones touch."""
     problem = search.problem
     unknowns = problem.n + problem.C + len(closed)
     program, signs = problem.exact_program(closed)
     numbers = np.concatenate([[problem.t], problem.p])
     exact = polynomial_equations.equations(program, unknowns, numbers, order, signs)
-    found = SetZeros([], [])
+    found: SetZeros = ([], [])
     contacts = problem.K - len(closed)
     try:
         zeros = algebraic_zeros.zeros(exact.ring, exact.equations, exact.used, exact.denominators)
@@ -167,7 +159,7 @@ def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -
         equations = RestEquations(problem, closed, search.scales)
         rounded = refine.settled(equations, np.concatenate([q, lam]))
         point = EquilibriumPoint(q, equations.all_multipliers(lam), closed, rounded.residual)
-        (found.points if all(sides) else found.touching).append(point)
+        found[0 if all(sides) else 1].append(point)
     return found
 
 

@@ -660,7 +660,7 @@ def test_four_undecided_pieces_are_named(count, is_more):
 def test_points_of_twenty_four_unknowns_and_three_contacts_are_counted(
     n, K, is_counted, search_of, monkeypatch
 ):
-    monkeypatch.setattr(all_zeros, "_of_set", lambda *_: all_zeros.SetZeros([], []))
+    monkeypatch.setattr(all_zeros, "_of_set", lambda *_: ([], []))
     found = all_zeros.by_algebra(search_of(n=n, K=K))
     assert found.proved is is_counted
     if not is_counted:
