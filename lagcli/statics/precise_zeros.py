@@ -73,8 +73,12 @@ def is_known(equations: RestEquations, x: Floats) -> bool:
     """True if the equations have many digits: they are few, and hold no t and no function that is not known in them."""
     if len(equations.problem.times) > 1 or x.size > PARAMETERS.most or equations.closed is None:
         return False
+    return _has_digits(equations.precise_program)
+
+
+def _has_digits(program: Program) -> bool:
     try:
-        multiprecision.require_known(equations.precise_program)
+        multiprecision.require_known(program)
     except multiprecision.Unknown:
         return False
     return True
@@ -104,11 +108,7 @@ def is_met(problem: StaticProblem, q: Floats, length: float) -> bool:
     least value of one may be less than doubles tell. Conditions with a function that is not known in them are taken to
     be."""
     program = problem.conditions_program()
-    try:
-        multiprecision.require_known(program)
-    except multiprecision.Unknown:
-        return True
-    return _approached(problem, program, q, length) is not None
+    return not _has_digits(program) or _approached(problem, program, q, length) is not None
 
 
 def _approached(problem: StaticProblem, program: Program, x: Floats, length: float) -> Floats | None:
@@ -126,9 +126,7 @@ def _approached(problem: StaticProblem, program: Program, x: Floats, length: flo
 def value(problem: StaticProblem, q: Floats) -> float:
     """The value at a place (n,), of which cancelling leaves all digits where it is known in many; nan where there is
     none."""
-    try:
-        multiprecision.require_known(problem.value_program)
-    except multiprecision.Unknown:
+    if not _has_digits(problem.value_program):
         return problem.value(q)
     with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
         given = [multiprecision.decimal_of(x) for x in q.tolist()]
