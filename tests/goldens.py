@@ -10,6 +10,7 @@ one machine: other processors round sums otherwise), those of the other commands
 letter by letter. The folder is outside the repository.
 """
 
+import argparse
 import difflib
 import inspect
 import json
@@ -143,4 +144,10 @@ def main(what: str, folder: Path, only: str = "") -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], Path(sys.argv[2]), *sys.argv[4:]))
+    asked = argparse.ArgumentParser(
+        prog="python -m tests.goldens", description=(__doc__ or "").partition("\n")[0]
+    )
+    asked.add_argument("what", choices=("record", "compare"))
+    asked.add_argument("folder", type=Path)
+    asked.add_argument("--only", metavar="PART", default="", help="parts whose name holds this alone")
+    sys.exit(main(**vars(asked.parse_args())))
