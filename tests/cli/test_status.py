@@ -13,7 +13,7 @@ import pytest
 import lagcli
 from lagcli import memory, progress
 from lagcli.api import prepare_run
-from lagcli.cli.terminal import status_line
+from lagcli.cli.terminal import console, status_line
 
 MODEL = Path(__file__).resolve().parents[2] / "models" / "pendulum.yaml"
 
@@ -31,7 +31,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     for name in ("NO_COLOR", "COLUMNS"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(status_line, "DELAY", 0.0)
+    monkeypatch.setattr(console, "DELAY", 0.0)
     monkeypatch.setattr(status_line, "TICK", 0.001)
     monkeypatch.setattr(sys, "stderr", found)
     return found
