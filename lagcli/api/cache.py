@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from lagcli import memory, progress
 from lagcli.analysis import examined_start
 from lagcli.analysis.classification.verdict import KnownIntegrals
-from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.compiled import NumericSystem
 from lagcli.equations import size_limits, system
 from lagcli.errors import diagnostics
@@ -48,12 +47,6 @@ class CompiledModel:
         same = CompiledModel(moved, self.numeric)
         same.cached = self.cached
         return same
-
-    def examined_start(
-        self, known: KnownIntegrals | None = None, limit: float = settings.LIMIT
-    ) -> ExaminedStart:
-        """The start of a run. Raises `diagnostics.ModelError` as `examined_start.examine`."""
-        return examined_start.examine(self.system, self.numeric, known, limit)
 
     def first_integrals(self, limit: float = settings.LIMIT) -> KnownIntegrals:
         """The first integrals of the differential rows as far as they are found in `limit` seconds."""

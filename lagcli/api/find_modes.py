@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles, progress
-from lagcli.analysis import redundancy
+from lagcli.analysis import examined_start, redundancy
 from lagcli.api import cache, prepare_run, run_settings
 from lagcli.api.cache import CompiledModel
 from lagcli.api.load import Path, as_model
@@ -53,7 +53,8 @@ def start(ready: CompiledModel, limit: float) -> tuple[Reference, tuple[int, ...
     time. Raises `ModelError`, `SimulationStopped`.
     """
     built = ready.system
-    model, known = built.model, ready.examined_start(limit=limit).known
+    model = built.model
+    known = examined_start.examine(built, ready.numeric, None, limit).known
     chosen = run_settings.chosen(model, {"duration": 0.0, "samples": 2})
     prepared = prepare_run.start(model, chosen, known)
     run = trajectory.in_memory(prepared, "*", None, 0.0)

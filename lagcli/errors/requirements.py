@@ -10,7 +10,7 @@ import functools
 import os
 import re
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 OLDEST = {
     "casadi": "3.6.7",
@@ -53,22 +53,17 @@ def _listed() -> dict[str, str]:
     """Versions by the names of the folders that installers leave, of the first folder on the path that has one."""
     found: dict[str, str] = {}
     for folder in sys.path:
-        for name, version in _installed(folder):
-            if name in OLDEST:
-                found.setdefault(name, version)
-    return found
-
-
-def _installed(folder: str) -> Iterator[tuple[str, str]]:
-    try:
-        names = os.listdir(folder or os.curdir)
-    except OSError:  # a folder on the path need not exist
-        return
-    for entry in names:
-        stem, ending = os.path.splitext(entry)
-        if ending in (".dist-info", ".egg-info"):
+        try:
+            entries = os.listdir(folder or os.curdir)
+        except OSError:  # a folder on the path need not exist
+            continue
+        for entry in entries:
+            stem, ending = os.path.splitext(entry)
             name, _, version = stem.partition("-")
-            yield re.sub(r"[-_.]+", "-", name).lower(), version.partition("-")[0]
+            name = re.sub(r"[-_.]+", "-", name).lower()
+            if ending in (".dist-info", ".egg-info") and name in OLDEST:
+                found.setdefault(name, version.partition("-")[0])
+    return found
 
 
 def _is_older(version: str, oldest: str) -> bool:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from lagcli.analysis.classification.verdict import Condition
     from lagcli.simulation.run_entry import RunReport
     from lagcli.simulation.run_state.run_stop import Stop
-    from lagcli.simulation.run_state.statistics import RankDrop
 
 CODE = "energy-not-kept"
 
@@ -150,7 +149,20 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
             " are given"
         )
     if report.crossings:
-        sentences.append(_passed(system, report.crossings))
+        first, count = report.crossings[0], len(report.crossings)
+        times = ", ".join(f"{crossing.t:.7g}" for crossing in report.crossings[:MOST_LISTED])
+        times += f" and {count - MOST_LISTED} more" if count > MOST_LISTED else ""
+        names = initial.names_of(system, list(first.participants))
+        loss = f"the row {names} has no direction"
+        if len(first.participants) > 1:
+            loss = f"the rows {names} lose {first.number} of their rank"
+        on = "This motion and R go on smoothly"
+        if any(i >= len(system.rows.rows) for crossing in report.crossings for i in crossing.participants):
+            on = "This motion goes on smoothly, and R where no contact opens"
+        sentences.append(
+            f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
+            f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)"
+        )
     if is_amplified(system, report):
         sentences.append(
             f"at t = {report.t:.9g} the rows are within {report.rank_margin:.1g} of dependent ones: whatever the"
@@ -158,25 +170,6 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
             f" {min(amplified(report), 1.0):.1g} of their size"
         )
     return (*sentences, *report.statistics.notes)
-
-
-def _passed(system: System, crossings: Sequence[RankDrop]) -> str:
-    """The sentence on the singular configurations that were passed."""
-    first = crossings[0]
-    times = ", ".join(f"{crossing.t:.7g}" for crossing in crossings[:MOST_LISTED])
-    if len(crossings) > MOST_LISTED:
-        times += f" and {len(crossings) - MOST_LISTED} more"
-    names = initial.names_of(system, list(first.participants))
-    loss = f"the row {names} has no direction"
-    if len(first.participants) > 1:
-        loss = f"the rows {names} lose {first.number} of their rank"
-    on = "This motion and R go on smoothly"
-    if any(i >= len(system.rows.rows) for crossing in crossings for i in crossing.participants):
-        on = "This motion goes on smoothly, and R where no contact opens"
-    return (
-        f"passed singular configurations at t = {times}: there {loss}, a bifurcation of the motions that the"
-        f" constraints allow. {on}; a multiplier may have a pole there, and at it no value (nan)"
-    )
 
 
 def amplified(report: RunReport) -> float:
