@@ -251,24 +251,16 @@ def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInB
     size_limits.require_run(system)
     from lagcli.simulation.run_state.checkpoint import CheckpointError
 
-    declared, timed = initial.declared(system), cached.timed(system.model)
-    if len(point.run_state.turns) != (system.cuts.count if system.cuts else 0):
+    declared, timed, run_state = initial.declared(system), cached.timed(system.model), point.run_state
+    if len(run_state.turns) != (system.cuts.count if system.cuts else 0):
         raise CheckpointError("it is a damaged checkpoint: its number of angles is wrong")
-    enforced = invariants.EnforcedInvariants(
-        _integrals(system, cached, point), point.run_state.invariant_values, declared.p
-    )
-    chosen = system.model.simulation
-    run = loop.resume(enforced, point.run_state, chosen, system.columns, timed)
-    return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(point.run_state.row))
-
-
-def _integrals(system: System, cached: CachedFunctions, point: Checkpoint) -> invariants.Integrals:
-    """The integrals of a checkpoint. Raises `CheckpointError` where one is none of this system."""
-    from lagcli.simulation.run_state.checkpoint import CheckpointError
-
-    if point.run_state.selection.count != len(system.multiplier_rows):
+    if run_state.selection.count != len(system.multiplier_rows):
         raise CheckpointError("it is a damaged checkpoint: its number of rows is wrong")
     try:
-        return cached.integrals(system, point.integrals).keeping(point.run_state.selection)
+        integrals = cached.integrals(system, point.integrals).keeping(run_state.selection)
     except (ExpressionError, level_functions.UnknownName):
         raise CheckpointError("it is a damaged checkpoint: it holds integrals of other names") from None
+    enforced = invariants.EnforcedInvariants(integrals, run_state.invariant_values, declared.p)
+    chosen = system.model.simulation
+    run = loop.resume(enforced, run_state, chosen, system.columns, timed)
+    return RunInBlocks(run, chosen, system.columns, handed_out=run.grid.after(run_state.row))

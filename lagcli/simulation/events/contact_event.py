@@ -39,9 +39,9 @@ Indices = npt.NDArray[np.intp]
 # Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
 # step has the scale of these times.
 LONGER = 16.0
-# The state by which contacts are judged that are released lies by this part of a step behind the instant; farther by
-# this factor each time that it does not decide.
-BEYOND, FARTHER = 1e-5, 4.0
+# The state by which contacts are judged that are released lies behind the instant, by `declared_events.BESIDE` of a
+# step; farther by this factor each time that it does not decide.
+FARTHER = 4.0
 # Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
 NOISE = 64 * float(np.finfo(float).eps)
 # A step is shortened to this part at the least. One in which a contact lets go soon is, to `FARTHER` of that time:
@@ -113,7 +113,7 @@ class ContactEvent(Event):
             return self._cut(Met(deeper)) if contacts.again else None if deeper is step else Cut(deeper)
         run.trial.make_dense()
         if hits := self._changes.sinking(step.taken):
-            ahead = step_watch.ahead(run, step, BEYOND * FARTHER**contacts.again)
+            ahead = step_watch.ahead(run, step, declared_events.BESIDE * FARTHER**contacts.again)
             return self._cut(Met(step, hits, ahead), is_here=True)
         met = self._search(watch, step, (limit - run.t) / step.taken)
         if isinstance(met, Cut):
@@ -325,7 +325,9 @@ class ContactEvent(Event):
         run, step, bound = self._stepper, met.step, self._stepper.bound
         slopes = watch.inside(x)[1][rows] / step.taken
         met = met._replace(
-            ahead=step_watch.ahead(run, step, min(1.0, x + BEYOND * FARTHER**run.contacts.again)),
+            ahead=step_watch.ahead(
+                run, step, min(1.0, x + declared_events.BESIDE * FARTHER**run.contacts.again)
+            ),
             hits=tuple(watch.functions.kinds.numbers[rows].tolist()),
         )
         steepest = int(np.argmax(np.abs(slopes)))

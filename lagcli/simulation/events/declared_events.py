@@ -26,7 +26,7 @@ Indices = npt.NDArray[np.intp]
 
 # So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
 # crosses, values tell by this part of a step farther off.
-TOUCHED, OFFSET = 4.0, 1e-5
+TOUCHED, BESIDE = 4.0, 1e-5
 # Newton steps for an instant.
 REFINED = 4
 # An event may be reported so many roundings of the time away from its zero.
@@ -100,7 +100,7 @@ def at_switch(
     at_zero = np.flatnonzero(values <= TOUCHED * rounding)
     if not at_zero.size:
         return [], []
-    offset = OFFSET * min(run.control.step, run.grid.end - run.grid.start)
+    offset = BESIDE * min(run.control.step, run.grid.end - run.grid.start)
     beside = watch.beside(step.reached, offset)[:, -E:]
     # At a pole there is nothing but rounding, and it shrinks with the distance.
     found = at_zero[(values <= np.abs(beside).max(axis=0))[at_zero]].tolist()

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 # So many parts of a step are looked at for switches of what must not jump.
-PARTS = np.linspace(0.0, 1.0, 17)
+PARTS = np.linspace(0, 1, 17)
 # Every fourth is enough where a switch is farther from zero than so many times what it changes by there.
 FEW, FAR = PARTS[::4], 2.0
 # Up to this many operations stand in one graph.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -26,7 +27,7 @@ WIDER = 1 / 16
 WRITTEN_OUT = 20_000
 # Points in a step at which the watched functions are looked at before its dense output is made; those within are no
 # fractions of a period.
-NODES = (0.0, 0.3819660112501051, 0.7071067811865476, 1.0)
+NODES = (0, (3 - math.sqrt(5)) / 2, math.sqrt(1 / 2), 1)
 DIRECTIONS = {"up": zero_search.UP, "down": zero_search.DOWN, "both": zero_search.BOTH}
 
 

@@ -12,7 +12,7 @@ from functools import reduce
 
 import casadi as ca
 
-from lagcli import memory
+from lagcli import doubles, memory
 from lagcli.compiled import NumericSystem, dop853_tableau
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.step_end import Curve, Expression
@@ -69,7 +69,12 @@ class DormandPrince853:
             [low - high for low, high in zip(dop853_tableau.E3, dop853_tableau.B, strict=True)], stages
         )
         e5 = _mix(dop853_tableau.E5, stages)
-        end = step_end.ended(numeric, step, y + h * change, (e5, e3), _combined)
+
+        def combined(h: Expression, e5: Expression, e3: Expression) -> Expression:
+            """Hairer's combination of the error estimates of order 5 and 3."""
+            return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + doubles.TINY)
+
+        end = step_end.ended(numeric, step, y + h * change, (e5, e3), combined)
         hidden = (
             _hidden(PARAMETERS.dip)(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
         )
@@ -138,8 +143,3 @@ def _hidden(dip: float) -> ca.Function:
         if i < last - 1:
             gaps.append(line(i + 1, i + 2, at[i]) + dip * roots[:, i])
     return SizedFunction("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])
-
-
-def _combined(h: Expression, e5: Expression, e3: Expression) -> Expression:
-    """Hairer's combination of the error estimates of order 5 and 3."""
-    return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + 1e-300)

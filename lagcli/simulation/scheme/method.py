@@ -32,29 +32,15 @@ JACOBI = -4
 class Method(Protocol):
     """One step from y to a state on the constraints, and the states between.
 
-    order: the error of a step is of order + 1 in h; evaluations: of y' in a step, and dense_evaluations in the
-    dense output; dense_rows: coefficients of the dense output for each number of the state.
+    name: that users know it by; order: the error of a step is of order + 1 in h; evaluations: of y' in a step, and
+    dense_evaluations in the dense output; dense_rows: coefficients of the dense output for each number of the state.
     """
 
-    @property
-    def name(self) -> str:
-        """The name users know it by."""
-
-    @property
-    def order(self) -> int:
-        """See above."""
-
-    @property
-    def evaluations(self) -> int:
-        """See above."""
-
-    @property
-    def dense_evaluations(self) -> int:
-        """See above."""
-
-    @property
-    def dense_rows(self) -> int:
-        """See above."""
+    name: str
+    order: int
+    evaluations: int
+    dense_evaluations: int
+    dense_rows: int
 
     def step(self, numeric: NumericSystem) -> Compiled:
         """step(t, h, y, k, tolerance, p) -> y new, k new, (error, moved, hidden, status of `project`, the error of W),

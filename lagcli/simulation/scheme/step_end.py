@@ -44,9 +44,6 @@ class StepEndParameters:
     balanced: float = 1e-14
     """The rounding of forces that hold all at the origin, as a part of them.
     `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-15 and 1e-13."""
-    resting: float = 1e-12
-    """A speed below this part of the one that the forces would give over the size of q, were they not balanced, is made
-    by their rounding. `test_speeds_that_balanced_forces_make_by_rounding_are_rest` fails at 1e-13 and 1e-11."""
     close: float = 1e-2
     """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
     tolerances are, and may be why a run stops.
@@ -199,7 +196,7 @@ def scales(
     # The rounding of forces that balance is no error of the step, whether the rows hold the system at the origin, where
     # no size of q covers it, or at rest elsewhere, where no speed does.
     forced = ca.fmax(a, resting)
-    is_small, is_resting = q < doubles.ROOT * h * h * a, v * v < PARAMETERS.resting**2 * forced * q
+    is_small, is_resting = q < doubles.ROOT * h * h * a, v * v < doubles.VALUE**2 * forced * q
     # What rounding pushes comes back in the time in which the forces would have moved it by its size.
     lasting = ca.if_else(
         is_small, h, ca.if_else(is_resting, ca.fmin(h, ca.sqrt(q / (forced + doubles.TINY))), 0)

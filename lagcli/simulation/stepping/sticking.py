@@ -19,7 +19,8 @@ from lagcli.start import initial
 
 Floats = npt.NDArray[np.float64]
 # Where the sides of a switch are looked at: so far from it, as parts of the way of the state to it.
-OFFSETS = np.array([-1.0, -0.25, 0.25, 1.0])
+NEAR = 0.25
+OFFSETS = np.array([-1, -NEAR, NEAR, 1])
 
 
 def require_step(bound: BoundStep, switches: ForceSwitches, t: float) -> None:
