@@ -62,7 +62,7 @@ class Run:
         row: float = -math.inf,
         skipped_rows: int = 0,
     ) -> None:
-        self.stepper, self._writer, self._begin = stepper, writer, begin
+        self.stepper, self.writer, self._begin = stepper, writer, begin
         self.origin, self.grid, self.statistics = stepper.origin, stepper.grid, stepper.statistics
         self._row, self.skipped_rows = row, skipped_rows
         self._events = events_of_run.found(stepper)
@@ -71,14 +71,9 @@ class Run:
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
-    @property
-    def complete(self) -> int:
-        """The rows of the grid that it is beyond."""
-        return self._writer.complete
-
     def require_rows_left(self) -> None:
         """Raise `CheckpointError` where all rows of a resumed run were handed out before; before its first block."""
-        if self._begin is None and self._writer.is_done:
+        if self._begin is None and self.writer.is_done:
             from lagcli.simulation.run_state.checkpoint import CheckpointError
 
             raise CheckpointError(
@@ -99,7 +94,7 @@ class Run:
 
         Raises `RunStop` after the last good row.
         """
-        writer, statistics = self._writer, self.statistics
+        writer, statistics = self.writer, self.statistics
         capacity = max(1, min(self.grid.count, BLOCK_VALUES // writer.width))
         stop: Stop | None = None
         going = True
@@ -127,7 +122,7 @@ class Run:
 
     def _fill(self, until: float) -> bool:
         """Take steps and put their rows into the block until it is full or the time is over; True at the end."""
-        stepper, writer, has_advanced = self.stepper, self._writer, False
+        stepper, writer, has_advanced = self.stepper, self.writer, False
         if self._begin is not None:
             if self._begin():
                 for event in self._events:
@@ -223,7 +218,8 @@ class RunStart:
 def start(begin: RunStart, rows: TableRows) -> Run:
     """A run from a consistent start."""
     enforced, settings = begin.enforced, begin.settings
-    origin = grids.origin(settings, enforced.has_time)
+    # Time counted from the start has the same roundings at every start, where no t occurs in what moves the model.
+    origin = 0.0 if enforced.has_time else settings.start
     grid = grids.of_run(settings, origin)
     state = RunState(
         t=grid.start,

@@ -149,7 +149,7 @@ class RunInBlocks:
             statistics=statistics,
             solve_seconds=statistics.solve_seconds + (again.solve_seconds if again else 0.0),
             largest_penetration=max(run.contacts.deepest, extremes.penetration),
-            complete=self._run.complete,
+            complete=self._run.writer.complete,
             accuracy=again.accuracy if again else None,
             rank_margin=run.rank_margin[0],
         )

@@ -197,7 +197,7 @@ def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None
         B, _, gamma = here.equalities
         contacts = here.gradients(numbers), here.gamma[numbers]
         try:
-            found = impact_law.forces(here.metric, here.force, (B, gamma), contacts)
+            found = impact_law.forces(here.metric, here.forces[0], (B, gamma), contacts)
         except impact_law.LawError as error:
             raise ContactsUndecided(str(error), numbers[list(error.contacts)]) from None
         x, forces = found.x, found.of_contacts

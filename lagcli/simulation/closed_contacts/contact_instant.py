@@ -226,11 +226,6 @@ class ContactInstant:
         f, B = self.values.numeric.holonomic(s.t, s.q, s.p)
         return np.array(f).ravel(), B
 
-    @property
-    def free_acceleration(self) -> Floats:
-        """M^-1 h (n,)."""
-        return self.metric.solved(self.force)
-
     def changes(self, x: Floats) -> Floats:
         """G x (K,)."""
         values = self.values
@@ -304,12 +299,8 @@ class ContactInstant:
         return np.asarray(self.near & (np.abs(self.speeds) <= self.slow))
 
     @cached_property
-    def force(self) -> Floats:
-        """h (n,)."""
-        return self._forces[0]
-
-    @cached_property
-    def _forces(self) -> tuple[Floats, Floats]:
+    def forces(self) -> tuple[Floats, Floats]:
+        """h (n,) and gamma of all rows."""
         s = self.state
         h, gamma, _ = self.values.numeric.force(s.t, s.q, s.v, s.p)
         return np.array(h).ravel(), np.array(gamma).ravel()
@@ -365,4 +356,4 @@ class ContactInstant:
             nothing = np.zeros(0, dtype=np.intp)
             return sparse(nothing, nothing, np.zeros(0), (0, s.q.size)), np.zeros(0), np.zeros(0)
         B, b = self.values.numeric.rows(s.t, s.q, s.v, s.p)
-        return B[:C, :], np.array(b).ravel()[:C], self._forces[1][:C]
+        return B[:C, :], np.array(b).ravel()[:C], self.forces[1][:C]

@@ -161,7 +161,7 @@ class _ModeChoice:
         """The rows of the fewest contacts that carry what the pressing ones do and keep the others from closing."""
         here = self._here
         among = np.zeros(here.g.size, dtype=bool)
-        size = np.abs(found.x) + np.abs(here.free_acceleration)
+        size = np.abs(found.x) + np.abs(here.metric.solved(here.forces[0]))
         sets = itertools.chain.from_iterable(
             itertools.combinations(contacts, count) for count in range(1, len(contacts) + 1)
         )

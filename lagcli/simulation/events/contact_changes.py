@@ -37,7 +37,7 @@ class ContactChanges:
         self._run, self.log = stepper, IncidentLog(stepper)
         self.events = EventValues(stepper, self.log)
         self._contacts = contacts = RunContacts(stepper)
-        self._decision = ContactDecision(contacts, self.log, self.events)
+        self.decision = ContactDecision(contacts, self.log, self.events)
         self._rows, self._count, self._names = contacts.rows, contacts.count, contacts.names
         self._kinked = named_functions.switching_contacts(contacts.system.model)
 
@@ -117,7 +117,7 @@ class ContactChanges:
         self.log.is_switched, here = True, self._contacts.here(across, across)
         if here.near.any():
             self._require_directions(here, np.flatnonzero(here.near).tolist())
-            self._decision.decide(Occasion(here, is_start=True))
+            self.decision.decide(Occasion(here, is_start=True))
 
     def at_switch(self, side: SwitchSide, taken: float, events: list[int]) -> list[int]:
         """Decide the contacts anew where functions of t, or in closed contacts, have switched: forces, velocities of
@@ -141,7 +141,7 @@ class ContactChanges:
                 return events
         if approaching.any():
             self._require_directions(here, np.flatnonzero(approaching).tolist())
-        return [*side.crossing] if self._decision.decide(Occasion(here, switch=side)) else events
+        return [*side.crossing] if self.decision.decide(Occasion(here, switch=side)) else events
 
     def at(
         self, hits: tuple[int, ...], ahead: StateAhead | None, span: float, extents: Floats | None
@@ -169,7 +169,7 @@ class ContactChanges:
             if run.contacts.again > MOST_AGAIN / 2:
                 # What closes again and again without a step approaches, however slowly.
                 here.slow[:] = np.minimum(here.slow, here.speed_roundoff)
-            self._decision.decide(Occasion(here, ahead, hits))
+            self.decision.decide(Occasion(here, ahead, hits))
         else:
             run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
 
@@ -182,7 +182,3 @@ class ContactChanges:
         fallen = contact_change.fallen(here, known, contacts)
         if fallen.any() or self._kinked.any():
             self._contacts.decided(lambda: contact_change.require_directions(here, fallen, self._kinked))
-
-    def end_series(self) -> None:
-        """Tell of series of rebounds that end at the state where the run stands."""
-        self._decision.end_series()

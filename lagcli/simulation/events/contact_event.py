@@ -166,7 +166,7 @@ class ContactEvent(Event):
         if met.hits:
             changes.at(met.hits, met.ahead, met.step.taken, met.extents)
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
-            changes.end_series()
+            changes.decision.end_series()
         elif run.contacts.again or run.contacts.unarmed or met.touched:
             run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=met.touched)
         elif not met.crossed:

@@ -59,14 +59,6 @@ class Grid:
         return i
 
 
-def origin(settings: Simulation, has_time: bool) -> float:
-    """The time from which a run counts: its start where no t occurs in what moves the model, else 0.
-
-    Time counted from the start has the same roundings at every start.
-    """
-    return 0.0 if has_time else settings.start
-
-
 def of_run(settings: Simulation, origin: float = 0.0) -> Grid:
     """The grid of a run, counted from an origin; a duration of zero is the start alone."""
     start, duration = settings.start - origin, settings.duration
