@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
@@ -134,36 +134,34 @@ class WatchFunctions:
         size, parameters = step_end.sizes_of(self._numeric)
         t, h, p = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("p", parameters)
         y, k, new, k_new = (ca.MX.sym(name, size) for name in ("y", "k", "new", "k_new"))
-        x = ca.MX.sym("x")
+        x, arguments = ca.MX.sym("x"), [t, h, y, k, new, k_new, p]
         w = self.watched(t + x * h, _quintic(x, h, (y, k), (new, k_new)), p)
-        at = SizedFunction("node", [x, t, h, y, k, new, k_new, p], [w, ca.jtimes(w, x, ca.MX(1))])
-        nodes = [at(node, t, h, y, k, new, k_new, p) for node in NODES]
-        values = [value for value, _ in nodes]
-        slopes = [slope for _, slope in nodes]
+        at = SizedFunction("node", [x, *arguments], [w, ca.jtimes(w, x, ca.MX(1))])
+        values, slopes = zip(*(at(node, *arguments) for node in NODES), strict=True)
         # Contacts that are on the wrong side are no clear ones; an event may begin on either side.
         contacts = self.contacts.size
         side = ca.MX.ones(contacts, 1)
         if self._events:
             side = ca.vertcat(side, ca.sign(values[0][contacts:]))
-        misfit = ca.fmax(
-            *(ca.fabs(_cubic(NODES[i], i - 1, i + 1, values, slopes) - values[i]) for i in (1, 2))
-        )
-        lowest = [
-            ca.fmin(
-                ca.fmin(side * values[i], side * values[i + 1]),
-                ca.fmin(
-                    side * (values[i] + slopes[i] * ((NODES[i + 1] - NODES[i]) / 3)),
-                    side * (values[i + 1] - slopes[i + 1] * ((NODES[i + 1] - NODES[i]) / 3)),
-                ),
+        misfits, lowest, bends = [], [], []
+        for i in range(1, len(NODES) - 1):
+            # The cubic through values and slopes at the nodes on either side.
+            d = NODES[i + 1] - NODES[i - 1]
+            u = (NODES[i] - NODES[i - 1]) / d
+            begin = (1 + 2 * u) * (1 - u) ** 2 * values[i - 1] + u * (1 - u) ** 2 * d * slopes[i - 1]
+            cubic = begin + u * u * (3 - 2 * u) * values[i + 1] - u * u * (1 - u) * d * slopes[i + 1]
+            misfits.append(ca.fabs(cubic - values[i]))
+        for i in range(len(NODES) - 1):
+            third = (NODES[i + 1] - NODES[i]) / 3
+            inner, outer = values[i] + third * slopes[i], values[i + 1] - third * slopes[i + 1]
+            ends = ca.fmin(side * values[i], side * values[i + 1])
+            lowest.append(ca.fmin(ends, ca.fmin(side * inner, side * outer)))
+            # As `zero_bounds.bend`.
+            bends.append(
+                ca.fmax(ca.fabs(values[i] - 2 * inner + outer), ca.fabs(inner - 2 * outer + values[i + 1]))
             )
-            for i in range(len(NODES) - 1)
-        ]
-        bends = [_bend(i, values, slopes) for i in range(len(NODES) - 1)]
-        bound = ca.fmax(
-            2 * misfit, zero_bounds.PARAMETERS.wary * ca.fmax(ca.fmax(bends[0], bends[1]), bends[2])
-        )
-        clear = ca.fmin(ca.fmin(lowest[0], lowest[1]), lowest[2]) - bound
-        arguments = [t, h, y, k, new, k_new, p]
+        wary = zero_bounds.PARAMETERS.wary * functools.reduce(ca.fmax, bends)
+        clear = functools.reduce(ca.fmin, lowest) - ca.fmax(2 * ca.fmax(*misfits), wary)
         gaps = self._numeric.gaps(t + h, new, p[: self._numeric.gaps.size1_in(2)])
         deepest = ca.mmax(-gaps) if gaps.numel() else ca.MX(0)
         screen = SizedFunction("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
@@ -174,13 +172,6 @@ class WatchFunctions:
         if self._closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
             return function
         return SizedFunction(function.expand())
-
-
-def _bend(i: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:
-    """The bend of the cubic between two of the `NODES` next to each other, as `zero_bounds.bend`."""
-    third = (NODES[i + 1] - NODES[i]) / 3
-    inner, outer = values[i] + third * slopes[i], values[i + 1] - third * slopes[i + 1]
-    return ca.fmax(ca.fabs(values[i] - 2 * inner + outer), ca.fabs(inner - 2 * outer + values[i + 1]))
 
 
 def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:
@@ -195,14 +186,6 @@ def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, c
     q = q0 + x * (v0 + x * (a0 / 2 + x * (A + x * (B + x * D))))
     v = v0 + x * (a0 + x * (3 * A + x * (4 * B + x * 5 * D)))
     return ca.vertcat(q, v / h, ca.MX(1, 1))
-
-
-def _cubic(x: float, i: int, j: int, values: Sequence[ca.MX], slopes: Sequence[ca.MX]) -> ca.MX:
-    """The cubic through values and slopes at two of the `NODES`."""
-    d = NODES[j] - NODES[i]
-    u = (x - NODES[i]) / d
-    begin = (1 + 2 * u) * (1 - u) ** 2 * values[i] + u * (1 - u) ** 2 * d * slopes[i]
-    return begin + u * u * (3 - 2 * u) * values[j] - u * u * (1 - u) * d * slopes[j]
 
 
 class WatchKinds:
