@@ -43,7 +43,7 @@ LOOSE = {
     "pfaffian": 49,
     "reporting": 12,
     "running": 7,
-    "simulation": 84,
+    "simulation": 75,
     "smoothness": 7,
     "start": 0,
     "statics": 4,

@@ -23,7 +23,7 @@ def panel(slopes, t=0.0, h=1.0, error=math.inf):
 
 
 def nodes():
-    return np.array(collocation.nodes(12))
+    return collocation.gauss(12)[0]
 
 
 def is_down_to_rounding(off, whole, of=lambda times: np.ones(times.size)):

@@ -69,11 +69,6 @@ class ContactMode:
     closed: tuple[int, ...]
 
 
-def selection(open_: Selection, here: ContactInstant, closed: Sequence[int], rows: int) -> Selection:
-    """The selection with these contacts closed, as `mode`."""
-    return _ModeChoice(open_, here, rows).of(closed)
-
-
 def mode(
     open_: Selection, here: ContactInstant, found: ContactForces, level: Sequence[int], rows: int
 ) -> ContactMode:
@@ -84,7 +79,7 @@ def mode(
     closed with them. Where they are dependent at the instant alone, those are enforced that keep the others from
     closing. Raises `ContactsUndecided`.
     """
-    choice = _ModeChoice(open_, here, rows)
+    choice = ModeChoice(open_, here, rows)
     closed = found.closed
     if are_independent(open_, here, level):
         return ContactMode(choice.independent(closed), closed)
@@ -114,7 +109,7 @@ def are_independent(open_: Selection, here: ContactInstant, contacts: Sequence[i
     return here.rows_of(list(open_.independent), numbers.tolist()).are_independent
 
 
-class _ModeChoice:
+class ModeChoice:
     """Rows to be chosen among contacts at an instant."""
 
     def __init__(self, open_: Selection, here: ContactInstant, rows: int) -> None:

@@ -209,17 +209,13 @@ class _Series:
             lasting = sum(after.wait for after in period) * sooner / (1.0 - sooner)
             if (times[~own] > lasting).all():
                 return np.asarray(own)
-        return self._crowding(times)
-
-    def _crowding(self, times: Floats) -> Flags | None:
-        """The contacts (K,) of a series that adds nothing to its time any more, in whatever order they are struck."""
+        # A series may add nothing to its time any more, in whatever order its contacts are struck.
         lost = doubles.EPS * self._took
         if self._afters[-1].wait >= lost:
             return None
-        own = np.any([after.struck for after in self._afters[len(self._afters) // 2 :]], axis=0)
-        last, before = self._windows(own)
-        is_lost = last < lost and last < before
-        return own if is_lost and (times[~own] > last).all() else None
+        own = np.any([after.struck for after in self._afters[count // 2 :]], axis=0)
+        now, earlier = self._windows(own)
+        return own if now < lost and now < earlier and (times[~own] > now).all() else None
 
     def _windows(self, own: Flags) -> tuple[float, float]:
         """The time in which contacts (K,) were struck last, all of them, and that before it, infinite where there is

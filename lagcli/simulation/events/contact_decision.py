@@ -99,7 +99,7 @@ class ContactDecision:
             # Behind the impact as it is, with rebounds that are left out from here on.
             bouncing = sorted(set(mode.closed) - ended)
             selection = contacts.decided(
-                lambda: contact_mode.selection(contacts.open_, struck.after, bouncing, rows)
+                lambda: contact_mode.ModeChoice(contacts.open_, struck.after, rows).of(bouncing)
             )
             self._go_on(selection, impact.v)
             shown, behind = log.line(), self._events.now()

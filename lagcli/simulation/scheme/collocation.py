@@ -77,7 +77,7 @@ def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: fl
     arrays (t, y, p).
     """
     t, y = guess.t, guess.y
-    nodes, A = _gauss(count)
+    nodes, A = gauss(count)
     slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
     converged = max(doubles.EPS, PARAMETERS.part * rtol)
     sizes = _sizes(project, t, y)
@@ -163,23 +163,8 @@ def projected(project: BoundFunction, t: float, y: Floats) -> Floats | None:
     return project.results[1]
 
 
-def closest(count: int, fraction: float) -> float:
-    """The distance from a point in a step to the nearest node, both as fractions of the step."""
-    return float(np.abs(_gauss(count)[0] - fraction).min())
-
-
-def first(count: int) -> float:
-    """The position of the first node, as a fraction of the step."""
-    return float(_gauss(count)[0][0])
-
-
-def nodes(count: int) -> list[float]:
-    """The nodes of Gauss as parts of a step."""
-    return [float(x) for x in _gauss(count)[0]]
-
-
 @memory.remembered()
-def _gauss(count: int) -> tuple[Floats, Floats]:
+def gauss(count: int) -> tuple[Floats, Floats]:
     """Nodes (s,) in (0, 1), and A (s, s): integrals of the Lagrange polynomials up to the nodes."""
     nodes = (legendre.leggauss(count)[0] + 1) / 2
     return nodes, np.array([_weights(count, x) for x in nodes])

@@ -177,7 +177,8 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
         tolerance[0] * energy + rounded + doubles.TINY
     )
-    error = combined(h, *(_largest(estimate, scale + noise[: 2 * n]) for estimate in estimates))
+    allowed = scale + noise[: 2 * n]
+    error = combined(h, *(ca.mmax(ca.fabs(estimate[: 2 * n] / allowed)) for estimate in estimates))
     inputs: list[Expression] = [y, new, projected, h, sizes, tolerance, noise, blur]
     inputs += estimates
     return SizedFunction("judge", inputs, [ca.vertcat(error, moved, of_work)])
@@ -211,10 +212,6 @@ def scales(
         units * (part * speed + rounding * q / h + balanced + blur),
     )
     return rtol * largest + atol + floors + doubles.TINY
-
-
-def _largest(estimate: Expression, scale: Expression) -> Expression:
-    return ca.mmax(ca.fabs(estimate[: scale.numel()] / scale))
 
 
 def _moved(by: Expression, scale: Expression, sizes: Expression) -> Expression:

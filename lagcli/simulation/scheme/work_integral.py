@@ -123,7 +123,7 @@ class WorkIntegral:
 
     def __init__(self, powers: Powers, rtol: float, perturbed: Powers | None = None) -> None:
         self._powers, self._rtol, self._perturbed = powers, rtol, perturbed
-        self._nodes = np.array(collocation.nodes(PARAMETERS.nodes))
+        self._nodes = collocation.gauss(PARAMETERS.nodes)[0]
         self._energy = 0.0
         self._rounding = 0.0  # of the power
 

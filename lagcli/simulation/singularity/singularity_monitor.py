@@ -7,7 +7,7 @@ is a parabola in time near its minimum, zero there where rows become dependent.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -187,20 +187,19 @@ def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:
     is expected to vanish.
     """
     found = {0.0: now, ahead / 2: square(ahead / 2), ahead: square(ahead)}
+
+    def are_above() -> bool:
+        return all(each > PARAMETERS.shallow * now for each in found.values())
+
     for _ in range(PARAMETERS.looks):
-        if not _all_above(found.values(), now):
+        if not are_above():
             return False
         lowest = sorted(found, key=found.__getitem__)[:3]
         curve = np.polyfit(np.array(lowest) / ahead, [found[h] / now for h in lowest], 2)
         if not curve[0] > 0.0:
             break  # it falls no more, or not yet
-        smallest_diagonal = min(max(-curve[1] / (2 * curve[0]), 0.0), PARAMETERS.farthest) * ahead
-        if min(abs(smallest_diagonal - h) for h in found) < PARAMETERS.apart * ahead:
+        least = min(max(-curve[1] / (2 * curve[0]), 0.0), PARAMETERS.farthest) * ahead
+        if min(abs(least - h) for h in found) < PARAMETERS.apart * ahead:
             break
-        found[smallest_diagonal] = square(smallest_diagonal)
-    return _all_above(found.values(), now)
-
-
-def _all_above(squares: Iterable[float], now: float) -> bool:
-    """True if all are well above zero; what is not known is not."""
-    return all(square > PARAMETERS.shallow * now for square in squares)
+        found[least] = square(least)
+    return are_above()

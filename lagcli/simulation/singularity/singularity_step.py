@@ -221,7 +221,8 @@ def _placed(project: BoundFunction, here: Point, predicted: Prediction, part: fl
             if not _is_only_one(project, step, predicted.component, found[0]):
                 return None
             fewer = collocation.improved(project, step, h, PARAMETERS.fewer_nodes, rtol)
-            delta = found[1] * h * collocation.closest(PARAMETERS.nodes, part) / predicted.most
+            closest = float(np.abs(collocation.gauss(PARAMETERS.nodes)[0] - part).min())
+            delta = found[1] * h * closest / predicted.most
             agree = fewer is not None and _agree(project, (step, fewer), tolerance, delta)
             return SingularStep(step, found[0]) if agree else None
         instant = found[0]
@@ -239,7 +240,7 @@ def _start(project: BoundFunction, here: Point, h: float) -> SingularStep | None
     )
     if step is None or fewer is None:
         return None
-    delta = _root(project, step, SMALLEST_ANGLE, t + h * collocation.first(PARAMETERS.nodes))
+    delta = _root(project, step, SMALLEST_ANGLE, t + h * float(collocation.gauss(PARAMETERS.nodes)[0][0]))
     return SingularStep(step, t) if delta > 0 and _agree(project, (step, fewer), tolerance, delta) else None
 
 
