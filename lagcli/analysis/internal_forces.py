@@ -166,7 +166,7 @@ class _Laws:
         for member, touched in _touched(slope, self._count).items():
             if member not in only or len(touched) < 2:
                 continue
-            if len(touched) > 2 and _is_sum(node):
+            if len(touched) > 2 and isinstance(node, tree.Sum):
                 divided.add(member)
                 continue
             on = tuple(sorted(touched))
@@ -197,7 +197,8 @@ class _Laws:
             k = int(targets[pair])
             if pair not in only or not particles - {k}:
                 continue
-            if len(particles | {k}) > 2 and len(vector.parts) == 1 and _is_sum(vector.parts[0].tree):
+            is_sum = len(vector.parts) == 1 and isinstance(vector.parts[0].tree, tree.Sum)
+            if len(particles | {k}) > 2 and is_sum:
                 divided.add(pair)
                 continue
             F = sign * ca.vertcat(*(part[pair] for part in parts))
@@ -228,10 +229,6 @@ def _touched(slope: ca.SX, particles: int) -> dict[int, set[int]]:
     for row, entry in zip(rows.tolist(), columns.tolist(), strict=True):
         found.setdefault(row, set()).add(entry // 3 % particles)
     return found
-
-
-def _is_sum(node: tree.Node) -> bool:
-    return isinstance(node, tree.Sum)
 
 
 def _terms(node: tree.Node) -> tuple[tuple[int, tree.Node], ...]:

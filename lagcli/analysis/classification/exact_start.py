@@ -61,15 +61,6 @@ class ExactStart:
     def _declared(self) -> State:
         return initial.declared(self._case.system)
 
-    def _as_written(self, x: Symbol) -> Expression:
-        """The declared value of a coordinate: what was written, or where that was changed the decimal of its double."""
-        value, double = self._translation.written(x), float(self._declared.q[self._numbers[x.name]])
-        if value is not None and value.is_comparable:
-            number = float(value)
-            if abs(number - double) <= ROUNDING * max(1.0, abs(number)):
-                return value
-        return notation.exact(double)
-
     @cached_property
     def _digits(self) -> Digits | None:
         """The values of all symbols of the group."""
@@ -77,7 +68,13 @@ class ExactStart:
         constants = {**self._translation.values, notation.TIME: notation.exact(begin.t)}
         known = {x: enclosure.fraction(value) for x, value in constants.items()}
         moving = [x for x in self._block.variables if x != notation.TIME]
-        origin = {x: enclosure.fraction(self._as_written(x)) for x in moving}
+        origin = {}
+        for x in moving:  # what was written, or where that was changed the decimal of its double
+            value, double = self._translation.written(x), float(self._declared.q[self._numbers[x.name]])
+            number = float(value) if value is not None and value.is_comparable else None
+            if number is None or abs(number - double) > ROUNDING * max(1.0, abs(number)):
+                value = notation.exact(double)
+            origin[x] = enclosure.fraction(value)
         here = dict(origin)
         for x in moving:
             k = self._numbers[x.name]
