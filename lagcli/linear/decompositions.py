@@ -1,7 +1,8 @@
 """Decompositions of dense matrices, the only ones of the program: least squares, orthonormal bases, singular values.
 
 Entries are known to rounding here, and what is smaller is zero. Rows at a state are known to fewer digits: what they
-span and what follows from what is for `rank` to say.
+span and what follows from what is for `rank` to say. And directions that belong to no model: the same in every run, and
+on every machine.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def triangle(columns: Floats) -> Floats:
     return np.asarray(np.linalg.qr(columns, mode="r"), dtype=float)
 
 
-# The first generic_signs of `default_rng(0).choice((-1.0, 1.0))`, written out: a model with few coordinates need not
+# The first signs of `default_rng(0).choice((-1.0, 1.0))`, written out: a model with few coordinates need not
 # load `numpy.random`, which takes a twentieth of the time of its whole run.
 _FIRST_SIGNS = "+++------+++++++++"
 

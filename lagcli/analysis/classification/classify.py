@@ -204,7 +204,7 @@ def _searched(case: Case, built: System, numeric: NumericSystem, limit: float) -
 def _by_algebra(built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
     whole = classified(built, numeric, limit)
     orbits = whole.case.orbits(progress.after(limit)) if not whole.conditions else ()
-    # A note on all rows with integrals that were not found, and one on those of which nothing was decided
+    # A note on all rows with integrals that were not found, and one on those of which nothing was decided.
     unknown: list[str] = []
     undecided: list[str] = []
     for group in whole.found.groups:
