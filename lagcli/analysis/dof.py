@@ -149,10 +149,9 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         vanishing = (
             f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
         )
-    open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows)
-    open_reason = (
-        open_reason or vanishing or _undecided_rank(on, surface, len(holonomic_rows) == len(names), exact)
-    )
+    is_holonomic = len(holonomic_rows) == len(names)
+    open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows) or vanishing
+    open_reason = open_reason or _undecided_rank(on, surface, is_holonomic, exact)
     rank_beyond = found.flag[0] if exact else on.highest[1] - on.highest[0]
     reason = open_reason or _undecided_rows(found, rank_beyond)
     n, total = system.symbols.q.numel(), (surface.codimension or 0) + rank_beyond
@@ -165,6 +164,10 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
     redundant = _redundant(numeric, points[generic], effective, surface)
     redundant = [i for i, name in enumerate(names) if exact.get(name, i in redundant)]
+    # Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way.
+    is_exact = sum(group.holonomic_rank for group in found.groups) == surface.codimension
+    is_proved = bool(found.groups) and is_exact and all(one.proof == "symbolic" for one in found.groups)
+    proof: Proof = "symbolic" if is_proved else "numeric"
     counted = DofCount(
         particles=len(system.model.particle_names),
         coordinates=n,
@@ -173,7 +176,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         redundant=max(len(names) - total, len(redundant)) if decided else None,
         configuration_dof=n - s if decided else None,
         velocity_dof=n - total if decided else None,
-        proof=_proof(found, surface) if decided else "none",
+        proof=proof if decided else "none",
         bounds=bounds,
         reason=reason,
         redundant_rows=tuple(names[i] for i in redundant if decided),
@@ -263,13 +266,6 @@ def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> 
         # A condition g = 0 is a row that no rank has seen, and its differential may demand others.
         return 0, max(ends)
     return min(ends), max(ends)  # ranks by numbers and by algebra may differ, and the range is between them
-
-
-def _proof(found: Classification, surface: Codimension) -> Proof:
-    """Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way."""
-    known = sum(group.holonomic_rank for group in found.groups)
-    is_exact = known == surface.codimension and all(group.proof == "symbolic" for group in found.groups)
-    return "symbolic" if is_exact and found.groups else "numeric"
 
 
 def _undecided_rows(found: Classification, rank_beyond: int) -> str:

@@ -90,7 +90,7 @@ def _judged(names: tuple[str, ...], group: list[_Term], states: list[tuple[Float
     particles = sorted(frozenset[int]().union(*(term.touched for term in group)))
     size, unbalanced, off_line = 0.0, 0.0, 0.0
     for number, (r, F) in enumerate(states):
-        total, torque, forces, lever = np.zeros(3), np.zeros(3), 0.0, 0.0
+        total, torque, forces = np.zeros(3), np.zeros(3), 0.0
         center = r[particles].mean(axis=0)
         for term in group:
             for index, k in enumerate(term.on):

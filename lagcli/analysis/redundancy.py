@@ -157,11 +157,8 @@ def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequ
     if not own <= {i for orbit in followed for i in orbit.rows}:
         return []
     states = [state for orbit in followed for state in orbit.states]
-    return (
-        states
-        if all(rank.estimate(projection.rows(numeric, each)).value == found.value for each in states)
-        else []
-    )
+    ranks = (rank.estimate(projection.rows(numeric, each)).value for each in states)
+    return states if all(one == found.value for one in ranks) else []
 
 
 def _ahead(numeric: NumericSystem, state: State) -> list[State]:

@@ -44,9 +44,7 @@ class Reached:
     @property
     def worst(self) -> float:
         """The largest of the residuals; infinite where they are not finite."""
-        return (
-            float(np.max(self.residuals, initial=0.0)) if np.isfinite(self.residuals).all() else float("inf")
-        )
+        return float(np.max(self.residuals, initial=0.0)) if np.isfinite(self.residuals).all() else np.inf
 
 
 class Surface:

@@ -255,11 +255,9 @@ class _WitnessSearch:
         rate = omega @ found.tangent
         if np.abs(rate).max(initial=0.0) < controlled_paths.PARAMETERS.seen:
             return []
-        return [
-            int(i)
-            for i in np.argsort(-np.abs(omega[:-1]), kind="stable")
-            if abs(omega[i]) > controlled_paths.PARAMETERS.seen
-        ][: PARAMETERS.movable]
+        clearest = np.argsort(-np.abs(omega[:-1]), kind="stable").tolist()
+        seen = [i for i in clearest if abs(omega[i]) > controlled_paths.PARAMETERS.seen]
+        return seen[: PARAMETERS.movable]
 
     def _omega(self, z: Floats) -> Floats:
         """The row (k + 1,) at a point, of length one."""
