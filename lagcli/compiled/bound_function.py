@@ -16,13 +16,12 @@ Floats = npt.NDArray[np.float64]
 
 
 class Buffer(Protocol):
-    """The arrays that a function reads and writes; CasADi's own types know them by their addresses only."""
+    """The arrays that a function reads, its arguments, and writes, its results; CasADi's own types know them by their
+    addresses only."""
 
-    def set_arg(self, index: int, memory: memoryview, /) -> None:
-        """Read an argument from there."""
+    def set_arg(self, index: int, memory: memoryview, /) -> None: ...
 
-    def set_res(self, index: int, memory: memoryview, /) -> None:
-        """Write a result there."""
+    def set_res(self, index: int, memory: memoryview, /) -> None: ...
 
 
 def buffer(function: ca.Function) -> tuple[Buffer, Callable[[], None]]:

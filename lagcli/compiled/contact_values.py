@@ -27,8 +27,6 @@ ROUNDINGS, FEW = 32.0, 4.0
 RESOLVED = 512.0
 # Speeds that rise no higher than so many times the rounding of a gap are none.
 UNSEEN = 4.0
-# Contacts that are this part of the tolerance of the run away from closed belong to the same instant.
-TOGETHER = 1.0
 # A speed of a gap is none where it is this part of those that it is the difference of.
 SLOW = 1e-11
 
@@ -112,7 +110,8 @@ def function(parts: Parts) -> ca.Function:
     # A gap is a sum of its coordinates, or of terms that cancel, whose roundings are counted.
     noise = doubles.EPS * ca.fmax(ca.fmax(ROUNDINGS * local, g_off), FEW * (extent + made))
     noise += ca.fmax(FEW * doubles.EPS * ca.fabs(t), across) * terms
-    touching_gap = ca.fmax(4 * noise, TOGETHER * rtol * (extent + ca.fabs(g)))
+    # Contacts that are the tolerance of the run away from closed belong to the same instant.
+    touching_gap = ca.fmax(4 * noise, rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
     slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
     slow = ca.fmax(slow, ca.fmax(ROUNDINGS * doubles.EPS * g_t_off, FEW * across * pull))

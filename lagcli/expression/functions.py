@@ -77,6 +77,9 @@ class Function:
     is_elementary: bool = True
 
 
+_UNIT = (-1.0, 1.0)  # the values of a sine, and the arguments of its inverse
+
+
 def _sign(value: float) -> float:
     return math.copysign(1.0, value) if value else 0.0
 
@@ -85,12 +88,12 @@ ROWS = (
     Function(
         "sin", math.sin, np.sin, "sine",
         slope=lambda of, x, y: of.cos(x),
-        has_latex=True, angle="argument", bounds=(-1.0, 1.0), far="bounded", is_total=True, is_entire=True,
+        has_latex=True, angle="argument", bounds=_UNIT, far="bounded", is_total=True, is_entire=True,
     ),
     Function(
         "cos", math.cos, np.cos, "cosine",
         slope=lambda of, x, y: -of.sin(x),
-        has_latex=True, angle="argument", bounds=(-1.0, 1.0), far="bounded", is_total=True, is_entire=True,
+        has_latex=True, angle="argument", bounds=_UNIT, far="bounded", is_total=True, is_entire=True,
     ),
     Function(
         "tan", math.tan, np.tan, "tangent",
@@ -100,13 +103,13 @@ ROWS = (
     Function(
         "asin", math.asin, np.arcsin, "rises",
         slope=lambda of, x, y: 1 / of.sqrt(1 - x * x),
-        written="arcsin", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2), domain=(-1.0, 1.0),
+        written="arcsin", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2), domain=_UNIT,
         far="bounded", edge="`asin` comes to an end of its range", may_be_steep=True,
     ),
     Function(
         "acos", math.acos, np.arccos, "falls",
         slope=lambda of, x, y: -1 / of.sqrt(1 - x * x),
-        written="arccos", has_latex=True, angle="value", bounds=(0.0, math.pi), domain=(-1.0, 1.0),
+        written="arccos", has_latex=True, angle="value", bounds=(0.0, math.pi), domain=_UNIT,
         far="bounded", edge="`acos` comes to an end of its range", may_be_steep=True,
     ),
     Function(
@@ -129,7 +132,7 @@ ROWS = (
     Function(
         "tanh", math.tanh, np.tanh, "rises",
         slope=lambda of, x, y: 1 - y * y,
-        has_latex=True, bounds=(-1.0, 1.0), may_jump=True, is_total=True,
+        has_latex=True, bounds=_UNIT, may_jump=True, is_total=True,
     ),
     Function(
         "exp", math.exp, np.exp, "rises",
@@ -155,7 +158,7 @@ ROWS = (
     Function(
         "sign", _sign, np.sign, "sign",
         slope=lambda of, x, y: 0,
-        bounds=(-1.0, 1.0), edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
+        bounds=_UNIT, edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
         is_total=True, is_elementary=False,
     ),
     Function(
