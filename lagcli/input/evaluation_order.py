@@ -32,20 +32,11 @@ def evaluation(
     formulas: Formulas, particles: Sequence[model.Particle], definitions: Sequence[model.Definition]
 ) -> tuple[str | Batch, ...]:
     """The steps of the evaluation; a circle is reported."""
-    units = [
-        _Unit(p.members.base, p.position.parts, i, p.members.count)
-        for i, p in enumerate(particles)
-        if p.is_dependent
-    ]
-    units += [_Unit(d.name, (d.expression,), None, 1) for d in definitions]
-    by_name: dict[str, list[int]] = {}
-    for number, unit in enumerate(units):
-        by_name.setdefault(unit.name, []).append(number)
-    uses = [sorted(n for name in unit.uses for n in by_name.get(name, ())) for unit in units]
+    members = _Members(formulas, particles, definitions)
+    uses = [sorted(n for name in unit.uses for n in members.by_name.get(name, ())) for unit in members.units]
     steps: list[str | Batch] = []
-    members = _Members(formulas, particles, units, by_name)
     for group in _groups(uses):
-        first = units[group[0]]
+        first = members.units[group[0]]
         if len(group) > 1 or group[0] in uses[group[0]]:
             steps += members.steps(group)
         elif first.entry is None:
@@ -93,19 +84,24 @@ class _Members:
     """The order of members that depend on members of the same families."""
 
     def __init__(
-        self,
-        formulas: Formulas,
-        particles: Sequence[model.Particle],
-        units: list[_Unit],
-        by_name: dict[str, list[int]],
+        self, formulas: Formulas, particles: Sequence[model.Particle], definitions: Sequence[model.Definition]
     ) -> None:
-        self._formulas, self._particles, self._units, self._by_name = formulas, particles, units, by_name
+        self._formulas, self._particles = formulas, particles
+        self.units = [
+            _Unit(p.members.base, p.position.parts, i, p.members.count)
+            for i, p in enumerate(particles)
+            if p.is_dependent
+        ]
+        self.units += [_Unit(d.name, (d.expression,), None, 1) for d in definitions]
+        self.by_name: dict[str, list[int]] = {}
+        for number, unit in enumerate(self.units):
+            self.by_name.setdefault(unit.name, []).append(number)
         self._member_index = MemberIndex([particle.members for particle in particles])
-        self._unit_of = {unit.entry: n for n, unit in enumerate(units) if unit.entry is not None}
+        self._unit_of = {unit.entry: n for n, unit in enumerate(self.units) if unit.entry is not None}
 
     def steps(self, group: list[int]) -> list[str | Batch]:
         """Batches of members that need only members of earlier batches."""
-        needs = {(n, k): set[Node]() for n in group for k in range(self._units[n].count)}
+        needs = {(n, k): set[Node]() for n in group for k in range(self.units[n].count)}
         for number in group:
             for node, others in self._references(number, set(group)):
                 needs[node] |= others
@@ -118,7 +114,7 @@ class _Members:
         steps: list[str | Batch] = []
         while ready:
             for number in sorted({number for number, _ in ready}):
-                unit = self._units[number]
+                unit = self.units[number]
                 members = sorted(member for n, member in ready if n == number)
                 steps.append(
                     unit.name if unit.entry is None else Batch(unit.entry, np.array(members, dtype=np.int64))
@@ -133,7 +129,7 @@ class _Members:
             ready = following
         if missing:
             number, member = min(missing)
-            unit = self._units[number]
+            unit = self.units[number]
             entry = self._particles[unit.entry] if unit.entry is not None else None
             name = unit.name if entry is None else entry.members.names[member]
             error = ExpressionError("circular", f"`{name}` depends on itself", 0, len(unit.parts[0].text))
@@ -142,7 +138,7 @@ class _Members:
 
     def _references(self, number: int, group: set[int]) -> list[tuple[Node, set[Node]]]:
         """For each member of a unit the members and definitions in the group that its formulas speak of."""
-        unit = self._units[number]
+        unit = self.units[number]
         variables = {} if unit.entry is None else self._particles[unit.entry].members.variables
         found: list[tuple[Node, set[Node]]] = []
         for node in (node for part in unit.parts for node in tree.walk(part.tree)):
@@ -157,7 +153,7 @@ class _Members:
             elif isinstance(node, (tree.Name, tree.Member)):
                 name = node.name if isinstance(node, tree.Name) else node.owner
                 others = {
-                    (n, 0) for n in self._by_name.get(name, ()) if n in group and self._units[n].count == 1
+                    (n, 0) for n in self.by_name.get(name, ()) if n in group and self.units[n].count == 1
                 }
                 if others:
                     found += [((number, k), others) for k in range(unit.count)]
