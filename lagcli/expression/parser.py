@@ -420,7 +420,7 @@ class _FilterParser(_Parser):
         """The whole text as a filter."""
         if self._kinds[0] == "end":
             raise ExpressionError("syntax", "a filter is missing", 0, 1, "for example `i != j`")
-        node = self._either()
+        node = self._grouped()
         if self._kinds[self._at] != "end":
             raise self._unjoined(self._peek())
         self._require_kind(node, is_truth=True)
@@ -437,9 +437,6 @@ class _FilterParser(_Parser):
                 message = "a number is needed here, and this is a comparison"
                 hint = "comparisons are joined with `and`, `or`, `not`"
             raise ExpressionError("syntax", message, node.start, node.end, hint)
-
-    def _either(self) -> tree.Node:
-        return self._joined("or", lambda: self._joined("and", self._negated, tree.And), tree.Or)
 
     def _joined(
         self, word: str, part: Callable[[], tree.Node], make: type[tree.And] | type[tree.Or]
@@ -468,7 +465,7 @@ class _FilterParser(_Parser):
         return tree.ComparisonNode(start, self._end(), tuple(operands), tuple(relations))
 
     def _grouped(self) -> tree.Node:
-        return self._either()
+        return self._joined("or", lambda: self._joined("and", self._negated, tree.And), tree.Or)
 
     def _expect(self, kind: str, opened: Token) -> None:
         token = self._peek()

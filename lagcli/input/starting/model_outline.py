@@ -5,7 +5,7 @@ A model may be broken in any way while it is written. What cannot be read gives 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
@@ -39,12 +39,18 @@ class Outline:
 
     def columns(self) -> tuple[str, ...]:
         """The columns of a table of this model; several at once where only the integrated model could tell them."""
-        particles, coordinates = self.of("particles"), self.of("coordinates")
+        particles, coordinates, bodies = self.of("particles"), self.of("coordinates"), self.of("rigid")
+        multipliers: list[str] = []
+        for name in self.constraints():
+            if name in self.vectors:
+                multipliers += [f"lambda.{name}.{axis}" for axis in AXES]
+            else:
+                multipliers.append(f"lambda.{name}.*" if name in bodies else f"lambda.{name}")
         return (
             "t",
             *(f"{name}.{part}" for name in particles for part in (*AXES, "vx", "vy", "vz")),
             *(column for name in coordinates for column in (name, f"rate({name})")),
-            *self._multipliers(),
+            *multipliers,
             *(f"R.{name}.{part}" for name in particles for part in AXES),
             *(f"R.{name}" for name in coordinates),
             "energy",
@@ -60,14 +66,6 @@ class Outline:
             *(f"{name}.{field}" for name in coordinates for field in ("value", "rate")),
             *(f"{name}.{part}" for name in particles for part in (*AXES, "vx", "vy", "vz")),
         )
-
-    def _multipliers(self) -> Iterator[str]:
-        bodies = self.of("rigid")
-        for name in self.constraints():
-            if name in self.vectors:
-                yield from (f"lambda.{name}.{axis}" for axis in AXES)
-            else:
-                yield f"lambda.{name}.*" if name in bodies else f"lambda.{name}"
 
 
 EMPTY = Outline({}, frozenset())
@@ -97,13 +95,15 @@ def read(data: bytes | str) -> Outline:
         *names.get("particles", ()),
         *{name.value for name, node in given or () if isinstance(node, yaml_tree.Sequence)},
     }
-    laws = frozenset(
-        _pattern(name)
-        for section in ("holonomic", "differential")
-        for name, node in entries.get(section, ())
-        if _is_vector(_tree(node), vector_names)
-    )
-    return Outline(names, laws)
+    laws = set()
+    for section in ("holonomic", "differential"):
+        for name, node in entries.get(section, ()):
+            written = node.get("equation") if isinstance(node, yaml_tree.Mapping) else node
+            if isinstance(written, yaml_tree.Scalar):
+                with contextlib.suppress(tree.ExpressionError):
+                    if _is_vector(parser.parse_equation(written.value), vector_names):
+                        laws.add(_pattern(name))
+    return Outline(names, frozenset(laws))
 
 
 def _pattern(name: yaml_tree.Scalar) -> str:
@@ -112,18 +112,7 @@ def _pattern(name: yaml_tree.Scalar) -> str:
     return base + "[*]" * len(indices) if tokens.is_name(base) else ""
 
 
-def _tree(node: yaml_tree.AnyNode | None) -> tree.Node | None:
-    if isinstance(node, yaml_tree.Mapping):
-        node = node.get("equation")
-    if not isinstance(node, yaml_tree.Scalar):
-        return None
-    try:
-        return parser.parse_equation(node.value)
-    except tree.ExpressionError:
-        return None
-
-
-def _is_vector(node: tree.Node | None, vectors: set[str]) -> bool:
+def _is_vector(node: tree.Node, vectors: set[str]) -> bool:
     """True for the equation of two vectors, as far as it can be told from particles, lists and `cross`."""
     match node:
         case tree.Name():
