@@ -306,62 +306,41 @@ class AuditLines(NamedTuple):
 
 def lines(audit: Audit) -> AuditLines:
     """All lines of an audit."""
-    failures = [
-        (
-            failure(check),
-            [fault(location) for location in check.failing[:MOST_FAULTS_LISTED]],
-            max(0, check.failures - MOST_FAULTS_LISTED),
-        )
-        for check in audit.checks
-        if check.verdict == "fail"
-    ]
-    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in audit.sentences]
-    if audit.figures:
-        sentences.append(work(dict(audit.figures)))
-    if audit.unread:
-        others = f" and {len(audit.unread) - UNREAD} others" if len(audit.unread) > UNREAD else ""
-        sentences.append(f"Columns that no check looks at: {', '.join(audit.unread[:UNREAD])}{others}.")
-    if audit.written is not None:
-        sentences.append(audit.written.sentence())
-    if audit.written_events is not None:
-        sentences.append(audit.written_events.sentence("table of events"))
-    return AuditLines(wide_rows(audit.checks), failures, [*sentences, audit.conclusion])
-
-
-def failure(check: Check) -> str:
-    """The head of the list of what fails."""
-    law = f" ({check.law}: {check.equation})" if check.law else ""
-    return f"{check.name} fails{law}:"
-
-
-def work(figures: dict[str, float]) -> str:
-    """The work of the constraints, virtual and real."""
-    real = figures["work_of_constraints"]
-    real_work = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
-    return (
-        f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {real_work}, energy gained"
-        f" {figures['energy_gained']:.10g}."
-    )
-
-
-def fault(location: TableLocation) -> str:
-    """An entry that is beyond its limit."""
-    return f"{location.name} at t = {location.t:.9g}: {location.value:.3g}, the limit is {location.limit:.3g}"
-
-
-def wide_rows(checks: tuple[Check, ...]) -> list[tuple[str, ...]]:
-    """The table of checks, its headers first."""
-    lines: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
-    for check in checks:
+    rows: list[tuple[str, ...]] = [("check", "equation", "worst", "limit", "verdict", "where")]
+    failures: list[tuple[str, list[str], int]] = []
+    for check in audit.checks:
         law, worst = f"{check.equation} ({check.law})" if check.law else check.equation, check.worst
         verdict: str = check.verdict
-        if check.verdict == "partly judged" and check.fraction is not None:
+        if verdict == "partly judged" and check.fraction is not None:
             verdict = f"{max(1, math.floor(100 * check.fraction))} % judged"
         if worst is None:
-            lines.append((check.name, law, "-", "-", verdict, "-"))
-            continue
-        # An entry over a window names its times itself
-        time = "" if " over t = " in worst.name else f", t = {worst.t:.6g}"
-        where = f"{worst.name}{time}" if worst.value else "-"
-        lines.append((check.name, law, f"{worst.value:.1e}", f"{worst.limit:.1e}", verdict, where))
-    return lines
+            rows.append((check.name, law, "-", "-", verdict, "-"))
+        else:
+            # An entry over a window names its times itself
+            time = "" if " over t = " in worst.name else f", t = {worst.t:.6g}"
+            where = f"{worst.name}{time}" if worst.value else "-"
+            rows.append((check.name, law, f"{worst.value:.1e}", f"{worst.limit:.1e}", verdict, where))
+        if verdict == "fail":
+            about = f" ({check.law}: {check.equation})" if check.law else ""
+            faults = [
+                f"{at.name} at t = {at.t:.9g}: {at.value:.3g}, the limit is {at.limit:.3g}"
+                for at in check.failing[:MOST_FAULTS_LISTED]
+            ]
+            others = max(0, check.failures - MOST_FAULTS_LISTED)
+            failures.append((f"{check.name} fails{about}:", faults, others))
+    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in audit.sentences]
+    if audit.figures:
+        figures = dict(audit.figures)
+        real = figures["work_of_constraints"]
+        real_work = f"{real:.10g}" if math.isfinite(real) else "not known (the rows are too far apart)"
+        sentences.append(
+            f"Virtual work of R at most {figures['virtual_work']:.1e}; real work of R {real_work}, energy gained"
+            f" {figures['energy_gained']:.10g}."
+        )
+    if audit.unread:
+        more = f" and {len(audit.unread) - UNREAD} others" if len(audit.unread) > UNREAD else ""
+        sentences.append(f"Columns that no check looks at: {', '.join(audit.unread[:UNREAD])}{more}.")
+    for table, written in (("table", audit.written), ("table of events", audit.written_events)):
+        if written is not None:
+            sentences.append(written.sentence(table))
+    return AuditLines(rows, failures, [*sentences, audit.conclusion])

@@ -310,7 +310,7 @@ class WrittenDigits:
         """True for so many digits that they are short by rounding alone."""
         return max(self.digits, self.decimals) >= PARAMETERS.certain
 
-    def sentence(self, table: str = "table") -> str:
+    def sentence(self, table: str) -> str:
         """The sentence of a report on a table."""
         count = f"{self.digits} digits" if self.digits else f"{self.decimals} decimals"
         return f"The {table} has {count}: judged by them."
