@@ -280,7 +280,15 @@ class _Outputs:
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         member = "" if isinstance(argument, tree.Name) else argument.member
         if node.function == "multiplier":
-            return self._multipliers(argument, index.names.names(argument, variables), member)
+            names = index.names.names(argument, variables)
+
+            def of_rows(suffix: str) -> Array:
+                return np.asarray(self._lam[:, [self._row(argument, name + suffix) for name in names]])
+
+            if member or all(name in self._rows for name in names):
+                return of_rows(f".{member}" if member else "")
+            x, y, z = (of_rows(f".{axis}") for axis in "xyz")  # of vector equations
+            return x, y, z
         if node.function == "rate":
             if (argument.name if isinstance(argument, tree.Name) else argument.owner) in index.coordinates:
                 raise _UnknownError  # d/dt of dL/dq' would have to be solved for it
@@ -311,17 +319,6 @@ class _Outputs:
         if np.isnan(a[0]).all():
             raise _UnknownError
         return a["xyz".index(member)] if member else a
-
-    def _multipliers(self, node: Reference, names: list[str], member: str) -> Value:
-        """lambda of rows, or of the three of each vector equation."""
-
-        def of_rows(rows: list[str]) -> Array:
-            return np.asarray(self._lam[:, [self._row(node, name) for name in rows]])
-
-        if member or all(name in self._rows for name in names):
-            return of_rows([f"{name}.{member}" if member else name for name in names])
-        x, y, z = (of_rows([f"{name}.{axis}" for name in names]) for axis in "xyz")
-        return x, y, z
 
     def _row(self, node: Reference, name: str) -> int:
         if name not in self._rows:

@@ -246,7 +246,18 @@ class ModelLaws:
         extra = self._lagrangian(free)
         L = sum((free.wide(p, 1)[:, 0] for p in extra), np.zeros(len(q)))
         pull_of_L = free.graph.gradient([(p, np.ones((1, 1))) for p in extra])
-        F, Q = self._forces(free)
+        # Forces without a potential on particles and on coordinates
+        index = self.index
+        F, Q = np.zeros((free.rows, 3 * len(index.particles))), np.zeros((free.rows, index.n))
+        for targets, parts, _ in self._on_particles(free, constant=False):
+            for axis, part in enumerate(parts):
+                scatter(F, 3 * targets + axis, free.wide(part, targets.size))
+        for force in self.model.forces:
+            if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
+                action = force.action
+                algebra = free.algebra(action.variables(force.members))
+                pushes = free.wide(evaluate.scalar(force.force.tree, algebra), action.targets.size)
+                scatter(Q, index.first_generalized + action.targets, pushes)
         kinds = dependent.size > 0
         return LawValues(
             x=x, u=u, x_t=x_t, f=f, w=w, b=b,
@@ -254,7 +265,7 @@ class ModelLaws:
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
             L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
             L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
-            F=F, Q=Q,
+            F=F.reshape(free.rows, len(index.particles), 3), Q=Q,
         )  # fmt: skip
 
     def _residuals(self, on_table: ModelOnTable, rows: tuple[RowValues, RowValues]) -> tuple[Array, Array]:
@@ -306,20 +317,6 @@ class ModelLaws:
             }
             algebra = on_table.algebra(force.action.variables(force.members), own)
             yield targets, on_table.vector(force.force, algebra), algebra
-
-    def _forces(self, on_table: ModelOnTable) -> tuple[Array, Array]:
-        """F (T, N, 3) without potential on particles and Q (T, n) on coordinates."""
-        index = self.index
-        F, Q = np.zeros((on_table.rows, 3 * len(index.particles))), np.zeros((on_table.rows, index.n))
-        for targets, parts, _ in self._on_particles(on_table, constant=False):
-            for axis, part in enumerate(parts):
-                scatter(F, 3 * targets + axis, on_table.wide(part, targets.size))
-        for force in self.model.forces:
-            if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
-                algebra = on_table.algebra(force.action.variables(force.members))
-                values = on_table.wide(evaluate.scalar(force.force.tree, algebra), force.action.targets.size)
-                scatter(Q, index.first_generalized + force.action.targets, values)
-        return F.reshape(on_table.rows, len(index.particles), 3), Q
 
 
 def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> dict[str, Array]:
