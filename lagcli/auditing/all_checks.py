@@ -116,8 +116,15 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
             right = {check.name for check in judge_by(short).checks if check.verdict != "fail"}
             for k, check in enumerate(judged.checks):
                 if check.verdict == "fail" and check.name in right:
-                    law = CheckedLaw(check.name, check.law, check.equation)
-                    judged.checks[k] = law.unjudged(FEW_NUMBERS, check.entries)
+                    judged.checks[k] = Check(
+                        check.name,
+                        check.law,
+                        check.equation,
+                        "not judged",
+                        None,
+                        entries=check.entries,
+                        note=FEW_NUMBERS,
+                    )
     return Audit(
         title=model.title,
         path=model.path,
