@@ -6,17 +6,12 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from lagcli.frozen import frozen_value
-from lagcli.model import settings
 from lagcli.model.settings import Simulation
-from lagcli.output.tables import provenance
 from lagcli.output.tables.provenance import Provenance
 
 if TYPE_CHECKING:
-    from lagcli.equations.system import System
     from lagcli.running.run_remarks import RunWarning
     from lagcli.simulation.error_estimate import Accuracy
-    from lagcli.simulation.run_entry import RunReport
-    from lagcli.start.assembly import Assembly
     from lagcli.start.consistent_start import Moves
 
 # The codes of a run that a signal ended, and of one whose rows could not be written.
@@ -96,48 +91,3 @@ class Stats:
         if self.assembled is not None:
             account["assembled"] = self.assembled.as_json()
         return account if self.accuracy is None else {**account, **self.accuracy.as_json()}
-
-
-def of(
-    system: System,
-    report: RunReport,
-    outcome: Outcome,
-    seconds: float,
-    assembly: Assembly | None = None,
-    accuracy: Accuracy | None = None,
-) -> Stats:
-    """The account so far; of a resumed run it covers the whole, but for the seconds.
-
-    seconds: those before the first step; assembly: what moved the start; accuracy: of the rows, with the kinds that
-    are zero to rounding.
-    """
-    from lagcli.start import consistent_start
-
-    chosen, statistics = system.model.simulation, report.statistics
-    extremes, tally = report.extremes, statistics.reported
-    return Stats(
-        statistics.steps,
-        statistics.rejected,
-        statistics.evaluations,
-        seconds,
-        report.solve_seconds,
-        settings.method_name(chosen),
-        extremes.position_drift,
-        extremes.velocity_drift,
-        statistics.energy_imbalance,
-        tuple(system.multiplier_rows[i].name for i in sorted(report.indeterminate)),
-        tuple(crossing.t for crossing in report.crossings),
-        outcome.stopped,
-        statistics.ended_by,
-        outcome.rows,
-        outcome.t_end,
-        provenance.of(system.model),
-        accuracy,
-        consistent_start.moves(system.model, assembly) if assembly else None,
-        chosen.rtol,
-        chosen.atol,
-        tally.impacts,
-        tally.releases,
-        tally.accumulations,
-        report.largest_penetration,
-    )

@@ -13,9 +13,10 @@ import numpy.typing as npt
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.output.tables import incident_table
+from lagcli.model import settings
+from lagcli.output.tables import incident_table, provenance
 from lagcli.output.tables.incident_table import IncidentColumns
-from lagcli.running import run_account, run_remarks, table_columns
+from lagcli.running import run_remarks, table_columns
 from lagcli.running.run_account import Outcome, Stats, Stopped
 from lagcli.running.run_remarks import EnergyError
 from lagcli.running.table_columns import GeneralizedForces
@@ -23,7 +24,7 @@ from lagcli.simulation.run_entry import RunInBlocks, RunReport
 from lagcli.simulation.run_state import checkpoint as checkpoints
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.statistics import Incident
-from lagcli.start import lipschitz
+from lagcli.start import consistent_start, lipschitz
 
 if TYPE_CHECKING:
     from lagcli.analysis.examined_start import ExaminedStart
@@ -193,12 +194,37 @@ class SimulationRun:
     @property
     def stats(self) -> Stats:
         """The account so far; of a resumed run it covers the whole, but for the seconds."""
-        report = self.report
-        known, energy = self._known(report.accuracy), self._energy_error
-        stats = run_account.of(self.built, report, self.outcome, self._seconds, self.assembly, known)
-        return stats if energy is None else dataclasses.replace(stats, warnings=(energy.warning,))
+        report, energy, system = self.report, self._energy_error, self.built
+        chosen, statistics = self.model.simulation, report.statistics
+        extremes, tally = report.extremes, statistics.reported
+        return Stats(
+            statistics.steps,
+            statistics.rejected,
+            statistics.evaluations,
+            self._seconds,
+            report.solve_seconds,
+            settings.method_name(chosen),
+            extremes.position_drift,
+            extremes.velocity_drift,
+            statistics.energy_imbalance,
+            tuple(system.multiplier_rows[i].name for i in sorted(report.indeterminate)),
+            tuple(crossing.t for crossing in report.crossings),
+            self.outcome.stopped,
+            statistics.ended_by,
+            self.outcome.rows,
+            self.outcome.t_end,
+            provenance.of(self.model),
+            self._known(report.accuracy),
+            None if self.assembly is None else consistent_start.moves(self.model, self.assembly),
+            chosen.rtol,
+            chosen.atol,
+            tally.impacts,
+            tally.releases,
+            tally.accumulations,
+            report.largest_penetration,
+            () if energy is None else (energy.warning,),
+        )
 
     @property
     def _energy_error(self) -> EnergyError | None:
-        settings = self.model.simulation
-        return run_remarks.found(self.numeric, settings, self.begin, self.report)
+        return run_remarks.found(self.numeric, self.model.simulation, self.begin, self.report)
