@@ -15,14 +15,16 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.frozen import frozen_value
 from lagcli.output.files import formats
-from lagcli.output.tables import cell_text
+
+if TYPE_CHECKING:
+    from lagcli.output.tables import cell_text  # it loads orjson
 
 Floats = NDArray[np.float64]
 CheckSize = Callable[[Path, int, int], None]  # of a file, rows and columns; raises `UnreadableTable`
