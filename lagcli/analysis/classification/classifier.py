@@ -182,7 +182,7 @@ class Classifier:
         raise HiddenConditionsError(
             tuple(
                 Condition(
-                    notation.written(self._locality.own_factor(one.factors)),
+                    notation.written(self._locality.start.own_factor(one.factors)),
                     self._names(numbers[i] for i in one.rows),
                 )
                 for one in found.flag.conditions

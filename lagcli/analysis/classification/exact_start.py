@@ -7,7 +7,8 @@ them nearest to what is written, found to 50 digits too.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import decimal
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 
@@ -56,6 +57,19 @@ class ExactStart:
         size = initial.size(self._case.begin.q)
         moving = (x for x in self._block.variables if x != notation.TIME)
         return dataclasses.replace(self.doubles(state), sizes=dict.fromkeys(moving, size))
+
+    def decimal(self, expression: Expression) -> decimal.Decimal:
+        """The value at the start in fifty digits, 0 where these leave nothing. Raises `enclosure.NoValueError`."""
+        if self.point.digits is None:
+            raise enclosure.NoValueError
+        is_nothing = expression == 0 or special_points.is_nothing(expression, [self.point])
+        return decimal.Decimal(0) if is_nothing else enclosure.decimal_of(expression, self.point.digits)
+
+    def own_factor(self, factors: Sequence[Expression]) -> Expression:
+        """The factor that vanishes at the start, if one alone does, or is all but zero there; else the product."""
+        own = [e for e in factors if special_points.vanishes(e, [self.point])]
+        own = own or [e for e in factors if special_points.beside(e, self.point)]
+        return own[0] if len(own) == 1 else special_points.product(factors)
 
     @cached_property
     def _declared(self) -> State:

@@ -80,7 +80,7 @@ class Locality:
         deadline: float,
     ) -> None:
         self._case, self._translation, self._deadline = case, translation, deadline
-        self._start = exact_start.ExactStart(case, group, block, translation)
+        self.start = exact_start.ExactStart(case, group, block, translation)
 
     def demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> joint.Flagged | None:
         """The flag whose conditions motions from the start meet: that of general position, or on a place that they
@@ -100,7 +100,7 @@ class Locality:
         """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
         where something that algebra divided by vanishes, and of those that do not, or it is these that vanish there."""
         conditions = [one.factors for one in flagged.flag.conditions]
-        demanded = [self.own_factor(factors) for factors in conditions]
+        demanded = [self.start.own_factor(factors) for factors in conditions]
         places: dict[frozenset[Expression], joint.Flagged] = {frozenset(): flagged}
         ahead: list[tuple[Expression, ...]] = [()]
         for place in ahead:  # it grows: on a place algebra may divide by more
@@ -130,7 +130,7 @@ class Locality:
         is_sided = any(map(form.has_kinks, own or ()))
         if own:
             block = self._on_side(block)
-            if block.has_kinks or self._start.point.digits is None:
+            if block.has_kinks or self.start.point.digits is None:
                 return None  # the start lies on a kink, or its digits are not known
         if is_sided:
             there = self._flagged(block, ())
@@ -196,7 +196,7 @@ class Locality:
             prec=precise_rows.PARAMETERS.digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX
         ):
             try:
-                values = [[self._decimal(a) for a in row] for row in rows]
+                values = [[self.start.decimal(a) for a in row] for row in rows]
             except enclosure.NoValueError:
                 return None
             found = precise_rows.following(values)
@@ -204,14 +204,6 @@ class Locality:
             return None
         s = len(block.surface)
         return frozenset(block.names[i - s] for i in found if i >= s)
-
-    def _decimal(self, expression: Expression) -> decimal.Decimal:
-        """The value at the start in fifty digits, 0 where these leave nothing. Raises `enclosure.NoValueError`."""
-        here = self._start.point
-        if here.digits is None:
-            raise enclosure.NoValueError
-        is_nothing = expression == 0 or special_points.is_nothing(expression, [here])
-        return decimal.Decimal(0) if is_nothing else enclosure.decimal_of(expression, here.digits)
 
     def open_reason(self, flagged: joint.Flagged) -> str:
         """Why a flag is not decided where it is open whether motions from the start stay."""
@@ -221,7 +213,7 @@ class Locality:
 
     def _on_side(self, block: PfaffianBlock) -> PfaffianBlock:
         """The block as it is on the start's side of its kinks."""
-        here = self._start.point
+        here = self.start.point
         return dataclasses.replace(
             block,
             rows=tuple(tuple(special_points.on_side(form.plain(a), here) for a in row) for row in block.rows),
@@ -276,7 +268,7 @@ class Locality:
         values = self._translation.values
         written = [translate.first_integral(one.phi, one.rows, values) for one in passing]
         note = "verdicts and count hold for the motions from the start"
-        names = special_points.sentences(block, where, self._start.point)
+        names = special_points.sentences(block, where, self.start.point)
         if names:
             note += f", which keep to {', '.join(names[:MOST_LISTED])}"
         return dataclasses.replace(
@@ -298,18 +290,18 @@ class Locality:
             return []
 
         def work() -> list[Expression]:
-            return special_points.distinct(special_points.of(vanishing, [self._start.point]))
+            return special_points.distinct(special_points.of(vanishing, [self.start.point]))
 
         own = self._asked(work, time_limit.NO_ANSWER)
         return None if None in vanishing else own or None
 
     def is_at_start(self, expression: Expression) -> bool:
         """True if an expression is zero at the start to all digits, or has no value there."""
-        return special_points.vanishes(expression, [self._start.point])
+        return special_points.vanishes(expression, [self.start.point])
 
     def lost(self, block: PfaffianBlock) -> frozenset[str]:
         """The rows that vanish at the start, to all digits; not by the time alone, which all motions leave."""
-        found = vanishing_rows(block, [self._start.point])
+        found = vanishing_rows(block, [self.start.point])
         return frozenset(
             name
             for name, row in zip(block.names, block.rows, strict=True)
@@ -318,7 +310,7 @@ class Locality:
 
     def is_beside(self, expression: Expression) -> bool:
         """True if an expression that is not zero at the start is so near to zero that doubles cannot tell."""
-        return special_points.beside(expression, self._start.point)
+        return special_points.beside(expression, self.start.point)
 
     def of_motions(
         self,
@@ -329,7 +321,7 @@ class Locality:
     ) -> JointVerdict:
         """The verdict of numbers that are certain on rows whose flag algebra did not find: of the motions from the
         start alone, with what need not hold elsewhere told as such."""
-        points = [self._start.point, *map(self._start.reached, numbers.states[1:])]
+        points = [self.start.point, *map(self.start.reached, numbers.states[1:])]
         sheets: list[Expression] = []
         if numbers.on_piece or numbers.extra[-1]:
             # The factors that vanish along the motions, of holonomic rows that have others.
@@ -364,13 +356,6 @@ class Locality:
             return time_limit.run(self._deadline, work, BUDGET)
         except refusals:
             return None
-
-    def own_factor(self, factors: Sequence[Expression]) -> Expression:
-        """The factor that vanishes at the start, if one alone does, or is all but zero there; else the product."""
-        here = self._start.point
-        own = [e for e in factors if special_points.vanishes(e, [here])]
-        own = own or [e for e in factors if special_points.beside(e, here)]
-        return own[0] if len(own) == 1 else special_points.product(factors)
 
     def _flagged(self, block: PfaffianBlock, equations: Sequence[Expression]) -> joint.Flagged | None:
         """The flag of the block with some more equations, where algebra finds it."""
