@@ -277,6 +277,12 @@ def references(
 def _reference(
     formulas: Formulas, name: yaml_tree.Scalar, kinds: tuple[namespace.Kind, ...], everything: bool
 ) -> Named | None:
+    meant = diagnostics.meant("values of to").get(name.value.strip().casefold()) if everything else None
+    if meant and not formulas.scope.names.kind(name.value.strip()):
+        formulas.report(
+            name, "unknown-name", f"no particle is named `{name.value.strip()}`", f"write `{meant}`"
+        )
+        return None
     try:
         written = parser.parse_reference(name.value)
         base = written.owner if isinstance(written, tree.Index) else written.name

@@ -35,6 +35,24 @@ def test_a_force_on_nobody_is_reported_who_there_is() -> None:
     assert (error.code, error.hint) == ("unknown-name", "declared are `left`, `all`")
 
 
+@pytest.mark.parametrize("word", ["'*'", "every", "Everything"])
+def test_a_force_on_everything_is_told_the_word_for_it(word: str) -> None:
+    (error,) = found(f"{PARTICLE}forces: {{g: {{to: {word}, force: [0, 0, -m]}}}}\n")
+    assert (error.code, error.hint) == ("unknown-name", "write `all`")
+
+
+def test_a_particle_may_have_a_name_that_is_a_word_for_everything() -> None:
+    text = "lagcli: 1\nparticles: {every: {mass: 1, position: [0, 0, 0]}}\n"
+    assert lagcli.loads(f"{text}forces: {{g: {{to: every, force: [0, 0, -1]}}}}\n").forces
+
+
+def test_a_list_of_equations_is_told_that_each_has_a_name() -> None:
+    (error,) = found(f"{PARTICLE}holonomic:\n  - a.x = 1\n")
+    assert error.code == "not-a-mapping"
+    assert "`rod: norm(a) = 1`" in error.hint
+    assert "quotes" not in error.hint
+
+
 def test_a_family_without_its_range_is_reported_how_to_give_one() -> None:
     (error,) = found("lagcli: 1\nparticles: {'p[i]': {mass: 1, position: [0, 0, 0]}}\n")
     assert error.code == "unknown-name"
