@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.expression import functions
 from lagcli.expression.functions import Function
 
@@ -27,7 +28,7 @@ End = Any  # a number of one kind: a float, an array, an expression
 Ends = tuple[End, End]
 
 # By this part of itself every result is widened: two roundings of an operation, or of a library function.
-INTERVAL_ROUNDOFF = 4 * float(np.finfo(float).eps)
+INTERVAL_ROUNDOFF = 4 * doubles.EPS
 HALF_TURN = math.nextafter(math.pi, 4.0)  # pi itself lies between two doubles
 MOST_POWER = 64  # whole exponents up to this size are powers also of negative numbers
 

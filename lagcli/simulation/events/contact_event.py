@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
@@ -43,7 +44,7 @@ LONGER = 16.0
 # step; farther by this factor each time that it does not decide.
 FARTHER = 4.0
 # Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
-NOISE = 64 * float(np.finfo(float).eps)
+NOISE = doubles.SUM
 # A step is shortened to this part at the least. One in which a contact lets go soon is, to `FARTHER` of that time:
 # what is no force beside those at the end of so long a step may be much there.
 LEAST = 1e-3
