@@ -277,19 +277,13 @@ def references(
 def _reference(
     formulas: Formulas, name: yaml_tree.Scalar, kinds: tuple[namespace.Kind, ...], everything: bool
 ) -> Named | None:
-    meant = diagnostics.meant("values of to").get(name.value.strip().casefold()) if everything else None
-    if meant and not formulas.scope.names.kind(name.value.strip()):
-        formulas.report(
-            name, "unknown-name", f"no particle is named `{name.value.strip()}`", f"write `{meant}`"
-        )
-        return None
     try:
         written = parser.parse_reference(name.value)
         base = written.owner if isinstance(written, tree.Index) else written.name
         kind = formulas.scope.names.kind(base)
         if kind not in kinds:
             known = [*formulas.scope.names.of(*kinds), *(("all",) if everything else ())]
-            hint = diagnostics.nearest(base, known)
+            hint = (_word_for_all(base) if everything else "") or diagnostics.nearest(base, known)
             if not hint and known:
                 more = ", ..." if len(known) > MOST_NAMED else ""
                 hint = f"declared are {', '.join(f'`{one}`' for one in known[:MOST_NAMED])}{more}"
@@ -304,8 +298,18 @@ def _reference(
         numbers = formulas.scope.indexed.numbers(written, formulas.members.variables)
         return kind, numbers, isinstance(written, tree.Index)
     except ExpressionError as error:
-        formulas.trouble(name, error)
+        hint = _word_for_all(name.value) if everything else ""
+        if hint:
+            formulas.report(name, "unknown-name", f"there is no name `{name.value.strip()}`", hint)
+        else:
+            formulas.trouble(name, error)
         return None
+
+
+def _word_for_all(written: str) -> str:
+    """The hint for a word that stands for everything elsewhere; else nothing."""
+    meant = diagnostics.meant("values of to").get(written.strip().casefold())
+    return f"write `{meant}`" if meant else ""
 
 
 def name_list(formulas: Formulas, node: yaml_tree.AnyNode) -> list[yaml_tree.Scalar] | None:
