@@ -54,17 +54,27 @@ def coordinate_sizes(q: Floats, numbers: Indices, columns: Indices, count: int) 
 @frozen
 class Kinks:
     """The K rows that switch; slopes: (t, q, p) -> their B, b and f (K, n + 2), b at rest, f zero where a row is
-    differential; entries: numbers of rows and of the coordinates that their slopes hold, (E,) each."""
+    differential; entries: numbers of rows and of the coordinates that their slopes hold, (E,) each; gradients:
+    (t, q, p) -> those by q of what is compared with zero (A, n), sparse."""
 
     rows: tuple[Row, ...]
     slopes: ca.Function
     entries: tuple[Indices, Indices]
+    gradients: ca.Function
 
     def at(self, t: float, q: Floats, p: Floats) -> Row | None:
         """A row that jumps at a configuration, itself or its gradient, or None."""
-        way = np.random.default_rng(0).standard_normal(q.size) * coordinate_sizes(
-            q, *self.entries, len(self.rows)
-        )
+        sizes = coordinate_sizes(q, *self.entries, len(self.rows))
+        # A switch is near by the rounding of its terms: v + 1000 x moves by no more than a part of the larger of them.
+        gradients = self.gradients(t, q, p)
+        numbers, columns = (np.array(part, dtype=np.intp) for part in gradients.sparsity().get_triplet())
+        steep = np.abs(np.array(gradients.nonzeros(), dtype=float))
+        terms, flattest = np.zeros(gradients.size1()), np.full(gradients.size1(), np.inf)
+        np.maximum.at(terms, numbers, steep * np.abs(q)[columns])
+        np.minimum.at(flattest, numbers, np.where(steep > 0.0, steep * sizes[columns], np.inf))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            np.fmin.at(sizes, columns, np.maximum(terms, flattest)[numbers] / steep)
+        way = np.random.default_rng(0).standard_normal(q.size) * sizes
         here = self._slopes(t, q, p)
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
@@ -92,17 +102,21 @@ class Kinks:
 def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:
     """The rows of constraints that switch; None where none does. `p`: all parameters."""
     holonomic = equalities.f.numel()
-    rows, slopes = [], []
+    rows, slopes, arguments = [], [], []
     for i, row in enumerate(equalities.rows):
         f = equalities.f[i] if i < holonomic else ca.SX(0)
         slope = ca.horzcat(ca.densify(equalities.B[i, :]), equalities.b[i], f)
         compared = switches.compared(f if i < holonomic else slope, [s.t, s.q, s.v, p])
-        if any(ca.depends_on(argument, ca.vertcat(s.t, s.q)) for argument in compared):
+        compared = [argument for argument in compared if ca.depends_on(argument, ca.vertcat(s.t, s.q))]
+        if compared:
             rows.append(row)
             slopes.append(slope)
+            arguments += compared
     if not rows:
         return None
-    at_rest = ca.substitute(ca.vertcat(*slopes), s.v, ca.SX.zeros(s.v.shape))
+    resting = (ca.vertcat(*slopes), ca.jacobian(ca.vertcat(*arguments), s.q))
+    at_rest, gradients = ca.substitute(list(resting), [s.v], [ca.SX.zeros(s.v.shape)])
     found = SizedFunction("slopes", [s.t, s.q, p], [at_rest])
     entries = np.array(found.jac_sparsity(0, 1).get_triplet(), dtype=np.intp).reshape(2, -1)
-    return Kinks(tuple(rows), found, (entries[0] % len(rows), entries[1]))
+    of_arguments = SizedFunction("gradients", [s.t, s.q, p], [gradients])
+    return Kinks(tuple(rows), found, (entries[0] % len(rows), entries[1]), of_arguments)

@@ -160,7 +160,7 @@ def test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named():
 def one_kink(slope):
     """A row of one coordinate with this slope."""
     entries = (np.zeros(1, dtype=int), np.zeros(1, dtype=int))
-    return Kinks(("row",), lambda t, q, p: ca.DM([slope(float(q[0]))]), entries)
+    return Kinks(("row",), lambda t, q, p: ca.DM([slope(float(q[0]))]), entries, lambda t, q, p: ca.DM(1.0))
 
 
 # At 1 the sides are looked at so many times this way off.

@@ -84,6 +84,16 @@ def test_slopes_that_grow_without_bound_are_warned_of(power: float, warned: bool
     assert bool(lipschitz.warnings(model.system, model.numeric, start)) is warned
 
 
+@pytest.mark.parametrize(("v", "apart"), [(-2999999.75, "0.25"), (-3e6, "0")])
+def test_a_switch_is_near_by_the_rounding_of_its_terms(v: float, apart: str) -> None:
+    law = f"holonomic:\n  row: abs(v + 1000*x) = {apart}\n"
+    if v > -3e6:
+        assert is_consistent(ready(f"x=3000 v={v!r}", law))
+    else:
+        with pytest.raises(lagcli.ModelError, match="kink-at-start"):
+            ready(f"x=3000 v={v!r}", law)
+
+
 def surface(law: str, coordinates: str = "x y") -> tuple[projection.Surface, np.ndarray]:
     model = ready(coordinates, f"holonomic:\n  row: {law}\n")
     start = initial.declared(model.system)
