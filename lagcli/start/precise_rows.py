@@ -38,19 +38,19 @@ class PreciseRowsParameters:
     __slots__ = ()
 
     digits: int = 60
-    """Digits of the arithmetic. `test_a_sum_that_differs_from_one_in_the_ninth_digit_has_more_than_six` fails at 6."""
+    """Digits of the arithmetic (`test_a_sum_that_differs_from_one_in_the_ninth_digit_has_more_than_six`)."""
     zero: Decimal = Decimal("1e-40")
-    """What is left below this of a row of length one, or of f as a part of the coordinates, vanishes.
-    `test_a_state_is_on_the_surface_to_forty_digits` fails at 1e-41 and 1e-39."""
+    """What is left below this of a row of length one, or of f as a part of the coordinates, vanishes
+    (`test_a_state_is_on_the_surface_to_forty_digits`)."""
     movable: float = 1e-10
-    """Where rows are farther than this from dependent ones a state beside the surface is moved onto it.
-    `test_a_state_is_moved_where_rows_are_clear_to_ten_digits` fails at 1e-11 and 1e-9."""
+    """Where rows are farther than this from dependent ones a state beside the surface is moved onto it
+    (`test_a_state_is_moved_where_rows_are_clear_to_ten_digits`)."""
     clear: float = 1e-3
-    """The part of that distance, over the size of the coordinates, by which it may be moved.
-    `test_a_move_is_far_shorter_than_the_way_to_dependent_rows` fails at 1e-4 and 1e-2."""
+    """The part of that distance, over the size of the coordinates, by which it may be moved
+    (`test_a_move_is_far_shorter_than_the_way_to_dependent_rows`)."""
     most: int = 12_000
-    """Entries of all rows, dense: of more nothing is looked at, as time grows with the square of their number.
-    `test_rows_of_many_entries_are_looked_at_in_doubles` fails at 1 200 and 120 000."""
+    """Entries of all rows, dense, as time grows with the square of their number
+    (`test_rows_of_many_entries_are_looked_at_in_doubles`)."""
 
 
 PARAMETERS = PreciseRowsParameters()
@@ -89,7 +89,11 @@ class PreciseRows:
                     B = point.rows_on_surface(rows, clear.size, float(clear.min()))
             except multiprecision.NotFinite:
                 return None
-            return None if B is None else min(len(_eliminated(B, len(B[0]) if B else 0)[0]), clear.size)
+            if B is None:
+                return None
+            n = self._state.q.size
+            unit = [_measured(row, n) for row in B]
+            return min(len(eliminated(unit, n, PARAMETERS.zero)[0]), clear.size)
 
     def solved(self) -> tuple[Sparse, Floats] | None:
         """Rows R (r, n) and c (r,) with R v + c = 0 where all rows hold, B v + b = 0, each solved for a rate of its
@@ -104,16 +108,27 @@ class PreciseRows:
         with decimal.localcontext(prec=PARAMETERS.digits):
             for there in (self._state, dataclasses.replace(self._state, q=beside)):
                 try:
-                    rows = _solved(_RowsAtPoint(self._program, there, numbers, s).with_bias(), q.size)
+                    with_bias = _RowsAtPoint(self._program, there, numbers, s).with_bias()
                 except multiprecision.NotFinite:
                     return None
-                if rows is None or (found and len(rows) != len(found[0])):
+                given = [_measured(row, q.size) for row in with_bias]
+                pivots, left = eliminated(given, q.size, PARAMETERS.zero)
+                largest = max((abs(row[-1]) for row in given), default=ZERO)
+                # A combination of the rows may be a number alone.
+                is_none = any(abs(row[-1]) > PARAMETERS.zero * largest for row in left)
+                if is_none or (found and len(pivots) != len(found[0])):
                     return None
+                rows: dict[int, Numbers] = {}
+                for column, pivot in reversed(pivots):
+                    row = [a / pivot[column] for a in pivot]
+                    for other, after in rows.items():
+                        row = [a - row[other] * b for a, b in zip(row, after, strict=True)]
+                    rows[column] = row
                 found.append(rows)
-        here, other = (np.array(list(rows.values()), dtype=float) for rows in found)
+        here, beside_it = (np.array(list(rows.values()), dtype=float) for rows in found)
         # All that holds beside the state follows from what holds there.
-        following = other[:, list(found[0])] @ here
-        if not (np.abs(other - following) <= doubles.ROOT * np.abs(here).max(initial=0.0)).all():
+        following = beside_it[:, list(found[0])] @ here
+        if not (np.abs(beside_it - following) <= doubles.ROOT * np.abs(here).max(initial=0.0)).all():
             return None
         return metric_rows.of_dense(here[:, :-1]), here[:, -1]
 
@@ -224,42 +239,28 @@ class _RowsAtPoint:
         return multiprecision.run(self._program, inputs, multiprecision.decimal_of)
 
 
-def _solved(rows: list[Numbers], n: int) -> dict[int, Numbers] | None:
-    """Rows, each over n coordinates with a number more, solved for as many coordinates as can be, by the numbers of
-    these; None where a combination of the rows is a number alone."""
-    pivots, left = _eliminated(rows, n)
-    largest = max((abs(row[n]) / (max(map(abs, row[:n])) or 1) for row in rows), default=ZERO)
-    if any(abs(row[n]) > PARAMETERS.zero * largest for row in left):
-        return None
-    found: dict[int, Numbers] = {}
-    for column, pivot in reversed(pivots):
-        row = [a / pivot[column] for a in pivot]
-        for other, after in found.items():
-            row = _without(row, other, after)
-        found[column] = row
-    return found
-
-
-def _eliminated(rows: list[Numbers], n: int) -> tuple[list[tuple[int, Numbers]], list[Numbers]]:
-    """Elimination with the largest pivots among the first n entries, each row measured by the largest of them: the rows
-    with a pivot, after its column, and those of which nothing is left there."""
-    left = [_over(row, max(map(abs, row[:n]), default=ZERO) or Decimal(1)) for row in rows]
-    pivots = []
-    while left:
-        k = max(range(len(left)), key=lambda k: max(map(abs, left[k][:n]), default=ZERO))
-        pivot = left[k]
-        column = max(range(n), key=lambda j: abs(pivot[j]), default=0)
-        if not n or abs(pivot[column]) <= PARAMETERS.zero:
+def eliminated(
+    rows: list[Numbers], n: int, nothing: Decimal
+) -> tuple[list[tuple[int, Numbers]], list[Numbers]]:
+    """Rows with a pivot each in one of the first n columns, the largest that was left and more than `nothing`, with
+    zeros in those of the rows above; and the rows that are left over."""
+    left = [list(row) for row in rows]
+    done: list[tuple[int, Numbers]] = []
+    free = list(range(n))
+    while free and left:
+        i, j = max(((i, j) for i in range(len(left)) for j in free), key=lambda at: abs(left[at[0]][at[1]]))
+        if abs(left[i][j]) <= nothing:
             break
-        pivots.append((column, left.pop(k)))
-        left = [_without(row, column, pivot) for row in left]
-    return pivots, left
-
-
-def _without(row: Numbers, column: int, pivot: Numbers) -> Numbers:
-    """A row without its entry in a column, by a multiple of another row."""
-    part = row[column] / pivot[column]
-    return [a - part * b for a, b in zip(row, pivot, strict=True)] if part else row
+        pivot = left.pop(i)
+        free.remove(j)
+        done.append((j, pivot))
+        for row in left:
+            if row[j]:
+                factor = row[j] / pivot[j]
+                for column in (*free, *range(n, len(row))):
+                    row[column] -= factor * pivot[column]
+                row[j] = ZERO
+    return done, left
 
 
 def following(rows: Sequence[Numbers]) -> list[int]:
@@ -267,9 +268,9 @@ def following(rows: Sequence[Numbers]) -> list[int]:
     independent: list[tuple[int, Numbers]] = []
     found = []
     for i, row in enumerate(rows):
-        rest = _over(row, max(map(abs, row), default=ZERO))
+        rest = _measured(row, len(row))
         for column, pivot in independent:
-            rest = [a - rest[column] * b for a, b in zip(rest, pivot, strict=True)] if rest else rest
+            rest = [a - rest[column] * b for a, b in zip(rest, pivot, strict=True)]
         largest = max(range(len(rest)), key=lambda j: abs(rest[j]), default=0)
         if not rest or abs(rest[largest]) <= PARAMETERS.zero:
             found.append(i)
@@ -278,5 +279,7 @@ def following(rows: Sequence[Numbers]) -> list[int]:
     return found
 
 
-def _over(row: Numbers, size: Decimal) -> Numbers:
-    return [a / size for a in row] if size else []
+def _measured(row: Numbers, n: int) -> Numbers:
+    """A row over the largest of its first n entries, if they are not zero."""
+    size = max(map(abs, row[:n]), default=ZERO) or Decimal(1)
+    return [a / size for a in row]

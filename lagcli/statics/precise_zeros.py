@@ -19,6 +19,7 @@ from lagcli.compiled import multiprecision
 from lagcli.compiled.program import Program
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
+from lagcli.start import precise_rows
 from lagcli.statics import flat_directions, polynomial_equations
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_problem import StaticProblem
@@ -171,7 +172,8 @@ def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
         if there is None:
             return None
         # Vectors that span what rows leave
-        done, _ = _eliminated([row[:n] for row in there.gradients[n:]], n)
+        rows = [row[:n] for row in there.gradients[n:]]
+        done, _ = precise_rows.eliminated(rows, n, _largest(rows) * _rounding())
         taken = {j for j, _ in done}
         units = [[Decimal(i == j) for i in range(n)] for j in range(n) if j not in taken]
         free = [_with_pivots(done, unit, [ZERO] * len(done)) for unit in units]
@@ -229,7 +231,8 @@ class _InDigits:
         self.gradients = gradients
         # f + gradients x = 0 by elimination with the largest pivots, 0 of unknowns that are left free
         k = len(gradients[0])
-        done, over = _eliminated([[*row, -value] for row, value in zip(gradients, f, strict=True)], k)
+        equations = [[*row, -value] for row, value in zip(gradients, f, strict=True)]
+        done, over = precise_rows.eliminated(equations, k, _largest(gradients) * _rounding())
         self._step = _with_pivots(done, [ZERO] * k, [row[k] for _, row in done])
         left = max((abs(row[k]) for row in over), default=ZERO)
         steepest = _largest(gradients)
@@ -251,30 +254,6 @@ def _largest(rows: list[Numbers]) -> Decimal:
 def _rounding() -> Decimal:
     """The part of the largest entry that an elimination leaves of zero."""
     return Decimal(10) ** (20 - decimal.getcontext().prec)
-
-
-def _eliminated(rows: list[Numbers], k: int) -> tuple[list[tuple[int, Numbers]], list[Numbers]]:
-    """Rows with a pivot each in one of the first k columns, the largest that was left, with zeros in those of the rows
-    above; and the rows that are left over."""
-    left = [list(row) for row in rows]
-    nothing = _largest([row[:k] for row in rows]) * _rounding()
-    done: list[tuple[int, Numbers]] = []
-    free = list(range(k))
-    while free and left:
-        i, j = max(((i, j) for i in range(len(left)) for j in free), key=lambda at: abs(left[at[0]][at[1]]))
-        pivot = left.pop(i)
-        if abs(pivot[j]) <= nothing:
-            left.append(pivot)
-            break
-        free.remove(j)
-        done.append((j, pivot))
-        for row in left:
-            if row[j]:
-                factor = row[j] / pivot[j]
-                for column in (*free, *range(k, len(row))):
-                    row[column] -= factor * pivot[column]
-                row[j] = ZERO
-    return done, left
 
 
 def _with_pivots(done: list[tuple[int, Numbers]], x: Numbers, right: Numbers) -> Numbers:
