@@ -29,29 +29,20 @@ Flags = npt.NDArray[np.bool_]
 
 
 class AssemblyParameters:
-    """The nearest consistent configuration; lengths are parts of its size.
-
-    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
-    """
+    """The nearest consistent configuration; lengths are parts of its size. The tests are of
+    `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`."""
 
     __slots__ = ()
 
     stuck: float = 1e-5
-    """A row whose gradient along the coordinates that may move is this part of the whole one has nothing to
-    move (`test_a_row_that_hardly_acts_on_what_may_move_is_stuck` fails at 1e-4)."""
-    near: float = 1e-3
-    """A start closer to the surface than this, and than half the radius of curvature, has one nearest point,
-    and Gauss-Newton finds it. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at
-    0.0001 and 0.01."""
+    """A row whose gradient along the coordinates that may move is this part of the whole one has nothing to move
+    (`test_a_row_that_hardly_acts_on_what_may_move_is_stuck`)."""
+    near: float = SEARCH.drift
+    """A start closer to the surface than this, and than half the radius of curvature, has one nearest point
+    (`test_a_start_that_is_near_and_little_curved_has_one_nearest_point`)."""
     curved: float = 0.5
     """The smallest second derivative of the squared distance along the surface: it is less beyond half the radius of
-    curvature. `test_a_start_that_is_near_and_little_curved_has_one_nearest_point` fails at 0.05 and 5."""
-    starts: tuple[int, int, int] = (16, 3, 1)
-    """Starts aside for the nearest point, where Gauss-Newton ends at a feasible one: of few coordinates, of more, of
-    many. `test_starts_aside_are_fewer_of_many_coordinates` fails for a tenth and ten times of them."""
-    briefly: int = 4
-    """Steps towards the nearest point that show which start leads to it.
-    `test_a_start_goes_four_steps_towards_the_nearest_point_to_show_where_it_leads` fails at 0 and 40."""
+    curvature (`test_a_start_that_is_near_and_little_curved_has_one_nearest_point`)."""
 
 
 PARAMETERS = AssemblyParameters()
@@ -86,10 +77,9 @@ def assemble(
 ) -> Assembly:
     """The nearest consistent state: positions first, then velocities, in the mass-weighted norm.
 
-    one_sided: also on the allowed side of the one-sided constraints, in position only: a gap that closes does so by an
-    impact. Fixed coordinates hold their values and their rates. A model without inertia is measured with unit masses:
-    it can be counted, not run. Raises `diagnostics.ModelError` where no state is found, naming the smallest set of
-    rows that no configuration, or no velocity, was found for.
+    keep: names of coordinates that hold their values and rates; one_sided: also on the allowed side of the one-sided
+    constraints, in position only. A model without inertia is measured with unit masses. Raises
+    `diagnostics.ModelError` where no state is found, naming the smallest set of rows that has none.
     """
     values = tuple(part.tobytes() for part in (state.q, state.v, state.p))
     question = ("assembly", state.t, *values, system.model.simulation.duration, keep, one_sided)
@@ -114,7 +104,10 @@ def _assembled(
     _, rows, b = initial.finite_rows(system, numeric, there)
     metric, full_metric = initial.metric_at(numeric, there, search.fixed), initial.metric_at(numeric, there)
     there, is_consistent = projection.consistent(system, numeric, there, metric)
-    stuck = _stuck(MetricRows(rows.B, metric), MetricRows(rows.B, full_metric))
+    # Rows that hardly act along the coordinates that may move, and do along the others
+    moving = MetricRows(rows.B, metric)
+    norms = LocalRows(moving.unit).norms * moving.lengths
+    stuck = (norms < PARAMETERS.stuck * MetricRows(rows.B, full_metric).lengths) & (norms > 0)
     if stuck.any() and search.fixed.any():
         left = np.flatnonzero(stuck).tolist()
         message = f"with the coordinates that `keep` holds, nothing is left to satisfy {initial.names_of(system, left)}"
@@ -144,10 +137,7 @@ def configuration(system: System, numeric: NumericSystem, state: State) -> State
 
 
 def require_consistent(system: System, numeric: NumericSystem, state: State, found: Residuals) -> None:
-    """Raise `diagnostics.ModelError` naming every row the start violates.
-
-    Where no start can satisfy the rows that is what is reported.
-    """
+    """Raise `diagnostics.ModelError` naming every row the start violates, or rows that no start can satisfy."""
     report = initial.inconsistencies(system, found)
     if not report:
         return
@@ -162,12 +152,6 @@ def require_consistent(system: System, numeric: NumericSystem, state: State, fou
     raise diagnostics.ModelError(report)
 
 
-def _stuck(moving: MetricRows, full_metric: MetricRows) -> Flags:
-    """Rows that hardly act along the coordinates that may move, and do along the others."""
-    norms = LocalRows(moving.unit).norms * moving.lengths
-    return (norms < PARAMETERS.stuck * full_metric.lengths) & (norms > 0)
-
-
 def _configuration(search: Search) -> Floats:
     """The configuration on f = 0 nearest to the declared one. Raises `diagnostics.ModelError`."""
     q0, surface = search.state.q, search.surface()
@@ -177,7 +161,10 @@ def _configuration(search: Search) -> Floats:
     _, parts = search.components()
     lengths = _lengths(search, parts, best)
     optima: list[Floats] = []
-    for begin in (best, q0, *_neighbours(search)):
+    # Some of the starts aside: of few coordinates most
+    aside = list(search.neighbours(q0, range(search.system.holonomic_count)))
+    most = of_size(int((~search.fixed).sum()), (16, 3, 1))
+    for begin in (best, q0, *aside[:: max(1, len(aside) // most)][:most]):
         for q in _minima(search, begin, optima):
             found = _lengths(search, parts, q)
             # What shares no coordinate and no row may be near in one solution, and the rest in another.
@@ -187,17 +174,9 @@ def _configuration(search: Search) -> Floats:
     return _polished(search, surface.nearest(best, q0))
 
 
-def _neighbours(search: Search) -> list[Floats]:
-    most = of_size(int((~search.fixed).sum()), PARAMETERS.starts)
-    starts = list(search.neighbours(search.state.q, range(search.system.holonomic_count)))
-    return starts[:: max(1, len(starts) // most)][:most] if most < len(starts) else starts
-
-
 def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Floats]:
-    """Local minima of the distance on the surface, found from a point: by IPOPT or else by Gauss-Newton.
-
-    optima: those of IPOPT so far, to which one more is added; from one that is there already the way is known.
-    """
+    """Local minima of the distance on the surface from a point, by IPOPT or else by Gauss-Newton; `optima`, those of
+    IPOPT so far, grow."""
     q0, surface = search.state.q, search.surface()
     found = search.optimum(range(search.system.holonomic_count), begin, q0)
     if found is not None:
@@ -207,7 +186,7 @@ def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Flo
         optima.append(found)
     reached = surface.descend(begin if found is None else found)
     if reached.is_on:
-        yield surface.nearest(reached.q, q0, PARAMETERS.briefly)
+        yield surface.nearest(reached.q, q0, 4)  # which shows where this start leads
 
 
 def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
@@ -262,16 +241,13 @@ def _no_configuration(search: Search, failed: list[ConfigurationResult]) -> diag
 
 def _is_clearly_nearest(search: Search, q: Floats) -> bool:
     """True if a point of the surface is so near that it is the nearest."""
-    q0 = search.state.q
-    touched = search.touched(range(search.system.holonomic_count))
-    size = search.size(q0, touched) * np.ones(q.size)
+    q0, many = search.state.q, q.size > SEARCH.many
     moved = search.full_metric.length(q - q0)
     if moved == 0.0:
         return True
-    many = q.size > SEARCH.many
-    if moved > (doubles.ROOT if many else PARAMETERS.near) * search.full_metric.length(
-        np.where(search.fixed, 0.0, size)
-    ):
+    size = search.size(q0, search.touched(range(search.system.holonomic_count)))
+    near = doubles.ROOT if many else PARAMETERS.near
+    if moved > near * search.full_metric.length(np.where(search.fixed, 0.0, size)):
         return False
     return many or _curvature(search, q) >= PARAMETERS.curved
 

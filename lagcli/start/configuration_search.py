@@ -33,40 +33,24 @@ Numbers = npt.NDArray[np.intp]
 
 
 class ConfigurationSearchParameters:
-    """Starts from which a configuration is searched: their number, and how far aside they lie.
-
-    The tests are of `tests/unit/test_numbers_of_other_starts.py` and `tests/unit/test_rows_at_infinity.py`.
-    """
+    """Starts from which a configuration is searched. The tests are of `tests/unit/test_numbers_of_other_starts.py` and
+    `tests/unit/test_rows_at_infinity.py`."""
 
     __slots__ = ()
 
     offsets: tuple[float, ...] = (0.01, 0.1, 0.3, 1.0, 3.0)
-    """Other starts lie aside by these parts of the size of what is sought, the near ones first.
-    `test_other_starts_lie_aside_by_a_hundredth_to_three_times_the_size` fails for a tenth and ten times of them."""
+    """Other starts lie aside by these parts of the size of what is sought:
+    `test_other_starts_lie_aside_by_a_hundredth_to_three_times_the_size`."""
     few: int = 60
-    """Coordinates up to which a search takes no time: there are most starts.
-    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 6 and 600."""
+    """Coordinates up to which a search takes no time (`test_of_more_coordinates_there_are_fewer_other_starts`)."""
     many: int = 400
-    """Coordinates from which on a search takes seconds, and every other offset is left out.
-    `test_of_more_coordinates_there_are_fewer_other_starts` fails at 40 and 4000."""
-    each: tuple[int, int, int] = (4, 2, 1)
-    """Starts of each offset: of few coordinates, of more, of many.
-    `test_of_more_coordinates_there_are_fewer_other_starts` fails for a tenth and ten times of them."""
-    moved: float = offsets[0]
-    """A configuration that lies off the start by less than this part of its size is near it.
-    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 100."""
+    """Those from which on it takes seconds (`test_of_more_coordinates_there_are_fewer_other_starts`)."""
     drift: float = 1e-3
-    """Where rows have come to depend on one another a step that goes on by this part of the way has not arrived.
-    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1."""
+    """Where rows have come to depend on one another a step that goes on by this part of the way has not arrived
+    (`test_rows_that_are_met_at_infinity_have_no_configuration`)."""
     far: float = 8.0
-    """So many sizes away from the start the rounding of rows that depend on one another may hide that they do not meet.
-    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 1e10."""
-    ahead: float = 0.1
-    """Which such a row is if it is zero this part of the way further on, too.
-    `test_rows_that_are_met_at_infinity_have_no_configuration` fails at 0."""
-    ipopt_each: int = 5
-    """Every so manieth start is given to IPOPT too, which takes longer and goes round long bends.
-    `test_every_fifth_start_is_given_to_ipopt` fails at 50."""
+    """So many sizes away from the start the rounding of rows that depend on one another may hide that they do not meet
+    (`test_rows_that_are_met_at_infinity_have_no_configuration`)."""
 
 
 PARAMETERS = ConfigurationSearchParameters()
@@ -141,7 +125,7 @@ class Search:
         count = int(touched.sum())
         size = self.size(q, touched)
         for part in PARAMETERS.offsets if count <= PARAMETERS.many else PARAMETERS.offsets[::2]:
-            for _ in range(of_size(count, PARAMETERS.each)):
+            for _ in range(of_size(count, (4, 2, 1))):
                 yield q + np.where(touched, part * size, 0.0) * random.standard_normal(q.size)
 
     def reach(self, rows: Sequence[int], begins: Sequence[Floats]) -> ConfigurationResult:
@@ -150,8 +134,8 @@ class Search:
         for number, begin in enumerate((*begins, *self.neighbours(begins[0], rows))):
             if number and not best.is_on:
                 best, starts = _better(best, self.descend(begin, rows)), starts + 1
-            # Round long bends IPOPT goes in fewer steps.
-            if not best.is_on and (number < len(begins) or number % PARAMETERS.ipopt_each == 0):
+            # Round long bends IPOPT goes in fewer steps, each of which takes longer.
+            if not best.is_on and (number < len(begins) or number % 5 == 0):
                 found, asked = self.optimum(rows, begin, begins[0]), asked + 1
                 if found is not None:
                     best = _better(best, self.descend(found, rows))
@@ -174,7 +158,7 @@ class Search:
         rows = list(range(self.system.holonomic_count) if only is None else only)
         begin, surface = self.state.q, self.surface(rows)
         size, moved = initial.size(begin), float(np.abs(q - begin).max(initial=0.0))
-        if moved <= PARAMETERS.moved * size or len(rows) > metric_rows.PARAMETERS.dense:
+        if moved <= PARAMETERS.offsets[0] * size or len(rows) > metric_rows.PARAMETERS.dense:
             return False
         f, B = surface.rows(q)
         before = [surface.rows(there)[1] for there in (begin, next(self.neighbours(begin, rows)))]
@@ -189,8 +173,8 @@ class Search:
             return False
         given = (self.state.t, q, np.zeros(q.size), self.state.p)
         terms = np.array(self.numeric.row_terms(*given)[0]).ravel()[rows]
-        roundings = initial.PARAMETERS.roundings * doubles.EPS * terms
-        ahead, _ = surface.values(q + PARAMETERS.ahead * (q - begin))
+        roundings = doubles.SUM * terms
+        ahead, _ = surface.values(q + PARAMETERS.offsets[1] * (q - begin))
         if (fades & (np.abs(f) <= roundings) & (np.abs(ahead) <= roundings)).any():
             return True
         sigma, left = decompositions.column_axes(here.dense)

@@ -20,35 +20,9 @@ from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.start import initial, projection
 from lagcli.start.configuration_search import ConfigurationResult, Search
 from lagcli.start.initial import State
+from lagcli.start.projection import PARAMETERS as PROJECTION
 
 Floats = npt.NDArray[np.float64]
-
-
-class ConflictParameters:
-    """The smallest set of rows that contradict each other; parts are of rows of length one.
-
-    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
-    """
-
-    __slots__ = ()
-
-    shift: float = 1e-8
-    """Of many rows what is left is found by sparse factors, with this part of the identity added.
-    `test_what_is_left_of_many_rows_is_found_in_four_passes` fails at 1e-9 and 1e-7."""
-    passes: int = 4
-    """In so many passes. `test_what_is_left_of_many_rows_is_found_in_four_passes` fails at 0 and 40."""
-    apart_of_many: float = 1e-5
-    """The part of b that is left of many rows, above rounding. `test_many_rows_are_apart_by_five_digits`
-    fails at 1e-6 and 0.0001."""
-    taking_part: tuple[float, ...] = (1e-2, 1e-4, 1e-6)
-    """Rows that have this part of the least residual, or that, take part in the conflict at that configuration.
-    `test_rows_take_part_in_a_conflict_with_a_hundredth_of_what_remains` fails at a tenth and at ten times of it."""
-    budget: int = 1500
-    """Sets of rows that are tried, times their number of rows; the set that is left then is named.
-    `test_sets_of_rows_are_tried_until_the_budget_is_spent` fails at 150 and 15000."""
-
-
-PARAMETERS = ConflictParameters()
 
 
 def least(rows: LocalRows, b: Floats) -> list[int]:
@@ -57,10 +31,23 @@ def least(rows: LocalRows, b: Floats) -> list[int]:
     Where more rows take part than are looked at densely all of them are given.
     """
     lengths = rows.divisors
-    involved = _taking_part(rows, b, lengths)
+    scaled = rest = b / lengths
+    scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
+    # The rows in which something is left after the best velocity
+    if rows.count <= metric_rows.PARAMETERS.dense:
+        rest, apart = (
+            decompositions.residual(np.array(rows.B) / lengths[:, None], scaled),
+            rank.PARAMETERS.small,
+        )
+    else:
+        unit, apart = MetricRows(rows.B, Metric.unit(rows.B.shape[1])), doubles.ROOT
+        # By sparse factors, damped: what a velocity takes away shrinks at every pass, the rest of it stays.
+        for _ in range(4):
+            rest = doubles.ZERO * unit.weights(rest * unit.lengths, doubles.ZERO)
+    involved = np.flatnonzero(np.abs(rest) > apart * scale).tolist()
     if len(involved) > metric_rows.PARAMETERS.dense:
         return involved
-    B, b = np.array(rows.B[involved, :]) / lengths[involved, None], b[involved] / lengths[involved]
+    B, b = np.array(rows.B[involved, :]) / lengths[involved, None], scaled[involved]
     scale = float(np.abs(b).max(initial=0.0)) or 1.0
     among = list(range(len(involved)))
     for i in reversed(range(len(involved))):
@@ -70,21 +57,6 @@ def least(rows: LocalRows, b: Floats) -> list[int]:
         if rest.max(initial=0.0) > rank.PARAMETERS.small * scale:
             among = fewer
     return [involved[i] for i in among]
-
-
-def _taking_part(rows: LocalRows, b: Floats, lengths: Floats) -> list[int]:
-    """The rows in which something is left after the best velocity."""
-    scaled = b / lengths
-    scale = float(np.abs(scaled).max(initial=0.0)) or 1.0
-    if rows.count <= metric_rows.PARAMETERS.dense:
-        rest = decompositions.residual(np.array(rows.B) / lengths[:, None], scaled)
-        return [int(i) for i in np.flatnonzero(np.abs(rest) > rank.PARAMETERS.small * scale)]
-    unit = MetricRows(rows.B, Metric.unit(rows.B.shape[1]))
-    rest = scaled
-    for _ in range(PARAMETERS.passes):
-        # What a velocity takes away shrinks at every pass, the rest of it stays.
-        rest = PARAMETERS.shift * unit.weights(rest * unit.lengths, PARAMETERS.shift)
-    return [int(i) for i in np.flatnonzero(np.abs(rest) > PARAMETERS.apart_of_many * scale)]
 
 
 def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnostic:
@@ -136,13 +108,26 @@ def position(search: Search, failed: ConfigurationResult) -> diagnostics.Diagnos
 
 def smallest(search: Search, failed: ConfigurationResult) -> ConfigurationResult:
     """A set of rows without a configuration, as far as searches tell, of which none can be left out."""
-    found, left = _violated(search, failed), PARAMETERS.budget
+    # The rows that are violated where the sum of squares is least, if they have no configuration either
+    ended = search.surface(failed.rows).descend(failed.best.q, to_the_end=True)
+    found = failed
+    for part in (PROJECTION.offset, doubles.ROOT) if np.isfinite(ended.worst) else ():
+        pairs = zip(failed.rows, ended.residuals, strict=True)
+        rows = [i for i, residual in pairs if residual > part * ended.worst]
+        if len(rows) == len(failed.rows):
+            break
+        among = search.reach(rows, (search.state.q, ended.q))
+        if not among.is_on:
+            found = among
+            break
     begins = (search.state.q, found.best.q)
+    # What is left to be tried: sets of rows, times their number of rows
+    left = 1500
     length = max(1, len(found.rows) // 2)
     while True:
-        rows = found.rows
-        for end in range(len(rows), 0, -length):
-            chunk = rows[max(0, end - length) : end]
+        all_rows = found.rows
+        for end in range(len(all_rows), 0, -length):
+            chunk = all_rows[max(0, end - length) : end]
             fewer_rows = [i for i in found.rows if i not in chunk]
             left -= len(found.rows)
             if not fewer_rows or left < 0 or not set(chunk) <= set(found.rows):
@@ -155,30 +140,13 @@ def smallest(search: Search, failed: ConfigurationResult) -> ConfigurationResult
         length = max(1, min(length // 2, len(found.rows) // 2))
 
 
-def _violated(search: Search, failed: ConfigurationResult) -> ConfigurationResult:
-    """The rows that are violated where the sum of squares is least, if they have no configuration either."""
-    ended = search.surface(failed.rows).descend(failed.best.q, to_the_end=True)
-    begins = (search.state.q, ended.q)
-    for part in PARAMETERS.taking_part if np.isfinite(ended.worst) else ():
-        pairs = zip(failed.rows, ended.residuals, strict=True)
-        rows = [i for i, residual in pairs if residual > part * ended.worst]
-        if len(rows) == len(failed.rows):
-            break
-        found = search.reach(rows, begins)
-        if not found.is_on:
-            return found
-    return failed
-
-
 def require_lasting(
     system: System, numeric: NumericSystem, state: State, proved: frozenset[int] = frozenset()
 ) -> None:
-    """Rows that depend on one another must move alike: raise `diagnostics.ModelError` where some part later.
+    """Raise `diagnostics.ModelError` where rows that depend on one another at a consistent state part later.
 
-    state: a consistent one, at which the rows are dependent; proved: rows that are known to part from no others. At a
-    few times soon after it the nearest configuration is sought, and velocities for it; rows that are dependent at the
-    state and have none there contradict each other (`a.x = t` and `a.x = sin(t)`, one rod with two lengths of which one
-    grows).
+    proved: rows that part from no others. Soon after the state the nearest configuration is sought, and velocities for
+    it; dependent rows that have none contradict each other (`a.x = t` and `a.x = sin(t)`).
     """
     soon = initial.later(system)
     if not soon:

@@ -46,10 +46,8 @@ class ConsistentStart:
 
 @progress.phase("looking at the start")
 def find(system: System, numeric: NumericSystem) -> ConsistentStart:
-    """The start of a model with inertia, on its rows and outside its walls; assembled where its settings say so.
-
-    Raises `diagnostics.ModelError` where no run can begin.
-    """
+    """The start of a model, assembled where its settings say so. Raises `diagnostics.ModelError` where no run can
+    begin: without inertia, off the rows, or beyond walls."""
     declared = initial.declared(system)
     metric = initial.inertia(system, numeric, declared)
     initial.require_squares(system, numeric, declared, metric)
@@ -74,8 +72,7 @@ def find(system: System, numeric: NumericSystem) -> ConsistentStart:
 
 
 def nearest(system: System, numeric: NumericSystem) -> Assembly:
-    """The consistent state nearest to the declared one, without the coordinates that the settings keep, also on the
-    allowed side of the one-sided constraints. Raises `diagnostics.ModelError`."""
+    """The nearest consistent state, as `assembly.assemble` finds it with the settings. Raises `ModelError`."""
     from lagcli.start import assembly
 
     declared, keep = initial.declared(system), system.model.simulation.keep
@@ -83,12 +80,8 @@ def nearest(system: System, numeric: NumericSystem) -> Assembly:
 
 
 def known(built: System, numeric: NumericSystem) -> ConsistentStart:
-    """The consistent start of a model, found for whatever it depends on.
-
-    Assembly and the look at the residuals ask inertia, rows and contacts, the duration of the run and the settings of
-    assembly, and nothing else: with another weight or another spring the same start is found, to the bit.
-    Raises `diagnostics.ModelError` where no run can begin.
-    """
+    """What `find` gives, kept in memory by what it depends on: inertia, rows, contacts, duration and settings of
+    assembly. With another weight or another spring the same start is found, to the bit."""
     size_limits.require_run(built)
     declared, chosen = initial.declared(built), built.model.simulation
     held = numeric.memory.answer("parameters of starts", lambda: row_parameters.of_start(built))
@@ -114,8 +107,7 @@ class Move:
 
 @frozen_value
 class Moves:
-    """The changes an assembly made: moved and moved_velocity as of `Assembly`; all coordinates and velocities it
-    changed, in their order."""
+    """The changes that an assembly made; moved and moved_velocity are those of `Assembly`."""
 
     moved: float
     moved_velocity: float

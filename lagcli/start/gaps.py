@@ -28,21 +28,6 @@ Floats = npt.NDArray[np.float64]
 Side = Literal["open", "closed", "violated"]
 
 
-class GapParameters:
-    """The allowed side of one-sided constraints; lengths are parts of the size of the configuration.
-
-    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
-    """
-
-    __slots__ = ()
-
-    rounds: int = 30
-    """Changes of the active set. `test_the_active_constraints_change_thirty_times` fails at 3 and 300."""
-
-
-PARAMETERS = GapParameters()
-
-
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Gaps:
     """g / |G| of the one-sided constraints (K,), which hold where it is not negative, and what counts as zero, `limit`.
@@ -143,25 +128,34 @@ def nearest(search: Search, q: Floats) -> Floats:
     Raises `diagnostics.ModelError` where none is found.
     """
     active: list[int] = []
-    for _ in range(PARAMETERS.rounds):
+    # An active set may return to one that it was: after thirty changes no nearest configuration is found.
+    for _ in range(30):
         found = at_state(search.system, search.numeric, dataclasses.replace(search.state, q=q))
         new = [j for j in found.violated if j not in active]
         worst = [min(new, key=lambda j: float(found.g[j]))] if new else []
-        pulling = None if new else _to_release(search, active, q)
+        pulling = _to_release(search, active, q) if active and not new else None
         if not new and pulling is None:
             return q
         # Where not all that are violated can be enforced together, one after another.
         for more in (new, worst) if len(new) > 1 else (new,):
             chosen = sorted(j for j in (*active, *more) if j != pulling)
-            reached = _reached(search, chosen, q)
+            surface = BoundarySurface(search, chosen)
+            ends = (end for end in map(surface.descend, _begins(search, surface, q)) if end.is_on)
+            reached = next(ends, None)
             if reached is not None:
                 break
         if reached is None:
             break
-        active, q = chosen, reached
-    raise _none_found(
-        search, at_state(search.system, search.numeric, dataclasses.replace(search.state, q=q)), active
-    )
+        active, q = chosen, surface.nearest(reached.q, search.state.q)
+    else:
+        found = at_state(search.system, search.numeric, dataclasses.replace(search.state, q=q))
+    # Conditions that are violated still, or else those that were enforced
+    rows = search.system.contacts.rows
+    named = [rows[j] for j in (found.violated or active)][:3]
+    names = ", ".join(f"`{row.name}`" for row in named)
+    message = f"no configuration on the allowed side of {names} was found near the start"
+    hint = "a conclusion of a search, not a proof: start nearer to where the conditions hold"
+    raise diagnostics.error("no-consistent-start", message, named[0].location, hint)
 
 
 def settled(system: System, numeric: NumericSystem, state: State) -> State:
@@ -174,24 +168,14 @@ def settled(system: System, numeric: NumericSystem, state: State) -> State:
     return dataclasses.replace(state, q=reached.q) if reached.is_on else state
 
 
-def _reached(search: Search, active: list[int], q: Floats) -> Floats | None:
-    """The nearest point of the boundary that is found, or None."""
-    surface = BoundarySurface(search, active)
-    for begin in _begins(search, active, q):
-        reached = surface.descend(begin)
-        if reached.is_on:
-            return surface.nearest(reached.q, search.state.q)
-    return None
-
-
-def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
+def _begins(search: Search, surface: BoundarySurface, q: Floats) -> Iterator[Floats]:
     """Starts for a search: the declared configuration, another, and some beside it; the same for the same question."""
     q0 = search.state.q
     yield q0
     yield q
     random = np.random.default_rng(SEED)
     touched = np.zeros(q.size, dtype=bool)
-    touched[LocalRows(BoundarySurface(search, active).rows(q)[1]).column] = True
+    touched[LocalRows(surface.rows(q)[1]).column] = True
     touched &= ~search.fixed
     for part in configuration_search.PARAMETERS.offsets:
         yield q + np.where(touched, part * search.size(q0, touched), 0.0) * random.standard_normal(q.size)
@@ -199,8 +183,6 @@ def _begins(search: Search, active: list[int], q: Floats) -> Iterator[Floats]:
 
 def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
     """The active constraint that holds a configuration back the most, or None where all push."""
-    if not active:
-        return None
     B = BoundarySurface(search, active).rows(q)[1]
     lines = MetricRows(B, search.metric)
     chosen = list(independent_rows.dependence(lines, rank.estimate(lines).low).independent)
@@ -210,14 +192,3 @@ def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
     own = pushes[B.shape[0] - len(active) :]
     worst = int(np.argmin(own))
     return active[worst] if own[worst] < -doubles.ZERO * float(np.abs(pushes).max()) else None
-
-
-def _none_found(search: Search, found: Gaps, active: list[int]) -> diagnostics.ModelError:
-    """The error where no allowed configuration was found: a condition that is violated still, or one of those
-    enforced."""
-    rows = search.system.contacts.rows
-    named = [rows[j] for j in (found.violated or active)][:3]
-    names = ", ".join(f"`{row.name}`" for row in named)
-    message = f"no configuration on the allowed side of {names} was found near the start"
-    hint = "a conclusion of a search, not a proof: start nearer to where the conditions hold"
-    return diagnostics.error("no-consistent-start", message, named[0].location, hint)

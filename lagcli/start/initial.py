@@ -23,27 +23,19 @@ Floats = npt.NDArray[np.float64]
 
 
 class StartParameters:
-    """Limits of what a start may be off its rows.
-
-    The tests are of `tests/unit/test_numbers_of_starts.py` and `tests/unit/test_start_thresholds.py`.
-    """
+    """Limits of a start. The tests are of `tests/unit/test_numbers_of_starts.py` and
+    `tests/unit/test_start_thresholds.py`."""
 
     __slots__ = ()
 
     least: float = 1e-3
-    """A coordinate near zero is no smaller than this part of the largest one, from which it was computed
-    (`test_a_coordinate_near_zero_has_the_rounding_of_larger_ones` fails at 1e-4 and 1e-2)."""
-    probes: int = 12
-    """Steps, each a tenth of the one before, at which the curvature of a row is probed.
-    `test_the_curvature_of_a_row_is_probed_at_twelve_distances` fails at 1 and 120."""
-    roundings: int = 64
-    """Roundings of its coordinates that a residual may hold.
-    `test_residuals_of_some_roundings_need_no_reason` fails at 6 and 640."""
+    """A coordinate near zero is no smaller than this part of the largest one, from which it was computed:
+    `test_a_coordinate_near_zero_has_the_rounding_of_larger_ones`."""
     most_listed: int = 20
-    """Rows that a message names one by one. `test_twenty_rows_are_named_one_by_one` fails at 2 and 200."""
+    """Rows that a message names one by one (`test_twenty_rows_are_named_one_by_one`)."""
     later: float = 1e-2
-    """How far points move on in time, as a part of the duration: soon, so that no other law has come to its end by
-    then. `test_points_move_on_by_a_hundredth_of_the_duration` fails at 0.001 and 0.1."""
+    """How far points move on in time, as a part of the duration: before other laws come to their ends
+    (`test_points_move_on_by_a_hundredth_of_the_duration`)."""
 
 
 PARAMETERS = StartParameters()
@@ -70,8 +62,7 @@ class State:
 class Residuals:
     """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
 
-    norms (C,): |B_i|, so that their products are the residuals of the equations as they are written. flat (C,): rows
-    whose gradient vanishes there or has no value; of them |f_i| and |b_i| are given, and the norm is 1.
+    norms (C,): |B_i|, 1 for the `flat` ones (C,), whose gradient vanishes or has no value.
     """
 
     position: Floats
@@ -176,9 +167,8 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
     """The residuals of a state in the constraints. Raises `diagnostics.ModelError` where a row is not finite."""
     f, rows, b = finite_rows(system, numeric, state, forgiving=True)
     s, norms = f.size, rows.divisors
-    # A system at rest carries the rounding of the speeds its velocities were computed from; those would move it
-    # by something like its size in the time of the run.
-    # As a plain number: in the shortest of times it is more than any, inf.
+    # A system at rest carries the rounding of the speeds its velocities were computed from, of which some may be its
+    # size in the time of the run. As a plain number: in the shortest of times it is inf.
     slow = doubles.ROOT * float(np.abs(state.q).max(initial=0.0)) / (system.model.simulation.duration or 1.0)
     speed = np.maximum(np.maximum(_sizes(rows, state.v), np.abs(b) / norms), slow)
     position = np.abs(f) / norms[:s]
@@ -194,7 +184,7 @@ def residuals(system: System, numeric: NumericSystem, state: State) -> Residuals
         # What a row demands of velocities may be the rounding of terms that cancel, 100 (cos(x) - y/2) at x = pi/3; the
         # nearest velocity leaves a part of it to every row beside it.
         terms = np.array(numeric.row_terms(state.t, state.q, state.v, state.p)[1]).ravel()[: norms.size]
-        allowed_velocity += PARAMETERS.roundings * doubles.EPS * float((terms / norms).max(initial=0.0))
+        allowed_velocity += doubles.SUM * float((terms / norms).max(initial=0.0))
     return Residuals(position, velocity, allowed, allowed_velocity, rows.norms == 0, norms)
 
 
@@ -205,9 +195,21 @@ def limits(
 
     rows_at: the rows at other configurations q (n,); rows: at the state.
     """
-    found = PARAMETERS.roundings * doubles.EPS * _sizes(rows, state.q)
+    sizes = _sizes(rows, state.q)
+    found = doubles.SUM * sizes
     if (residuals > found).any():
-        found += _explained(rows_at, state, rows)
+        # The rounding of declared decimals, a part of the size of each row: of its coordinates, but no more than its
+        # radius of curvature |B_i| / |dB_i/dq|, as a rod of ten metres far from the origin is ten metres large.
+        largest = float(np.abs(state.q).max(initial=0.0))
+        direction = decompositions.generic_direction(state.q.size, 0)
+        radius = np.full(rows.count, np.inf)
+        for k in range(12):
+            step = largest * 10.0**-k
+            there = rows_at(state.q + step * direction)
+            with np.errstate(all="ignore"):  # a row may have no value there, or not change
+                estimate = step * rows.norms / LocalRows(rows.B - there.B).norms
+            radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
+        found += doubles.ZERO * np.minimum(sizes, radius)
     return np.asarray(found)
 
 
@@ -256,25 +258,6 @@ def require_squares(system: System, numeric: NumericSystem, state: State, metric
             message = f"the gradient of `{row.name}` is {size}: its square is beyond the range of numbers"
             hint = "divide the equation by its size, or choose units in which it and the inertia are near 1"
             raise diagnostics.error("not-finite-at-start", message, row.location, hint)
-
-
-def _explained(rows_at: Callable[[Floats], LocalRows], state: State, rows: LocalRows) -> Floats:
-    """The residual that the rounding of declared decimals explains: a part of the size of each row.
-
-    The size of a row is that of its coordinates, but no more than its radius of curvature |B_i| / |dB_i/dq|: a
-    rod of ten metres far from the origin is ten metres large.
-    """
-    sizes = _sizes(rows, state.q)
-    largest = float(np.abs(state.q).max(initial=0.0))
-    direction = decompositions.generic_direction(state.q.size, 0)
-    radius = np.full(rows.count, np.inf)
-    for k in range(PARAMETERS.probes):
-        step = largest * 10.0**-k
-        there = rows_at(state.q + step * direction)
-        with np.errstate(all="ignore"):  # a row may have no value there, or not change
-            estimate = step * rows.norms / LocalRows(rows.B - there.B).norms
-        radius = np.fmin(radius, np.where(estimate > 0, estimate, np.inf))
-    return np.asarray(doubles.ZERO * np.minimum(sizes, radius))
 
 
 def _sizes(rows: LocalRows, values: Floats) -> Floats:

@@ -19,31 +19,18 @@ Floats = npt.NDArray[np.float64]
 
 
 class LipschitzParameters:
-    """Distances over which slopes are compared that may have no bound; parts are of the size of the start.
-
-    The tests are of `tests/unit/test_numbers_of_other_starts.py` and `tests/unit/test_start_thresholds.py`.
-    """
+    """Slopes without a bound. The tests are of `tests/unit/test_start_thresholds.py`."""
 
     __slots__ = ()
 
-    distances: tuple[float, ...] = tuple(np.geomspace(doubles.ROOT, doubles.VALUE, 4).tolist())
-    """Distances from the start over which slopes are compared, each about a hundredth of the one before.
-    `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails for a tenth and ten times of them."""
     grows: float = 1.3
-    """Slopes that grow by this each time the distance shrinks by a hundred have no bound. Those of |x|^a grow by
-    100^(1 - a): up to a = 0.94 it shows. `test_slopes_that_grow_without_bound_are_warned_of` fails at 0.13 and 13."""
-    wide: float = projection.PARAMETERS.offset
-    """A function that is smooth over this distance gives the scale of its changes.
-    `test_slopes_are_compared_over_a_millionth_of_the_size_and_less` fails at 1e-3 and 0.1."""
-    directions: int = 3
-    """Directions in which it is looked, there and back.
-    `test_of_many_entries_slopes_are_looked_at_in_one_direction` fails at 0 and 30."""
-    many: int = 100_000
-    """Entries from which on one direction is enough, which saves seconds.
-    `test_of_many_entries_slopes_are_looked_at_in_one_direction` fails at 10000 and 1000000."""
+    """They grow by this each time the distance shrinks by a hundred. Those of |x|^a grow by 100^(1 - a): up to a = 0.94
+    it shows (`test_slopes_that_grow_without_bound_are_warned_of`)."""
 
 
 PARAMETERS = LipschitzParameters()
+# Distances from the start over which slopes are compared, as parts of its size, each a hundredth of the one before
+DISTANCES = np.geomspace(doubles.ROOT, doubles.VALUE, 4)
 
 
 def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diagnostics.Diagnostic, ...]:
@@ -54,8 +41,8 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     n = state.q.size
     size = initial.size(state.q)
     speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
-    entries = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
-    count = PARAMETERS.directions if entries < PARAMETERS.many else 1
+    size_of_all = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
+    count = 3 if size_of_all < 100_000 else 1  # of many it takes seconds
     ways = list(decompositions.generic_direction(count * 2 * n, 0).reshape(count, 2 * n))
     if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
         return ()
@@ -63,21 +50,50 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     scale, growing = np.abs(here), np.zeros(here.size, dtype=bool)
     for way in ways:
         for side in (1.0, -1.0):
-            # All distances at once: most of the time of a call goes by before and after it.
-            steps = side * np.multiply.outer(way, (PARAMETERS.wide, *PARAMETERS.distances))
+            # All distances at once: most of the time of a call goes by before and after it. The first one, over which
+            # a function is smooth, gives the scale of its changes.
+            steps = side * np.multiply.outer(way, (projection.PARAMETERS.offset, *DISTANCES))
             q, v = state.q[:, None] + size * steps[:n], state.v[:, None] + speed * steps[n:]
             changes = np.abs(_values(numeric, state, q, v) - here)
             with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
                 scale = np.fmax(scale, changes[0])
-                slopes = changes[1:] / np.array(PARAMETERS.distances)[:, None]
+                slopes = changes[1:] / DISTANCES[:, None]
                 ratios = slopes[1:] / slopes[:-1]
                 is_rounding = changes[2:] <= doubles.ZERO * scale
                 # The shortest distance alone may be one over which no change is seen.
                 growing |= ((ratios > PARAMETERS.grows) & ~is_rounding)[:-1].all(axis=0) & (
                     (ratios[-1] > PARAMETERS.grows) | is_rounding[-1]
                 )
-    found = np.flatnonzero(growing)
-    return (_warning(system, numeric, int(found[0])),) if found.size else ()
+    if not growing.any():
+        return ()
+    index, names, M, B = (
+        int(np.argmax(growing)),
+        system.model.coordinate_names,
+        system.dynamics.M,
+        system.rows.B,
+    )
+    entries = [
+        *M.sparsity().row(),
+        *(n + row for row in B.sparsity().row()),
+        *range(n, n + len(system.rows.rows)),
+    ]
+    if index < n:
+        what, location = f"the force along `{names[index]}`", system.model.location(names[index])
+        expressions = list(system.model.force_expressions())
+        if len(expressions) == 1:
+            location = expressions[0].location
+    elif entries[index - n] < n:
+        name = names[entries[index - n]]
+        what, location = f"the inertia of `{name}`", system.model.location(name)
+    else:
+        row = system.rows.rows[entries[index - n] - n]
+        what, location = f"the gradient of the constraint `{row.name}`", row.location
+    message = (
+        f"{what} is not Lipschitz at the start, where its slope has no bound: the motion from there need not be"
+        " unique (D.24), and a run gives one of those that exist"
+    )
+    hint = "start beside that point, or write the law without the infinite slope"
+    return (diagnostics.Diagnostic("not-lipschitz", message, location, hint, "warning"),)
 
 
 def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
@@ -98,7 +114,7 @@ def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
             call.trigger()
         return np.concatenate([part for call in calls for part in call.results])
 
-    long, short = PARAMETERS.distances[:2]
+    long, short = DISTANCES[:2].tolist()
     here = values(0.0, ways[0])
     floor = doubles.ZERO * np.abs(here)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -119,26 +135,3 @@ def _values(numeric: NumericSystem, state: State, q: Floats, v: Floats) -> Float
     # Not as lists of numbers: a million particles have millions of entries. Those of each column follow one another.
     entries = [part.nz[:].full().reshape(count, -1) for part in (M, B)]
     return np.concatenate([h.full().T, *entries, b.full().T], axis=1)
-
-
-def _warning(system: System, numeric: NumericSystem, index: int) -> diagnostics.Diagnostic:
-    names, n = system.model.coordinate_names, numeric.n
-    M, B = system.dynamics.M.sparsity(), system.rows.B.sparsity()
-    entries = [*M.row(), *(n + row for row in B.row()), *range(n, n + len(system.rows.rows))]
-    if index < n:
-        what, location = f"the force along `{names[index]}`", system.model.location(names[index])
-        expressions = list(system.model.force_expressions())
-        if len(expressions) == 1:
-            location = expressions[0].location
-    elif entries[index - n] < n:
-        name = names[entries[index - n]]
-        what, location = f"the inertia of `{name}`", system.model.location(name)
-    else:
-        row = system.rows.rows[entries[index - n] - n]
-        what, location = f"the gradient of the constraint `{row.name}`", row.location
-    message = (
-        f"{what} is not Lipschitz at the start, where its slope has no bound: the motion from there need not be"
-        " unique (D.24), and a run gives one of those that exist"
-    )
-    hint = "start beside that point, or write the law without the infinite slope"
-    return diagnostics.Diagnostic("not-lipschitz", message, location, hint, "warning")

@@ -17,26 +17,16 @@ Floats = npt.NDArray[np.float64]
 
 
 class SingularInertiaParameters:
-    """Bounds of an inertia that is none, and of what is said of it; parts are of no unit.
-
-    The tests are of `tests/unit/test_start_thresholds.py` and `tests/unit/test_numbers_of_other_starts.py`.
-    """
+    """An inertia that has fallen. The tests are of `tests/unit/test_start_thresholds.py`."""
 
     __slots__ = ()
 
-    most_named: int = 4
-    """Coordinates of a motion that are named, so that a sentence stays one.
-    `test_four_coordinates_of_a_motion_are_named` fails at 0 and 40."""
     fallen: float = 1e-3
-    """The part of an inertia at the start below which it is reported that it has fallen.
-    `test_an_inertia_has_fallen_below_a_thousandth` fails at 1e-4 and 1e-2."""
-    most_asked: int = 300
-    """Coordinates of which this is asked: it takes eigenvalues.
-    `test_the_inertia_of_three_hundred_coordinates_is_compared` fails at 30 and 3000."""
+    """It is told below this part of that at the start (`test_an_inertia_has_fallen_below_a_thousandth`)."""
 
 
 PARAMETERS = SingularInertiaParameters()
-
+MOST_NAMED = 4  # coordinates of a motion, so that a sentence stays one
 _SINGULAR_HINT = (
     "start away from a singular configuration (the centre of polar, the pole of spherical coordinates)"
 )
@@ -96,8 +86,8 @@ def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
 
     `before` is positive definite. The least v^T M v / v^T M_before v is asked for, which no units change.
     """
-    if M.shape[0] > PARAMETERS.most_asked:
-        return ""
+    if M.shape[0] > 300:
+        return ""  # eigenvalues would take long
     old, new = np.array(before), np.array(M)
     if not np.isfinite(new).all() or (old == new).all():
         return ""
@@ -117,7 +107,7 @@ def _motion(motion: Floats, names: Sequence[str]) -> str:
     part = motion / motion[int(np.argmax(np.abs(motion) > 0.999 * largest))]
     moved = np.flatnonzero(np.abs(part) > doubles.ROOT).tolist()
     named = []
-    for i in moved[: PARAMETERS.most_named]:
+    for i in moved[:MOST_NAMED]:
         owner, dot, axis = names[i].rpartition(".")
         rate = f"{owner}.v{axis}" if dot else f"rate({names[i]})"
         named.append(f"{rate} = {part[i]:.4g}")

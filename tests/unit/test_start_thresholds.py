@@ -7,7 +7,7 @@ import pytest
 import lagcli
 from lagcli.api import cache
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import LocalRows, MetricRows
+from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import assembly, conflict, gaps, initial, lipschitz, projection, singular_inertia
 
 
@@ -72,9 +72,13 @@ def test_an_inertia_is_negative_beyond_rounding(below: float, said: str) -> None
 
 @pytest.mark.parametrize(("slope", "stuck"), [(1e-6, True), (1e-4, False)])
 def test_a_row_that_hardly_acts_on_what_may_move_is_stuck(slope: float, stuck: bool) -> None:
-    B, fixed = ca.DM([[1.0, slope]]), np.array([True, False])
-    found = assembly._stuck(MetricRows(B, Metric.unit(2, fixed)), MetricRows(B, Metric.unit(2)))
-    assert found.tolist() == [stuck]
+    model = ready("x=1 y", f"holonomic:\n  row: x + {slope}*y = 1\n")
+    start = initial.declared(model.system)
+    if stuck:
+        with pytest.raises(lagcli.ModelError, match="nothing is left to satisfy"):
+            assembly.assemble(model.system, model.numeric, start, ("x",))
+    else:
+        assert assembly.assemble(model.system, model.numeric, start, ("x",)).moved == 0.0
 
 
 @pytest.mark.parametrize(("power", "warned"), [(0.9, True), (0.97, False)])

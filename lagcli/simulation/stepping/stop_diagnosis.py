@@ -284,7 +284,7 @@ def is_pole(rates: Sequence[Floats], acceleration: float) -> bool:
     far away; acceleration: that of `of_forces`, whose rounding is all that is left where rows hold all still."""
     n = rates[0].size // 2
     near, *_ = sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
-    is_noise = near <= initial.PARAMETERS.roundings * doubles.EPS * acceleration
+    is_noise = near <= doubles.SUM * acceleration
     order = PARAMETERS.order
     return not is_noise and all(0.0 < b <= 3.0**-order * a for a, b in itertools.pairwise(sizes))
 
