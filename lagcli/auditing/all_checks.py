@@ -22,9 +22,18 @@ from lagcli.auditing.checks import (
     checks_pointwise,
     checks_steps,
 )
-from lagcli.auditing.checks.audit_report import FAR_APART, Audit, Check, CheckedLaw, judge, merged
+from lagcli.auditing.checks.audit_report import (
+    FAR_APART,
+    MOST_LISTED,
+    Audit,
+    Check,
+    CheckedLaw,
+    judge,
+    merged,
+)
 from lagcli.auditing.evidence import model_values, table_input
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import HALF
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Record, WrittenDigits
 from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
@@ -35,7 +44,6 @@ FEW_NUMBERS = "the table has too few numbers to tell whether they are rounded"
 MOST = 60  # stretches, the longest ones, that are examined by differences
 MOST_MODES = 60  # sets of closed contacts, those with most rows
 MOST_DESCRIBED = 3  # sets of closed contacts of which it is reported what is determined
-SHOWN = 6  # names of rows in a sentence
 Findings = Callable[[Evidence], Sequence[Check]]
 Runs = Literal["all, by rows", "all, by stretches", "all", "smooth", "one-sided"]
 Figures = tuple[tuple[str, float], ...]
@@ -171,11 +179,10 @@ class _Judged(NamedTuple):
     def fail_everywhere(self) -> bool:
         """True if most rows that a check looks at fail: so they do where they are rounded, but for the first row, which
         may be as it was declared."""
-        least = table_input.PARAMETERS.everywhere
         beyond = (
             [ratio > 1 for _, ratio in check.curve][1:] for check in self.checks if check.verdict == "fail"
         )
-        return any(np.mean(rows) >= least for rows in beyond if rows)
+        return any(np.mean(rows) >= HALF for rows in beyond if rows)
 
 
 def _judged(e: Evidence) -> _Judged:
@@ -380,7 +387,9 @@ def _uniqueness(e: Evidence) -> tuple[str, ...]:
             "which multipliers are determined is not known: no row of the table that was looked at is regular"
         )
     elif open_:
-        shown = ", ".join(f"`{row}`" for row in open_[:SHOWN]) + (" ..." if len(open_) > SHOWN else "")
+        shown = ", ".join(f"`{row}`" for row in open_[:MOST_LISTED]) + (
+            " ..." if len(open_) > MOST_LISTED else ""
+        )
         sentences.append(
             f"{len(open_)} of {laws.C} multipliers are not determined ({shown}): their rows depend on each other;"
             " the others, R and the motion are unique"

@@ -15,6 +15,7 @@ from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
+from lagcli.auditing.evidence.tolerances import RESOLVED
 from lagcli.model import model as nouns
 
 POSITIONS = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
@@ -23,9 +24,7 @@ EQUILIBRIUM = CheckedLaw(
 )
 REACTIONS = CheckedLaw("reactions", "D.22", "R = sum lambda_i B_i, and m a - F of dependent particles")
 SIGNORINI = CheckedLaw("signorini", "", "g >= 0, lambda >= 0, lambda g = 0")
-# The rounding of numbers that a table holds, as a part of them; the step of differences in t, as a part of the length
-# of a run.
-ROUNDED, STEP = 1e-11, 1e-3
+ROUNDED = 1e-11  # the rounding of numbers that a table holds, as a part of them
 
 
 def is_table(columns: Sequence[str]) -> bool:
@@ -151,7 +150,7 @@ def _point(laws: ModelLaws, q: Array, lam: Array) -> _Point:
     index, t, still = laws.index, np.full(len(q), laws.model.simulation.start), np.zeros(q.shape)
     values = laws.values(t, q, still, lam)
     # What moves with t is differentiated by differences of order four.
-    h = STEP * (laws.model.simulation.duration or 1.0)
+    h = RESOLVED * (laws.model.simulation.duration or 1.0)
     at = [laws.values(t + k * h, q, still, lam) for k in (-2, -1, 1, 2)]
     rate_u, explicit = (
         (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)

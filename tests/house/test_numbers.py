@@ -26,7 +26,7 @@ OBJECTS = list(parameter_objects())
 LOOSE = {
     "analysis": 30,
     "api": 39,
-    "auditing": 46,
+    "auditing": 45,
     "cli": 32,
     "compiled": 19,
     "contact": 3,

@@ -94,7 +94,7 @@ def test_what_turns_by_a_radian_from_row_to_row_is_too_far_apart(radians: float,
 
 def test_no_number_of_whole_turns_between_rows_hides() -> None:
     """The instants within a step, for one to fifty turns of a cosine that begins at its largest."""
-    parts = np.modf(row_spacing.GOLDEN * np.arange(1, row_spacing.PARAMETERS.between + 1) ** 2)[0]
+    parts = np.modf(row_spacing.GOLDEN * np.arange(1, row_spacing.BETWEEN + 1) ** 2)[0]
     for turns in range(1, 51):
         assert np.abs(np.cos(2 * np.pi * turns * parts) - 1).max(initial=0.0) > 0.8, turns
 

@@ -12,19 +12,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import TENTH
 from lagcli.auditing.evidence.table_input import WrittenDigits
 from lagcli.model import notebook_html
 
 Verdict = Literal["pass", "fail", "partly judged", "not judged", "nothing"]
-NAMED = 12  # entries that a check names, the worst
-UNREAD = 12  # names of columns that no check looks at
-MOST_FAULTS_LISTED = 6  # entries of a check that fails
+NAMED = 12  # entries that a check names, the worst, and columns that none looks at
+MOST_LISTED = 6  # entries of a check that fails, or rows, that a report names
 # Of the entries must be judged before a check says `pass`: kinks may leave the rows around them open.
 NEARLY_ALL = 0.9
-# Of the entries that show the motion: less, and nothing is known of it. At 0.01 and at 1
-# `test_a_motion_of_which_a_tenth_is_judged_is_known_and_of_less_it_is_not` of `tests/unit/test_numbers_of_the_audit.py`
-# fails.
-HARDLY = 0.1
 MOTION = ("steps", "rates", "newton")  # checks that hold rows against their neighbours, at every row
 FAR_APART = "cannot be judged at this spacing of rows"
 
@@ -158,7 +154,7 @@ class Audit:
         if not thin:
             return "All checks passed."
         shown = [check for check in self.checks if check.name in MOTION]
-        if sum(check.judged for check in shown) < HARDLY * sum(check.entries for check in shown):
+        if sum(check.judged for check in shown) < TENTH * sum(check.entries for check in shown):
             return (
                 "Nothing was found wrong, but almost nothing of the motion could be judged: the rows are too far"
                 f" apart to show it. Not judged, or only in part: {', '.join(thin)}."
@@ -324,9 +320,9 @@ def lines(audit: Audit) -> AuditLines:
             about = f" ({check.law}: {check.equation})" if check.law else ""
             faults = [
                 f"{at.name} at t = {at.t:.9g}: {at.value:.3g}, the limit is {at.limit:.3g}"
-                for at in check.failing[:MOST_FAULTS_LISTED]
+                for at in check.failing[:MOST_LISTED]
             ]
-            others = max(0, check.failures - MOST_FAULTS_LISTED)
+            others = max(0, check.failures - MOST_LISTED)
             failures.append((f"{check.name} fails{about}:", faults, others))
     sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in audit.sentences]
     if audit.figures:
@@ -338,8 +334,8 @@ def lines(audit: Audit) -> AuditLines:
             f" {figures['energy_gained']:.10g}."
         )
     if audit.unread:
-        more = f" and {len(audit.unread) - UNREAD} others" if len(audit.unread) > UNREAD else ""
-        sentences.append(f"Columns that no check looks at: {', '.join(audit.unread[:UNREAD])}{more}.")
+        more = f" and {len(audit.unread) - NAMED} others" if len(audit.unread) > NAMED else ""
+        sentences.append(f"Columns that no check looks at: {', '.join(audit.unread[:NAMED])}{more}.")
     for table, written in (("table", audit.written), ("table of events", audit.written_events)):
         if written is not None:
             sentences.append(written.sentence(table))

@@ -18,7 +18,7 @@ from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, merged
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import PARAMETERS, of_particles, weights_at_zero
+from lagcli.auditing.evidence.differences import BESIDE, CAUTION, WIDE, WIDTHS, of_particles, weights_at_zero
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.table_input import Record
@@ -30,10 +30,6 @@ FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the
 # `test_rows_between_impacts_are_judged_however_few_they_are` of `tests/physics/test_audit_tables.py` fails.
 FEWEST_ROWS = 8
 MOST_SETS = 60  # sets of contacts that rest, those with most flights
-# A formula of the fourth order knows by so many times what one of the second one is off how far off it is.
-CAREFUL = 4.0
-# Fourth differences that are this part of the second ones, or more, are of no smooth acceleration: it bends or jumps.
-ROUGH = 0.25
 LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a flight at which B is taken apart
 
 
@@ -169,8 +165,8 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     off_q, off_v, clock = impact.off_q, impact.off_v, impact.clock
     off = 2 * SAFETY * (off_q + h * off_v) + clock * np.abs(state.v)
     before: Array | None = None
-    nodes, shares = np.polynomial.legendre.leggauss(PARAMETERS.gauss)
-    for width in PARAMETERS.widths:
+    nodes, shares = np.polynomial.legendre.leggauss(BESIDE)
+    for width in WIDTHS:
         k = np.flatnonzero(count >= width)
         rows = row[k, None] + ahead[k, None] * np.arange(width)
         # The integral from the state to the first row of the polynomials through the rates of rows, their values at
@@ -185,7 +181,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
         apart = np.zeros(state.q.shape)
         apart[k] = r.q[rows[:, 0]] - state.q[k] - integral
         if before is not None:
-            unknown = PARAMETERS.caution * np.abs(apart - before)[k] + h[k] * np.abs(state.v[k] - rate)
+            unknown = CAUTION * np.abs(apart - before)[k] + h[k] * np.abs(state.v[k] - rate)
             unknown = unknown + spread[:, None] * h[k] * SAFETY * off_v
             better = unknown < best[k]
             residual[k] = np.where(better, apart[k], residual[k])
@@ -219,11 +215,12 @@ def _flown(
     bend = h * h / 90 * (3.5 * (a[0] - a[4]) + 8 * (a[1] - a[3]))
     plain = h * h / 12 * (a[0] - a[4])
     second, fourth = np.abs(np.diff(a, n=2, axis=0)).max(axis=0), np.abs(np.diff(a, n=4, axis=0))[0]
-    rough = fourth >= ROUGH * second
-    unknown_v = CAREFUL * np.abs(boole - simpson)
+    # Such fourth differences are of no smooth acceleration: it bends or jumps.
+    rough = WIDE * fourth >= second
+    unknown_v = WIDE * np.abs(boole - simpson)
     unknown_v += np.where(rough, np.abs(simpson - h / 2 * (a[0] + a[4])), 0.0)
     unknown_v = unknown_v + np.abs(boole) * SAFETY * rtol
-    unknown_q = CAREFUL * np.abs(bend - plain) + np.where(rough, np.abs(plain), 0.0)
+    unknown_q = WIDE * np.abs(bend - plain) + np.where(rough, np.abs(plain), 0.0)
     size_v = np.abs(e.record.v).max(axis=0, initial=0.0)
     size_q = np.maximum(np.abs(e.record.q).max(axis=0, initial=0.0), np.abs(h * begin.v))
     if motion.laws.C:  # known as the rows are, and of a vector that turns one component may tell nothing

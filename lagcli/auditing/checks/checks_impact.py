@@ -27,6 +27,7 @@ from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import TWICE
 from lagcli.auditing.evidence.laws import LawValues
 from lagcli.auditing.evidence.table_input import Incidents, Record
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
@@ -49,8 +50,9 @@ LOSSES = CheckedLaw(
 )
 BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
 CLOSING = ("impact", "accumulation", "contact")
-SOON = 2.0  # times the time in which a contact comes over its gap: one that is open is struck until then
-MERGED = 1e3  # times the limit of g: contacts within the accuracy of event times belong to one impact
+MERGED = (
+    1 / RESOLVED
+)  # times the limit of g: contacts within the accuracy of event times belong to one impact
 
 
 class ImpactEvidence:
@@ -232,7 +234,7 @@ class ImpactEvidence:
             following = np.searchsorted(rows, np.arange(len(after)), "right")
             k = np.flatnonzero((following < len(rows)) & (after[:, j] < 0))
             way = -after[k, j] * (t[rows[following[k]]] - t[k])
-            is_open[k, j] |= way <= SOON * (g + limit_g)[k, j]
+            is_open[k, j] |= way <= TWICE * (g + limit_g)[k, j]
         wrong = np.where(~pushes & is_open, 0.0, wrong)
         sign = np.minimum(impulse, 0.0)
         residual = np.concatenate([wrong, sign], axis=1)

@@ -22,7 +22,6 @@ ACTION = CheckedLaw("action", "D.49", "S(eps) - S(0) = O(eps^2) on varied paths 
 LEAST, MOST = 25, 401  # rows of a window
 VECTORS = 6  # directions varied in a window
 BUMP = 4  # c(t) = (4 s (1 - s))**BUMP vanishes at both ends, with its first derivatives
-EPSILON = 1e-3  # of the size of the path, for S(eps)
 MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
 SAMPLES = 48  # rows at which a symmetry is tried, evenly over the table
 
@@ -147,7 +146,7 @@ def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
     extent = max(float(np.ptp(r.q, axis=0).max()), 1e-300)
     carried = e.laws.pushed(r.t, r.q, r.v, e.masses_x * r.u) if r.x.size else np.zeros(r.q.shape)
     slopes, wrong, scale = [], 0.0, 0.0
-    for step in (EPSILON * extent, EPSILON * extent / 2):
+    for step in (RESOLVED * extent, RESOLVED * extent / 2):
         sides = []
         for sign in (1.0, -1.0):
             q = _onto(window, r.q + sign * step * window.path(w))
@@ -164,7 +163,7 @@ def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
             scale = max(scale, float(total.value[-1, 2]))
         slopes.append((sides[0] - sides[1]) / (2 * step))
     usual = scale / extent
-    noise = 1e3 * e.tolerance.rtol * usual / EPSILON + 1e-12 * usual / EPSILON
+    noise = 1e3 * e.tolerance.rtol * usual / RESOLVED + 1e-12 * usual / RESOLVED
     limit = noise + wrong + 0.1 * abs(slopes[0] - slopes[1])
     return (4 * slopes[1] - slopes[0]) / 3, limit, limit <= 0.03 * usual
 

@@ -17,14 +17,14 @@ from lagcli import doubles
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
 from lagcli.auditing.evidence import differences
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import of_particles
+from lagcli.auditing.evidence.differences import CAUTION, TENTH, TWICE, WIDE, of_particles
 from lagcli.auditing.evidence.row_spacing import OFTEN, REACHED, RowSpacing
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
 STEPS = CheckedLaw(
     "steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step"
 )
-ORDERS = {2: 2.0, 4: 0.5, 6: 0.125}
+ORDERS = {order: CAUTION / 2**order for order in (2, 4, 6)}
 """Rows of the interpolant of the rates with the part of their differences of that order that bounds its error.
 
 A rate that jumps by J within a step is off by J/2 on average, and its differences of order 2, 4, 6 around are J, 3 J,
@@ -33,15 +33,10 @@ rate the error is a hundredth of the difference.
 """
 NODES = 4  # of a quadrature that is exact for the polynomials of six rows and their moments
 LEAST = 3  # differences of an order, of which one may vanish by chance
-UNSEEN = 4.0  # times the differences of order 2 where a swing is sampled slowly: they do not show all of it
-FAR = 4.0  # times the way at the largest speed of all rows, and what the largest acceleration adds
-OPEN = 0.1  # of the largest step of a quantity: a bound beyond that judges nothing
 # Between two rows of a table a pulse changes velocities, and no row shows it.
 AT_ONCE = 16  # steps that are looked at, and more as long as there is something between their rows
 POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step may not be found
 PARTS = np.arange(POINTS + 2) / (POINTS + 1)  # of a step, both ends among them
-BENDS = 2.0  # times the bend that rows show: what is above is hidden
-FORWARD = 2.0  # of the largest push in a step: how far the reactions may pass it on
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +159,7 @@ def steps(e: Evidence) -> list[Check]:
         if 2 in grid.orders:
             bends = [grid.spread(2, each.rate) / each.root for each in every_quantity if each.second is None]
             shown = np.linalg.norm(np.concatenate(bends, axis=1), axis=1)
-        push = _hidden_push(e, wrong, BENDS * shown)
+        push = _hidden_push(e, wrong, TWICE * shown)
         e.hidden |= push > 0
         # The most that a push within a step changes: a momentum, or a position
         changes = (
@@ -181,7 +176,7 @@ def steps(e: Evidence) -> list[Check]:
     for each in every_quantity:
         most = np.full((1, 1), np.inf)
         if each.second is not None:
-            most = FAR * h * (each.size + h * of_particles(np.abs(each.second).max(axis=0)))
+            most = WIDE * h * (each.size + h * of_particles(np.abs(each.second).max(axis=0)))
         far.append(np.abs(np.diff(each.y, axis=0)) > each.off[1:] + most)
     judged |= np.concatenate(far, axis=1) & (np.abs(residual) > limit)
     return [judge(STEPS, names, e.record.t[:-1], residual, limit, judged)]
@@ -212,7 +207,7 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
             off_second = np.maximum(quantity.off_second[1:], quantity.off_second[:-1])
             limit = off + h * off_rate + h * h / 4 * off_second + open_
         if m == 2:
-            limit = limit + np.where(fast[:, None], (UNSEEN - 1) * open_, 0.0)
+            limit = limit + np.where(fast[:, None], (WIDE - 1) * open_, 0.0)
         # Where the rows of the interpolant stand around the step: others see half of a jump only.
         i = np.arange(len(grid.h))[:, None]
         is_around = (i >= m // 2 - 1) & (i <= len(grid.h) - m // 2)
@@ -221,7 +216,7 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
             np.where(better, new, old) for new, old in ((apart, residual), (limit, best), (open_, truncation))
         )
     # A wide bound is no reason to pass, but what is beyond it fails all the same.
-    close = truncation <= np.maximum(OPEN * h * quantity.size, best - truncation)
+    close = truncation <= np.maximum(TENTH * h * quantity.size, best - truncation)
     judged = (close | (np.abs(residual) > best)) & ~quantity.coarse
     return residual, best, judged
 
@@ -266,7 +261,7 @@ def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
     values = laws.values(t, q, v, nothing)
     force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(len(t), -1)
     force = np.concatenate([laws.forces_on_coordinates(values) / root, force_x / root_x], axis=1)
-    pushes = FORWARD * bulge(force.reshape(len(steps), POINTS + 2, -1))
+    pushes = TWICE * bulge(force.reshape(len(steps), POINTS + 2, -1))
     # Momenta that t alone brings about, at the positions and velocities of the first rows: in rows, dependent
     # particles and inertia, beyond what the rows around show
     heaviest = np.sqrt(max(e.masses.max(initial=0.0), e.masses_x.max(initial=0.0)) or 1.0)
@@ -283,17 +278,17 @@ def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
     coarse = momenta(r.t[np.clip(steps[:, None] + np.arange(-1, 3), 0, len(r.t) - 1)])
     apart, bends = bulge(fine), np.linalg.norm(np.diff(coarse, 2, axis=1), axis=2).max(axis=1)
     rounding = doubles.VALUE * np.linalg.norm(fine, axis=2).max(axis=1)
-    drives = np.where(apart > BENDS * bends + rounding, FORWARD * apart / h, 0.0)
+    drives = np.where(apart > TWICE * bends + rounding, TWICE * apart / h, 0.0)
     # A wall whose velocity jumps strikes what rests on it; rows are states after what jumps at their times.
     w = laws.values(t + 2 * e.clock, q, v, nothing).w.reshape(len(steps), POINTS + 2, -1)
     changes = np.abs(np.diff(w, axis=1))
     largest = changes.max(axis=1, initial=0.0)
-    is_sudden = largest > BENDS * np.median(changes, axis=1)
+    is_sudden = largest > TWICE * np.median(changes, axis=1)
     impulses = np.zeros(len(steps))
     if is_sudden.any():
         B = laws.matrix(r.t[steps], r.q[steps], r.v[steps])
         jumps = np.where(is_sudden & (largest > SAFETY * np.abs(B) @ e.off_v), largest, 0.0)
         lengths = np.linalg.norm(B / root, axis=2)
         struck = np.where(lengths > 0, jumps / np.where(lengths > 0, lengths, 1.0), 0.0)
-        impulses = np.asarray(FORWARD * struck.sum(axis=1) / h)
+        impulses = np.asarray(TWICE * struck.sum(axis=1) / h)
     return np.maximum(pushes, drives), impulses

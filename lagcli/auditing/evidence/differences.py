@@ -18,58 +18,24 @@ import numpy as np
 from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
 
-
-class StencilParameters:
-    """Slopes and integrals from the rows of a table, with what they are known to.
-
-    The tests are of `tests/unit/test_numbers_of_stencils.py`.
-    """
-
-    __slots__ = ()
-
-    widths: tuple[int, ...] = (5, 7, 9, 11, 13)
-    """Rows of a stencil, the narrowest first: wider ones have less truncation and more noise.
-    `test_slopes_are_taken_over_five_to_thirteen_rows` fails at a tenth and at ten times of it."""
-    reach: int = 4
-    """Rows on either side within which a truncation counts. `test_a_truncation_counts_four_rows_around` fails
-    at 0 and 40."""
-    gauss: int = 6
-    """Nodes of the quadrature of an interpolant of 12 rows, of which it is exact.
-    `test_an_integral_is_exact_for_polynomials_through_twelve_rows` fails at 0 and 60."""
-    block: int = 64
-    """Rows at a time. `test_rows_are_combined_sixty_four_at_a_time` fails at 6 and 640."""
-    caution: float = 8.0
-    """Times the difference of two stencils: the limit.
-    `test_a_difference_that_vanishes_by_chance_counts_by_a_tenth_of_the_one_before` fails at 0.8 and 80."""
-    last: float = 0.1
-    """Of the difference before that of two stencils counts: one may vanish by chance.
-    `test_a_difference_that_vanishes_by_chance_counts_by_a_tenth_of_the_one_before` fails at 0.01 and 1."""
-    one_sided: float = 6.0
-    """Times the limit where they do not stand around the row.
-    `test_the_bound_of_a_slope_is_eight_differences_of_two_stencils_and_more_at_ends` fails at 0.6 and 60."""
-    converging: float = 0.5
-    """The next stencil must come closer by that factor, or both differences be `smooth`.
-    `test_rows_resolve_what_wider_stencils_come_closer_together_for` fails at 0.05 and 5."""
-    rough: int = 8
-    """The order of differences that show a kink.
-    `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0 and 80."""
-    around: int = 6
-    """Rows on either side from which it is felt.
-    `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0 and 60."""
-    kinked: float = 0.1
-    """The weight of such differences in a limit.
-    `test_a_kink_is_felt_six_rows_around_its_differences_of_order_eight` fails at 0.01 and 1."""
-    kinked_end: float = 1.5
-    """The same at the ends of the table. `test_a_kink_at_the_end_of_a_table_weighs_more` fails at 0.15 and
-    15."""
-
-
-PARAMETERS = StencilParameters()
-"""Of the differences of order 8 of rates: what the derivative of what they are the rates of may be off by at a kink.
-
-A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
-curvature 10 and 1/30. At an end of the table the difference shows a jump once.
-"""
+# How far an audit trusts what a row, a neighbour or a coarser formula says: the same in all checks.
+WIDE = 4.0  # times what a coarser formula or the last digit leaves open: a limit
+TWICE = 2.0  # times what rows show: there may be more between them
+HALF = 0.5  # of some rows or numbers: most of them; and by how much a finer formula must be better
+TENTH = 0.1  # of a quantity: what is less may vanish by chance, and decides nothing
+# The tests of what follows are in `tests/unit/test_numbers_of_stencils.py`.
+WIDTHS = (5, 7, 9, 11, 13)  # rows of a stencil: wider ones have less truncation and more noise
+BESIDE = (
+    WIDTHS[-1] // 2
+)  # rows on either side of the widest one, of which an integral is exact with as many nodes
+REACH = 4  # rows on either side within which a truncation counts
+BLOCK = 64  # rows at a time
+CAUTION = 8.0  # times the difference of two stencils: the limit
+ONE_SIDED = 6.0  # times the limit where they do not stand around the row
+# Of the differences of this order of rates: what the derivative of what they are the rates of may be off by at a kink.
+# A jump J makes differences of 35 J and an error of J/2; a kink 20 and 1/10 of its change over a step, a jump of the
+# curvature 10 and 1/30. At an end of the table the difference shows a jump once.
+ROUGH, KINKED_END = 8, 1.5
 CLOCK = 8 * doubles.EPS  # of the largest time: how well the times are known
 
 
@@ -100,7 +66,7 @@ class DifferenceGrid:
     def _stencils(self) -> list[tuple[Array, Array]]:
         """Indices (T, S) and weights (T, S) of d/dt, by width; narrower than the table."""
         stencils = []
-        for width in PARAMETERS.widths:
+        for width in WIDTHS:
             if width <= len(self.t):
                 indices = _around(np.arange(len(self.t)) - width // 2, width, len(self.t))
                 stencils.append((indices, weights_at_zero(self.t[indices] - self.t[:, None])[1]))
@@ -120,9 +86,9 @@ class DifferenceGrid:
             slope = combined(indices, weights, y, about=True)
             if narrower is not None:
                 now = np.abs(slope - narrower)
-                larger = np.maximum(now, PARAMETERS.last * before)
-                wrong, before = PARAMETERS.caution * widest(larger, PARAMETERS.reach), now
-                wrong[indices[:, 0] != np.arange(len(y)) - indices.shape[1] // 2] *= PARAMETERS.one_sided
+                larger = np.maximum(now, TENTH * before)
+                wrong, before = CAUTION * widest(larger, REACH), now
+                wrong[indices[:, 0] != np.arange(len(y)) - indices.shape[1] // 2] *= ONE_SIDED
                 sizes = np.abs(weights)
                 total = sizes.sum(axis=1)[:, None]
                 spread = total * noise if noise.ndim == 1 else combined(indices, sizes, noise)
@@ -146,9 +112,9 @@ class DifferenceGrid:
         for indices, weights in self._stencils[-3:]:
             slopes.append(combined(indices, weights, y, about=True))
             spread = np.abs(weights).sum(axis=1)[:, None] * noise
-        before, now = (widest(np.abs(b - a), PARAMETERS.reach) for a, b in itertools.pairwise(slopes))
-        small = np.maximum(doubles.ROOT * widest(np.abs(slopes[-1]), 2 * PARAMETERS.reach), spread)
-        return np.asarray((now <= PARAMETERS.converging * before) | (np.maximum(now, before) <= small))
+        before, now = (widest(np.abs(b - a), REACH) for a, b in itertools.pairwise(slopes))
+        small = np.maximum(doubles.ROOT * widest(np.abs(slopes[-1]), 2 * REACH), spread)
+        return np.asarray((now <= HALF * before) | (np.maximum(now, before) <= small))
 
     def integral(self, y: Array, noise: Array) -> Estimate:
         """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
@@ -159,10 +125,10 @@ class DifferenceGrid:
         if len(self.t) > 1:
             sums = [combined(indices, weights, y) for indices, weights in self._quadrature]
             increments = sums[0]
-            wrong = np.maximum(np.abs(sums[0] - sums[1]), PARAMETERS.last * np.abs(sums[1] - sums[2]))
-            wrong = PARAMETERS.caution * widest(wrong, PARAMETERS.reach)
+            wrong = np.maximum(np.abs(sums[0] - sums[1]), TENTH * np.abs(sums[1] - sums[2]))
+            wrong = CAUTION * widest(wrong, REACH)
             first, width = self._quadrature[0][0][:, 0], self._quadrature[0][0].shape[1]
-            wrong[first != np.arange(len(first)) - (width - 1) // 2] *= PARAMETERS.one_sided
+            wrong[first != np.arange(len(first)) - (width - 1) // 2] *= ONE_SIDED
             clear = self.resolved(y, noise)
             # Where y may have a kink or a jump within a step, the integral over it is bounded by second differences.
             unresolved = np.full(wrong.shape, np.inf)
@@ -188,7 +154,7 @@ class DifferenceGrid:
         show the kink, of y and of its rates alike; what one of them alone shows is an error of the table and excuses
         nothing.
         """
-        order = min(PARAMETERS.rough, len(self.t) - 3)
+        order = min(ROUGH, len(self.t) - 3)
         if order < 2:
             return np.zeros(rate.shape)
         steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
@@ -198,19 +164,19 @@ class DifferenceGrid:
         )
         largest = []  # within the stencils of each row
         for differences, half in ((ours, (order + 1) // 2), (theirs, order // 2)):
-            weights = np.full(len(differences), PARAMETERS.kinked)
-            weights[:half] = weights[-half:] = PARAMETERS.kinked_end
+            weights = np.full(len(differences), TENTH)
+            weights[:half] = weights[-half:] = KINKED_END
             centred = np.zeros(rate.shape)
             centred[half : half + len(differences)] = np.abs(differences) * weights[:, None]
-            largest.append(widest(centred, PARAMETERS.around))
+            largest.append(widest(centred, BESIDE))
         return np.minimum(*largest)
 
     @functools.cached_property
     def _quadrature(self) -> list[tuple[Array, Array]]:
         """Indices and weights (T - 1, S) of the integral over each step, by three widths, the widest first."""
-        widest = min(2 * PARAMETERS.gauss, len(self.t))
+        widest = min(2 * BESIDE, len(self.t))
         widths = (widest, max(1, widest - 2), max(1, widest - 4))
-        return [step_weights(self.t, width, PARAMETERS.gauss)[:2] for width in widths]
+        return [step_weights(self.t, width, BESIDE)[:2] for width in widths]
 
 
 def step_weights(t: Array, width: int, count: int) -> tuple[Array, Array, Array]:
@@ -239,8 +205,8 @@ def combined(indices: Array, weights: Array, y: Array, about: bool = False) -> A
     In blocks; `about` a near row, where the weights add up to 0.
     """
     sums = np.empty((len(indices), y.shape[1]))
-    for start in range(0, len(indices), PARAMETERS.block):
-        rows = slice(start, start + PARAMETERS.block)
+    for start in range(0, len(indices), BLOCK):
+        rows = slice(start, start + BLOCK)
         taken = indices[rows]
         low, high = int(taken[:, 0].min()), int(taken[:, -1].max()) + 1
         band = np.zeros((len(taken), high - low))

@@ -13,34 +13,18 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import widest
+from lagcli.auditing.evidence.differences import BESIDE, TENTH, TWICE, widest
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
-LAZY = 0.1  # (step)^2 dF/dr / m: what is below cannot swing between the rows
-OFTEN, REACHED = 0.05, 7  # of the rows; rows on either side that an error of one row spoils
+OFTEN, REACHED = 0.05, BESIDE + 1  # of the rows; rows on either side that an error of one row spoils
 FEW = 60  # rows of which an error of one row spoils too many to be told from a fast motion
-NEARLY = 2.0  # times a limit is no certain fault where a fast motion may be sampled slowly
 
 
-class TurningParameters:
-    """Points between two rows at which B, the inertia and the forces are looked at, and too much of a turn.
-
-    The tests are of `tests/physics/test_audit_spacing.py`.
-    """
-
-    __slots__ = ()
-
-    angle: float = 1.0
-    """In radians: what turns by more from a row to the next is not seen by the rows.
-    `test_what_turns_by_a_radian_from_row_to_row_is_too_far_apart` fails at 0.1 and 10."""
-    between: int = 5
-    """Instants between two rows, the golden section times squares, so that no whole number of turns hides from them
-    all. `test_no_number_of_whole_turns_between_rows_hides` fails at 0 and 1."""
-
-
-PARAMETERS = TurningParameters()
+# Instants between two rows, the golden section times squares, so that no whole number of turns hides from them all: at
+# 0 and 1 `test_no_number_of_whole_turns_between_rows_hides` of `tests/physics/test_audit_spacing.py` fails.
+BETWEEN = 5
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -104,7 +88,7 @@ class RowSpacing:
         An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
         """
         beyond = judged & (np.abs(residual) > limit) & np.any(self.is_fast, axis=1, keepdims=True)
-        nearly = beyond & (np.abs(residual) <= NEARLY * limit)
+        nearly = beyond & (np.abs(residual) <= TWICE * limit)
         rows = ((beyond & ~nearly) | ~judged).sum(axis=0)
         often = (rows > max(2 * REACHED, OFTEN * len(residual))) | (len(residual) < FEW)
         return np.asarray(judged & ~np.where(often, beyond, nearly))
@@ -126,7 +110,7 @@ class RowSpacing:
         coarse = _coarse(r.v[:, :own], a, step, size)
         if own and not np.any(self._e.values.b):
             # Nothing swings that fast, and what is at rest under a force is no motion.
-            coarse &= self._swing.max(axis=0) > LAZY
+            coarse &= self._swing.max(axis=0) > TENTH  # (step)^2 dF/dr / m
         is_far[:own] = np.repeat(coarse, 3)
         # Rows, forces or momenta that turn too far with generalized coordinates from a row to the next, all along: an
         # error of a row lets few steps look so
@@ -163,7 +147,7 @@ def _turning_steps(laws: ModelLaws, record: Record, part: float, atol: float) ->
     rows = _on_coordinates(laws, record.t, record.q, *sizes)
     ahead = np.zeros((len(rows) - 1, rows.shape[1]))
     h = np.diff(record.t)
-    for number in range(1, PARAMETERS.between + 1):
+    for number in range(1, BETWEEN + 1):
         s = h * np.modf(GOLDEN * number**2)[0]
         there = _on_coordinates(laws, record.t[:-1] + s, record.q[:-1] + s[:, None] * record.v[:-1], *sizes)
         ahead = np.maximum(ahead, np.abs(there - rows[:-1]))
@@ -171,7 +155,8 @@ def _turning_steps(laws: ModelLaws, record: Record, part: float, atol: float) ->
     swing = np.sqrt(2 * np.mean((rows - rows.mean(axis=0)) ** 2, axis=0))
     shown = np.abs(np.diff(rows, axis=0))
     shown = np.maximum(shown, np.concatenate([shown[:1], shown[:-1]]))
-    turned = (ahead > 2 * np.sin(PARAMETERS.angle / 2) * swing) | (ahead > 2 * shown)
+    # What turns by more than a radian from a row to the next is not seen by the rows.
+    turned = (ahead > 2 * np.sin(1 / 2) * swing) | (ahead > 2 * shown)
     return np.asarray(turned & (ahead > floor))
 
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import sys
 from collections.abc import Sequence
 
 import numpy as np
 
 from lagcli import doubles
 from lagcli.auditing.evidence.autodiff import Array
+from lagcli.auditing.evidence.differences import HALF
 from lagcli.auditing.evidence.laws import ModelLaws
 
 SHOWN = 8  # missing columns that a message names
@@ -239,44 +241,16 @@ def at_rows(incidents: Incidents, r: Record) -> Incidents:
     return dataclasses.replace(incidents, before=before, after=after)
 
 
-class DigitsParameters:
-    """Limits of taking the numbers of a table for rounded ones.
-
-    The tests are of `tests/unit/test_written_digits.py`.
-    """
-
-    __slots__ = ()
-
-    most: int = 14
-    """Digits of a rounded table: doubles with 15 cannot be told from those with all.
-    `test_a_table_of_fourteen_digits_is_rounded_and_one_of_fifteen_is_not` fails at 1 and 140."""
-    together: int = 40
-    """Digits of the different numbers that end at the last place, together: a few may be short by chance, or as they
-    were declared. `test_forty_digits_tell_that_numbers_are_rounded` fails at 4 and 400."""
-    ending: float = 0.5
-    """Part of the different numbers that end at the last place: of rounded ones nine in ten do.
-    `test_of_rounded_numbers_most_end_at_the_last_place` fails at 0.05 and 5."""
-    own: int = 3
-    """Digits less than the others by which a number is short by itself, as one that was declared or moves evenly:
-    rounding leaves so few of one in a thousand.
-    `test_numbers_that_are_short_by_themselves_hide_no_rounding` fails at 30."""
-    certain: int = 8
-    """Digits that are rounded ones for certain: no simple numbers have so many. With fewer, most of the rows must be
-    off by the rounding. `test_a_wrong_row_of_short_numbers_is_no_rounding` of `tests/physics/test_audit_tables.py`
-    fails at 0.8, `test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits` at 80."""
-    everywhere: float = 0.5
-    """Part of the rows that a table of fewer digits is wrong at: an error spoils its neighbours alone.
-    `test_a_wrong_row_of_short_numbers_is_no_rounding` of `tests/physics/test_audit_tables.py` fails at 0.05,
-    `test_a_table_rounded_by_a_spreadsheet_is_judged_by_its_digits` at 5."""
-    halves: float = 4.0
-    """Halves of a unit in the last place that a limit has for each number: several are rounded in a sum.
-    `test_a_digit_is_compared_with_two_units_in_the_last_place` fails at 0.4 and 40."""
-    sample: int = 2000
-    """Numbers that are looked at first: of a table with all digits no more.
-    `test_no_more_than_two_thousand_numbers_are_looked_at_where_all_digits_are_there` fails at 200 and 20000."""
-
-
-PARAMETERS = DigitsParameters()
+# Limits of taking the numbers of a table for rounded ones; the tests are of `tests/unit/test_written_digits.py`.
+MOST = sys.float_info.dig - 1  # digits of a rounded table: doubles with 15 cannot be told from those with all
+TOGETHER = (
+    40  # digits of different numbers that end at the last place: a few may be short by chance or as declared
+)
+OWN = 3  # digits less by which a number is short by itself: rounding leaves so few of one in a thousand
+# Digits that are rounded ones for certain: no simple numbers have so many. With fewer, most of the rows must be off by
+# the rounding: an error spoils its neighbours alone.
+CERTAIN = 8
+SAMPLE = 2000  # numbers that are looked at first: of a table with all digits no more
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -308,7 +282,7 @@ class WrittenDigits:
     @property
     def is_certain(self) -> bool:
         """True for so many digits that they are short by rounding alone."""
-        return max(self.digits, self.decimals) >= PARAMETERS.certain
+        return max(self.digits, self.decimals) >= CERTAIN
 
     def sentence(self, table: str) -> str:
         """The sentence of a report on a table."""
@@ -327,10 +301,10 @@ def digits_of(rows: Array, t: Array) -> WrittenDigits:
     """The digits of the numbers of a table, with its times t (T,) among them or not."""
     numbers = np.abs(rows[np.isfinite(rows) & (rows != 0)])
     digits = ALL
-    for part in (numbers[:: max(1, len(numbers) // PARAMETERS.sample)], numbers):
+    for part in (numbers[:: max(1, len(numbers) // SAMPLE)], numbers):
         digits = _of_numbers(np.unique(part))
         # A column that moves would tell its digits in so many rows.
-        enough = len(t) * max(digits.digits, digits.decimals) >= PARAMETERS.together
+        enough = len(t) * max(digits.digits, digits.decimals) >= TOGETHER
         if not digits.is_short or (enough and not digits.is_told):
             return ALL
     # Times may have fewer: those of a grid are exact.
@@ -341,31 +315,31 @@ def digits_of(rows: Array, t: Array) -> WrittenDigits:
 
 def _of_numbers(numbers: Array) -> WrittenDigits:
     """The digits of different numbers, or their decimals where more of them end at the last one."""
-    is_short = _is_whole(numbers, PARAMETERS.most, significant=True)
+    is_short = _is_whole(numbers, MOST, significant=True)
     digits, ending = _ending(numbers, True) if is_short.all() else (0, ~is_short)
     decimals, others = _ending(numbers, False) if is_short.any() else (0, ~is_short)
     others &= is_short
     if np.sum(ending) >= np.sum(others):
-        is_own = _is_whole(numbers, digits - PARAMETERS.own, significant=True)
+        is_own = _is_whole(numbers, digits - OWN, significant=True)
         return _rounding(WrittenDigits(digits=digits), ending, digits, ~is_own)
     counts = decimals + np.maximum(1.0 + np.floor(np.log10(numbers)), 0)
-    looked = is_short & ~_is_whole(numbers, decimals - PARAMETERS.own, significant=False)
+    looked = is_short & ~_is_whole(numbers, decimals - OWN, significant=False)
     return _rounding(WrittenDigits(decimals=decimals), others, counts, looked)
 
 
 def _rounding(written: WrittenDigits, ending: Array, counts: Array | int, looked: Array) -> WrittenDigits:
     """The digits where most numbers end at the last place, with so many digits each, else all; looked: those of which a
     part must, as the others are short by themselves."""
-    if np.sum(ending) < PARAMETERS.ending * np.sum(looked):
+    if np.sum(ending) < HALF * np.sum(looked):
         return ALL
     together = float(np.sum(ending * counts))
-    return dataclasses.replace(written, is_told=together >= PARAMETERS.together)
+    return dataclasses.replace(written, is_told=together >= TOGETHER)
 
 
 def _ending(numbers: Array, significant: bool) -> tuple[int, Array]:
     """The least count of digits, or of decimals, that all numbers have, and which end there."""
     fewer = np.zeros(len(numbers), dtype=bool)
-    for count in range(1, PARAMETERS.most + 1):
+    for count in range(1, MOST + 1):
         enough = _is_whole(numbers, count, significant)
         if enough.all():
             return count, ~fewer

@@ -17,7 +17,7 @@ import numpy as np
 from lagcli import doubles
 from lagcli.auditing.evidence import differences, table_input
 from lagcli.auditing.evidence.autodiff import Array
-from lagcli.auditing.evidence.differences import DifferenceGrid, Estimate, widest
+from lagcli.auditing.evidence.differences import WIDE, DifferenceGrid, Estimate, widest
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable, Incidents, Record, TableNames, WrittenDigits
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
@@ -44,7 +44,7 @@ class Tolerance:
 
     def by(self, written: WrittenDigits) -> Tolerance:
         """The tolerance for a table whose numbers have these digits: `SAFETY` times it contains the rounding."""
-        share = table_input.PARAMETERS.halves / SAFETY
+        share = WIDE / SAFETY  # halves of a unit in the last place: several numbers are rounded in a sum
         rtol, atol = self.rtol + share * written.part, self.atol + share * written.unit
         return Tolerance(rtol, atol, self.jumps, written)
 
@@ -87,7 +87,7 @@ class Evidence:
         self.laws, self.record, self.tolerance = laws, record, tolerance
         self.names: TableNames = table_input.names(laws)
         rounding = differences.CLOCK * np.abs(self._whole.t).max(initial=0.0)
-        self.clock = rounding + table_input.PARAMETERS.halves * tolerance.written.time
+        self.clock = rounding + WIDE * tolerance.written.time
         self.grid = DifferenceGrid(record.t, self.clock)
         # A row before an instant is on that side of what jumps there.
         self._t = record.t + 2 * rounding * record.side
@@ -155,7 +155,7 @@ class Evidence:
         lam, written = self.record.lam, self.tolerance.written
         if written.is_short:
             lam = lam + self._random.choice((-1.0, 1.0), lam.shape) * self.recorded(lam) / SAFETY
-        clock = self.clock if not written.time else table_input.PARAMETERS.halves / SAFETY * written.time
+        clock = self.clock if not written.time else WIDE / SAFETY * written.time
         ahead = np.where(self.record.side < 0, -clock, clock)
         return self.laws.values(self._t + ahead, *self.moved, lam)
 
