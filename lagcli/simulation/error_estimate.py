@@ -147,15 +147,13 @@ class PartingParameters:
     __slots__ = ()
 
     factor: float = 1e5
-    """The distance of the runs grows by this factor. `test_runs_go_apart_where_their_distance_grows_too_fast`
-    fails at 10000 and 1e6."""
+    """The distance of the runs grows by this factor. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
     least: float = 1e-7
-    """To this or more: the factor of any rounding is less.
-    `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 1e-8 and 1e-6."""
+    """To this or more: the factor of any rounding is less. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
     part: float = 0.01
-    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows` fails at 0.001 and 0.1."""
+    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows`."""
     tolerances: float = 1e3
-    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast` fails at 100 and 10000."""
+    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
 
 
 PARTING = PartingParameters()
@@ -217,25 +215,23 @@ class RepeatedRunParameters:
 
     tighter: float = 250.0
     """The part of the tolerance of the first run that the steps of the repeated run have.
-    `test_steps_of_the_repeated_run_have_a_smaller_tolerance` fails at 25 and 2500."""
+    `test_steps_of_the_repeated_run_have_a_smaller_tolerance`."""
     first_step: float = 0.45
-    """It begins with this part of the first step of the other: the first step, and those that grow from it as
-    fast as they may, do not always depend on the tolerance, and two runs with the same steps have the same
-    errors. `test_the_repeated_run_begins_with_a_shorter_step` fails at 0.045 and 4.5."""
+    """It begins with this part of the first step of the other: the first step, and those that grow from it as fast as
+    they may, do not always depend on the tolerance, and two runs with the same steps have the same errors.
+    `test_the_repeated_run_begins_with_a_shorter_step`."""
     finest: float = 3e-15
-    """The relative tolerance below which the error estimate of a step is nothing but rounding, and steps only
-    get shorter. `test_steps_of_the_repeated_run_have_a_smaller_tolerance` fails at 3e-16 and 3e-14."""
+    """The relative tolerance below which the error estimate of a step is nothing but rounding, and steps only get
+    shorter. `test_steps_of_the_repeated_run_have_a_smaller_tolerance`."""
     nearly: float = 3.0
     """A run with a tolerance of less than so many times the finest cannot be repeated with less error: it is with more.
-    `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more` fails at 0.3 and 30."""
+    `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more`."""
     safety: tuple[tuple[float, float], ...] = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
-    """The estimate is the distance of the runs times the factor of the first line that the tolerance of a
-    step reaches. Two errors may agree by chance: rarely where one is a hundredth of the other, more often
-    where both are sums of rounding. `test_the_distance_of_runs_counts_more_the_closer_they_are_to_rounding`
-    fails at a tenth and at ten times of it."""
+    """The estimate is the distance of the runs times the factor of the first line that the tolerance of a step reaches.
+    Two errors may agree by chance: rarely where one is a hundredth of the other, more often where both are sums of
+    rounding. `test_the_distance_of_runs_counts_more_the_closer_they_are_to_rounding`."""
     floor: float = 1e-13
-    """No estimate is below this part of the scale. `test_no_estimate_is_below_thirteen_digits` fails at 1e-14
-    and 1e-12."""
+    """No estimate is below this part of the scale. `test_no_estimate_is_below_thirteen_digits`."""
 
 
 PARAMETERS = RepeatedRunParameters()

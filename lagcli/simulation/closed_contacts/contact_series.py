@@ -32,11 +32,10 @@ class ContactSeriesParameters:
     __slots__ = ()
 
     orders: int = 12
-    """Coefficients of forces that are looked at: a load of t^11 decides still.
-    `test_loads_of_a_high_power_decide` fails at 1 and 120."""
+    """Coefficients of forces that are looked at: a load of t^11 decides still. `test_loads_of_a_high_power_decide`."""
     roundings: float = 32.0
     """A coefficient is zero where it is so many roundings of its terms.
-    `test_a_coefficient_of_a_few_roundings_is_none` fails at 3.2 and 320."""
+    `test_a_coefficient_of_a_few_roundings_is_none`."""
 
 
 PARAMETERS = ContactSeriesParameters()

@@ -35,7 +35,7 @@ class Dop853Parameters:
     dip: float = 0.3
     """An angle between rows that is less than this part of both beside it may have gone through zero beside it, and so
     may one that lines through others lead to the other side of zero, by this part of itself.
-    `test_an_angle_that_went_to_zero_is_seen_by_a_third_of_it_on_the_other_side` fails at 0.03 and 3."""
+    `test_an_angle_that_went_to_zero_is_seen_by_a_third_of_it_on_the_other_side`."""
 
 
 PARAMETERS = Dop853Parameters()

@@ -30,30 +30,28 @@ class StepEndParameters:
 
     moved: float = 100.0
     """The projection may move a state by this many tolerances.
-    `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits` fails at 10 and 1000."""
+    `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`."""
     moved_rounding: float = 1e-10
-    """And by this part of its size. `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`
-    fails at 1e-11 and 1e-9."""
+    """And by this part of its size. `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`."""
     time_rounding: float = 2**-52
-    """Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its
-    change over the step, divided by the step, in each of them. The same part of energies is rounding.
-    `test_the_work_of_forces_that_balance_is_judged_by_their_rounding` fails at 2.22e-17 and 2.22e-15."""
+    """Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change over
+    the step, divided by the step, in each of them. The same part of energies is rounding.
+    `test_the_work_of_forces_that_balance_is_judged_by_their_rounding`."""
     jump: int = 1024
     """A step of so many roundings of the time may hold a jump.
-    `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump` fails at 102 and 10240."""
+    `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump`."""
     balanced: float = 1e-14
     """The rounding of forces that hold all at the origin, as a part of them.
-    `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin` fails at 1e-15 and 1e-13."""
+    `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin`."""
     close: float = 1e-2
     """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
-    tolerances are, and may be why a run stops.
-    `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 0.001 and 0.1."""
+    tolerances are, and may be why a run stops. `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces`."""
     amplified: float = 1e-16
     """About this part of them, over the cube of the angle.
-    `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces` fails at 1e-17 and 1e-15."""
+    `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces`."""
     written_out: int = 1000
     """Numbers of a state up to which the step is written out in one graph.
-    `test_steps_of_a_thousand_numbers_are_written_out` fails at 100 and 10000."""
+    `test_steps_of_a_thousand_numbers_are_written_out`."""
 
 
 PARAMETERS = StepEndParameters()

@@ -39,26 +39,26 @@ class ToleranceParameters:
 
     tightening: float = 100.0
     """Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth of
-    the tolerance asked for. `test_steps_have_a_hundredth_of_the_tolerance_of_a_run` fails at 10 and 1000."""
+    the tolerance asked for. `test_steps_have_a_hundredth_of_the_tolerance_of_a_run`."""
     finest: float = 1e-14
     """The tightest tolerance of a step: below it its error estimate is rounding.
-    `test_the_tolerance_of_a_step_is_not_below_fourteen_digits` fails at 1e-15 and 1e-13."""
+    `test_the_tolerance_of_a_step_is_not_below_fourteen_digits`."""
     default: float = 1e-13
     """The absolute tolerance of a run without `atol`, as a part of the size of the motion.
-    `test_without_atol_thirteen_digits_of_the_motion_are_asked_for` fails at 1e-14 and 1e-12."""
+    `test_without_atol_thirteen_digits_of_the_motion_are_asked_for`."""
     below: float = 1e-2
     """Of a step it is no more than this part of the relative one.
-    `test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding` fails at 0.001 and 0.1."""
+    `test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding`."""
     least: float = 1e-16
     """And no less than this: rounding.
-    `test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding` fails at 1e-17 and 1e-15."""
+    `test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding`."""
     rounding: float = 1e-17
-    """A part of the size of positions that their own rounding makes invisible: in a step it moves velocities
-    by as much, divided by its length. It is below the spacing of doubles, for forces do not change by
-    themselves in a step. `test_the_rounding_of_positions_shows_in_velocities` fails at 1e-18 and 1e-16."""
+    """A part of the size of positions that their own rounding makes invisible: in a step it moves velocities by as
+    much, divided by its length. It is below the spacing of doubles, for forces do not change by themselves in a step.
+    `test_the_rounding_of_positions_shows_in_velocities`."""
     stages: float = 16.0
     """An estimate of the error of a step adds up the roundings of so many stages, about.
-    `test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages` fails at 1.6 and 160."""
+    `test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages`."""
 
 
 PARAMETERS = ToleranceParameters()

@@ -33,23 +33,22 @@ class WorkParameters:
     __slots__ = ()
 
     nodes: int = 12
-    """Nodes of a panel: a wave takes about one panel to rounding.
-    `test_a_panel_has_twelve_nodes` fails at 1 and 120."""
+    """Nodes of a panel: a wave takes about one panel to rounding. `test_a_panel_has_twelve_nodes`."""
     most_panels: int = 2048
     """Panels that a step is halved into: they hold some thousand waves, and take about as long as ten thousand steps.
-    `test_a_power_that_is_noise_is_given_up_after_two_thousand_panels` fails at 204 and 20480."""
+    `test_a_power_that_is_noise_is_given_up_after_two_thousand_panels`."""
     gain: float = 4.0
     """Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by this though it is
-    small, it is rounding. `test_an_error_that_stays_and_is_small_is_rounding` fails at 0.4 and 40."""
+    small, it is rounding. `test_an_error_that_stays_and_is_small_is_rounding`."""
     time_roundoff: float = 2**-50
     """Times are rounded to this part, and what the power does in a panel is seen at times that far off.
-    `test_the_rounding_of_the_time_is_seen_in_a_power_that_rises` fails at 2^-53 and 2^-47."""
+    `test_the_rounding_of_the_time_is_seen_in_a_power_that_rises`."""
     perturbed: float = 2**-51
     """The part by which states and times are moved to see the rounding of a power whose terms cancel.
-    `test_states_are_moved_by_two_roundings` fails at 2^-54 and 2^-48."""
+    `test_states_are_moved_by_two_roundings`."""
     doubted: float = 100.0
     """The work is not known where it is off by more than so many tolerances of a step, and a millionth of the energy.
-    `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances` fails at 10 and 1000."""
+    `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances`."""
 
 
 PARAMETERS = WorkParameters()

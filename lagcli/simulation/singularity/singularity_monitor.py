@@ -24,39 +24,38 @@ class MonitorParameters:
     __slots__ = ()
 
     narrow: float = 0.9
-    """An angle (rad) between rows that is smaller is followed. `test_angles_that_are_wide_are_not_followed`
-    fails at 0.09 and 9."""
+    """An angle (rad) between rows that is smaller is followed. `test_angles_that_are_wide_are_not_followed`."""
     ahead: float = 0.85
     """A step across may begin this part of its own reach before the instant.
-    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.085 and 8.5."""
+    `test_a_step_across_begins_some_steps_before_the_instant`."""
     earlier: float = 6.0
     """Where amplified rounding counts, a step across begins so many times farther off. Soon after the start of a run,
     where steps are short for no reason of the motion, it is the square of that.
-    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.6 and 60."""
+    `test_a_step_across_begins_some_steps_before_the_instant`."""
     growing: float = 4.0
     """A step that is this many times as long as the last one: steps grow.
-    `test_a_step_across_begins_some_steps_before_the_instant` fails at 0.4 and 40."""
+    `test_a_step_across_begins_some_steps_before_the_instant`."""
     shorter: float = 0.6
     """An ordinary step goes this part of the way to the instant.
-    `test_an_ordinary_step_goes_part_of_the_way_to_the_instant` fails at 0.06 and 6."""
+    `test_an_ordinary_step_goes_part_of_the_way_to_the_instant`."""
     back: float = 0.1
     """Rows at a start as close as that are looked at before it too, by this part of the first step.
-    `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it` fails at 0.01 and 1."""
+    `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it`."""
     looks: int = 4
     """Points at which a minimum of the angle is looked for after the first three.
-    `test_a_minimum_is_looked_for_at_four_points_after_the_first` fails at 0 and 40."""
+    `test_a_minimum_is_looked_for_at_four_points_after_the_first`."""
     farthest: float = 2.0
     """How far it may lie, as a part of the time to the instant predicted.
-    `test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant` fails at 0.2 and 20."""
+    `test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant`."""
     shallow: float = 0.01
     """A minimum of less than this part of the square as it is may be zero: a step so long is not exact.
-    `test_a_minimum_of_a_hundredth_of_the_square_is_no_zero` fails at 0.001 and 0.1."""
+    `test_a_minimum_of_a_hundredth_of_the_square_is_no_zero`."""
     certain: float = 0.1
     """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are not exact.
-    `test_rows_that_are_close_to_dependent_are_searched_at_once` fails at 0.01 and 1."""
+    `test_rows_that_are_close_to_dependent_are_searched_at_once`."""
     apart: float = 0.02
     """Looks that are closer than this part of the time to the instant say nothing new.
-    `test_looks_that_are_close_together_say_nothing_new` fails at 0.002 and 0.2."""
+    `test_looks_that_are_close_together_say_nothing_new`."""
 
 
 PARAMETERS = MonitorParameters()

@@ -35,26 +35,23 @@ class InterpolationParameters:
     __slots__ = ()
 
     window: float = 0.05
-    """Lines this close to the instant are read off others.
-    `test_lines_close_to_the_instant_are_read_off_others` fails at 0.005 and 0.5."""
+    """Lines this close to the instant are read off others. `test_lines_close_to_the_instant_are_read_off_others`."""
     beside: tuple[float, ...] = (0.06, 0.12, 0.2, 0.3)
-    """The distances at which those stand. `test_a_column_has_no_value_on_its_pole` fails at a tenth and at
-    ten times of it."""
+    """The distances at which those stand. `test_a_column_has_no_value_on_its_pole`."""
     after: tuple[float, float, int] = 0.02, 0.7, 12
-    """Where a run begins at the instant: the window, the distance of the farthest line, and the number of
-    lines. `test_a_line_at_the_instant_is_known_to_eleven_digits` fails at a tenth and at ten times of it."""
+    """Where a run begins at the instant: the window, the distance of the farthest line, and the number of lines.
+    `test_a_line_at_the_instant_is_known_to_eleven_digits`."""
     broken: float = 1e-3
     """At a kink or a jump two interpolations differ by this part of the range of a column.
-    `test_a_column_that_is_not_smooth_has_no_value_at_the_instant` fails at 0.0001 and 0.01."""
+    `test_a_column_that_is_not_smooth_has_no_value_at_the_instant`."""
     rough: float = 1e-7
     """What is less than this part of the column is rounding.
-    `test_a_column_that_is_not_smooth_has_no_value_at_the_instant` fails at 1e-8 and 1e-6."""
+    `test_a_column_that_is_not_smooth_has_no_value_at_the_instant`."""
     noise: float = 1e-8
-    """And so is what is less than this part of the largest.
-    `test_a_pole_that_is_rounding_beside_another_is_none` fails at 1e-9 and 1e-7."""
+    """And so is what is less than this part of the largest. `test_a_pole_that_is_rounding_beside_another_is_none`."""
     shrinks: float = 0.75
-    """Of four lines at equal distances the differences shrink by half of their distance: to less than this
-    part. `test_a_limit_is_where_differences_shrink_or_are_rounding` fails at 0.075 and 7.5."""
+    """Of four lines at equal distances the differences shrink by half of their distance: to less than this part.
+    `test_a_limit_is_where_differences_shrink_or_are_rounding`."""
 
 
 PARAMETERS = InterpolationParameters()

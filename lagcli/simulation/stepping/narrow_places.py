@@ -33,13 +33,13 @@ class NarrowPlaceParameters:
 
     cuts: int = 12
     """A piece of a step in which an argument waves is cut so often in turn.
-    `test_a_rotor_among_many_walls_stays_between_two` fails at 1."""
+    `test_a_rotor_among_many_walls_stays_between_two`."""
     halves: int = 36
     """Halved steps down to which a way counts: 1e-11 of a step.
-    `test_a_wall_between_two_rows_turns_back_what_is_too_slow` fails at 3."""
+    `test_a_wall_between_two_rows_turns_back_what_is_too_slow`."""
     beside: float = 0.125
     """Part of a unit by which an argument has left its turn, or up to four times as much: there its function changes.
-    `test_a_wall_between_two_rows_turns_back_what_is_too_slow` fails at 1.25."""
+    `test_a_wall_between_two_rows_turns_back_what_is_too_slow`."""
 
 
 PARAMETERS = NarrowPlaceParameters()

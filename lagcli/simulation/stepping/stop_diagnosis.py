@@ -47,27 +47,26 @@ class StopParameters:
 
     behind: float = 1e-2
     """An incident within this part of the run before is reported: a step across must begin some way off.
-    `test_an_incident_within_a_hundredth_of_the_run_before_is_reported` fails at 1e-3 and 0.1."""
+    `test_an_incident_within_a_hundredth_of_the_run_before_is_reported`."""
     weighed: float = 1e-4
     """Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so
     much that a step may not reach its tolerance: masses differ by 1e8.
-    `test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on` fails at 1e-5 and 1e-3."""
+    `test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on`."""
     order: float = 0.25
     """At three times the distance from a pole of this order rates are 3^-order of what they are. Weaker ones change
     velocities by nothing that counts in a few roundings of the time.
-    `test_a_pole_is_of_the_order_of_a_quarter_at_least` fails at 0.025 and 2.5."""
+    `test_a_pole_is_of_the_order_of_a_quarter_at_least`."""
     near: float = 1e-8
     """How close the two sides of a point are looked at: a run stops within rounding of a jump.
-    `test_a_jump_is_seen_within_rounding_of_the_point` fails at 1e-9 and 1e-7."""
+    `test_a_jump_is_seen_within_rounding_of_the_point`."""
     far: float = 1e-5
-    """And from farther off: a run stops some way before the end of a function, where its steps have become
-    too short. `test_the_end_of_a_function_is_seen_from_farther_off` fails at 1e-6 and 0.0001."""
+    """And from farther off: a run stops some way before the end of a function, where its steps have become too short.
+    `test_the_end_of_a_function_is_seen_from_farther_off`."""
     reaches: tuple[float, ...] = (1.0, 1e2, 1e3, 1e4)
-    """So many times these distances, in turn. `test_the_end_of_a_row_is_looked_for_a_tenth_ahead` fails at a
-    tenth and at ten times of it."""
+    """So many times these distances, in turn. `test_the_end_of_a_row_is_looked_for_a_tenth_ahead`."""
     part_of_run: float = 1e-3
     """A configuration is as large as the way of this part of the run, or larger.
-    `test_a_jump_is_seen_within_rounding_of_the_point` fails at 0.0001 and 0.01."""
+    `test_a_jump_is_seen_within_rounding_of_the_point`."""
 
 
 PARAMETERS = StopParameters()

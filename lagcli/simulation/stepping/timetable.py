@@ -32,41 +32,38 @@ class TimetableParameters:
 
     rows: int = 1024
     """Rows of the table in a piece of time that is looked through at once, about.
-    `test_a_piece_of_time_holds_a_thousand_rows` fails at 102 and 10240."""
+    `test_a_piece_of_time_holds_a_thousand_rows`."""
     most_halvings: int = 14
     """How often a piece is halved in which there is too much to find, less often the more there is to evaluate.
-    `test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function` fails at 1 and 140."""
+    `test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function`."""
     most_cells: int = 2**12
-    """Cells of a piece at a time that are halved further.
-    `test_no_more_than_four_thousand_cells_are_halved` fails at 409 and 40960."""
+    """Cells of a piece at a time that are halved further. `test_no_more_than_four_thousand_cells_are_halved`."""
     most_values: int = 2**21
-    """Values in all cells at a time, each of 16 bytes.
-    `test_no_more_than_two_million_values_are_made_at_once` fails at 2^18 and 2^24."""
+    """Values in all cells at a time, each of 16 bytes. `test_no_more_than_two_million_values_are_made_at_once`."""
     run: int = 16
     """A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more than this.
-    `test_cells_in_a_long_row_are_not_halved_below_nine_digits` fails at 1 and 160."""
+    `test_cells_in_a_long_row_are_not_halved_below_nine_digits`."""
     fine: float = 2.0**-30
     """Then they stay as they are from this part of the time on.
-    `test_cells_in_a_long_row_are_not_halved_below_nine_digits` fails at 2^-33 and 2^-27."""
+    `test_cells_in_a_long_row_are_not_halved_below_nine_digits`."""
     offset: int = 4
     """Steps keep so many roundings of the time away from a switch.
-    `test_steps_keep_four_roundings_of_the_time_from_a_switch` fails at 0 and 40."""
+    `test_steps_keep_four_roundings_of_the_time_from_a_switch`."""
     still: int = 256
     """States stand still across a switch that is known to so many roundings of the time, and across no wider one.
-    `test_states_stand_still_across_a_few_hundred_roundings` fails at 25 and 2560."""
+    `test_states_stand_still_across_a_few_hundred_roundings`."""
     grain: float = 2.0**-62
     """Near t = 0 this part of a piece takes the place of a rounding.
-    `test_near_zero_a_part_of_a_piece_takes_the_place_of_a_rounding` fails at 2^-65 and 2^-59."""
+    `test_near_zero_a_part_of_a_piece_takes_the_place_of_a_rounding`."""
     change: float = 0.25
     """A cell is halved until no function changes by more than this part of its range in it.
-    `test_cells_are_halved_until_functions_change_by_a_quarter` fails at 0.025 and 2.5."""
+    `test_cells_are_halved_until_functions_change_by_a_quarter`."""
     shortest: float = 2.0**-36
-    """But not below this part of the piece.
-    `test_cells_of_a_jump_are_halved_thirty_six_times` fails at 2^-39 and 2^-33."""
+    """But not below this part of the piece. `test_cells_of_a_jump_are_halved_thirty_six_times`."""
     between: float = 0.5
     """Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step
     passes one at most; a pulse goes up and down by two.
-    `test_between_stations_functions_change_by_half_their_range` fails at 0.05 and 5."""
+    `test_between_stations_functions_change_by_half_their_range`."""
 
 
 PARAMETERS = TimetableParameters()
