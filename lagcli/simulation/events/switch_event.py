@@ -47,11 +47,7 @@ class SwitchEvent(Event):
         acceleration = stop_diagnosis.of_forces(bound.numeric, here)
         for t, away in ((run.t, -dt), (after, dt)):
             # Does y' grow without bound towards a switch, half of this way behind?
-            rates = [
-                np.array(bound.numeric.rhs(t + part * away, y, bound.p)).ravel() for part in (0.0, 1.0, 4.0)
-            ]
-            run.count(len(rates))
-            if stop_diagnosis.is_pole(rates, acceleration):
+            if stop_diagnosis.is_pole(run, [t + part * away for part in (0.0, 1.0, 4.0)], acceleration):
                 raise StepFailure(*stop_diagnosis.POLE)
 
         def is_same(new: Floats, rate: Floats) -> bool:

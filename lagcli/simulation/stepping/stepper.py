@@ -27,9 +27,8 @@ from lagcli.smoothness.time_functions import TimeFunctions
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
-    # Most runs meet no singular configuration, and most find a step.
+    # Most runs meet no singular configuration.
     from lagcli.simulation.singularity.singularity_step import Crossing
-    from lagcli.simulation.stepping.causes_of_stops import Standing
 
 Floats = npt.NDArray[np.float64]
 
@@ -176,13 +175,9 @@ class Stepper:
                     continue
             grow = 1.0
             if self.trial.is_too_short(smaller, reached):
-                from lagcli.simulation.stepping import causes_of_stops, stop_diagnosis
+                from lagcli.simulation.stepping import causes_of_stops
 
-                where, ahead = self._standing, self.state_at(t + self.bound.h[0], self.bound.new)
-                is_soon = self.watch.foreseen.instant - t < where.soon
-                at_end = where.here, ahead, *self.rank_margin, is_soon, self.origin + self.contacts.last
-                tried = stop_diagnosis.Rejection(self.bound.enforced, error, status[3], *at_end)
-                raise causes_of_stops.no_step(where, tried)
+                raise causes_of_stops.no_step(self, error, status[3])
             if is_cut:
                 shorter = smaller
             else:
@@ -260,7 +255,7 @@ class Stepper:
                 # Steps like the last ones would never lead to the end.
                 from lagcli.simulation.stepping import causes_of_stops
 
-                raise causes_of_stops.too_slow(self._standing, advanced, self.grid.end - self.t)
+                raise causes_of_stops.too_slow(self, advanced)
         for act in step.acts:
             act()
 
@@ -300,12 +295,3 @@ class Stepper:
         for incident in sorted(step.within, key=lambda incident: incident.t):
             if incident.t <= last:
                 statistics.add(incident)
-
-    @property
-    def _standing(self) -> Standing:
-        """Where the run stands, for the reason why it does not go on."""
-        from lagcli.simulation.stepping import causes_of_stops, stop_diagnosis
-
-        here = self.state_at(self.t, self.bound.y)
-        soon = stop_diagnosis.SOON * (self.grid.end - self.grid.start)
-        return causes_of_stops.Standing(self.bound, here, self.timetable, soon, self.statistics)

@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,9 @@ from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
 from lagcli.smoothness.sides import Sides
 from lagcli.start import initial
 from lagcli.start.initial import State
+
+if TYPE_CHECKING:
+    from lagcli.simulation.stepping.stepper import Stepper
 
 Floats = npt.NDArray[np.float64]
 
@@ -70,8 +74,6 @@ class StopParameters:
 
 
 PARAMETERS = StopParameters()
-# A singular configuration is the reason of a stop where one is predicted within this part of the run.
-SOON = 1e-4
 # `atan2` jumps by 2 pi at its cut, and by less where both of its arguments go through zero.
 AT_CUT = 1.5 * np.pi
 THROUGH_ZERO = "both arguments of `atan2` go through zero"
@@ -187,8 +189,8 @@ class Rejection:
     """The last step that was tried, with the functions of its run.
 
     error: its error; residual: that of the constraints at its end, as a part of its size; here, ahead: the states at
-    both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is predicted within `SOON` of
-    the run; last: the time of the last incident, or of the start.
+    both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is predicted within a small part
+    of the run; last: the time of the last incident, or of the start.
     """
 
     enforced: EnforcedInvariants
@@ -278,10 +280,13 @@ def impact(enforced: EnforcedInvariants, here: State, beyond: State) -> StepFail
     )
 
 
-def is_pole(rates: Sequence[Floats], acceleration: float) -> bool:
-    """True if y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
-    far away; acceleration: that of `of_forces`, whose rounding is all that is left where rows hold all still."""
-    n = rates[0].size // 2
+def is_pole(run: Stepper, times: Sequence[float], acceleration: float) -> bool:
+    """True if y' (2n + 1,) at the state of a run grows without bound towards a time: `times` are nearby, three times,
+    and nine times as far away; acceleration: that of `of_forces`, whose rounding is all that is left where rows hold
+    all still."""
+    bound, n = run.bound, run.bound.y.size // 2
+    rates = [np.array(bound.numeric.rhs(t, bound.y, bound.p)).ravel() for t in times]
+    run.count(len(rates))
     near, *_ = sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
     is_noise = near <= doubles.SUM * acceleration
     order = PARAMETERS.order
