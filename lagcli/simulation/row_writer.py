@@ -10,13 +10,12 @@ import numpy.typing as npt
 
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.grid import AT_END
+from lagcli.simulation.stepping.step_trial import BESIDE
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
-# A row where nothing has a value is a limit from points at this part of a step, and at twice that.
-NEAR = 1e-4
 # Where W stands in a line.
 WORK = -2
 
@@ -186,7 +185,7 @@ class RowWriter:
                 return
         lines = []
         for side in (-2, -1, 1, 2):
-            rows.x[0], rows.at[0] = x + side * NEAR, at + side * NEAR * taken
+            rows.x[0], rows.at[0] = x + side * BESIDE, at + side * BESIDE * taken
             rows.inside.trigger()
             lines.append(rows.line.copy())
         rows.at[0] = at

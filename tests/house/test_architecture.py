@@ -70,7 +70,7 @@ DOORS = {
         "lagcli.simulation.scheme.dop853",
         "lagcli.simulation.events.impulse_event",
         "lagcli.simulation.scheme.method",
-        "lagcli.simulation.singularity.singular_point",
+        "lagcli.simulation.singularity.singularity_step",
         "lagcli.simulation.scheme.step_end",
         "lagcli.simulation.events.watch_functions",
         "lagcli.statics.kink_points",

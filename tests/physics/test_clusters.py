@@ -11,7 +11,7 @@ import pytest
 
 import lagcli
 from lagcli.output.tables.incident_table import IncidentTable
-from lagcli.simulation.events import crowded_impacts
+from lagcli.simulation.events import run_contacts
 from tests.helpers import ballistic
 
 LETTERS = "abcdef"
@@ -274,7 +274,7 @@ simulation: {duration: 1}
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is asked after four hundred and twenty impacts in place of three thousand."""
-    monkeypatch.setattr(crowded_impacts.CrowdParameters, "many", 140)
+    monkeypatch.setattr(run_contacts, "MANY", 140)
 
 
 @pytest.mark.usefixtures("few")
@@ -302,7 +302,7 @@ def test_an_elastic_slide_with_a_speed_of_rounding_stops_the_run() -> None:
 
 def test_elastic_impacts_that_become_fewer_again_have_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """pi*sqrt(M/m) of them between a heavy body and a wall (G. Galperin, 2003), and a long flight after them."""
-    monkeypatch.setattr(crowded_impacts.CrowdParameters, "many", 20)
+    monkeypatch.setattr(run_contacts, "MANY", 20)
     case = chain([1e4, 1], [0.0, 1.0], [1.0, 0.0], [1.0], (2.0, 1.0), duration=1e4)
     run = lagcli.simulate(lagcli.loads(case.text))
     assert run.events is not None

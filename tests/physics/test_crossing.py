@@ -17,7 +17,7 @@ from lagcli.compiled import dop853_tableau, numeric
 from lagcli.simulation import loop
 from lagcli.simulation.run_state import checkpoint, run_stop
 from lagcli.simulation.scheme import collocation, dop853
-from lagcli.simulation.singularity import singular_point, singularity_monitor
+from lagcli.simulation.singularity import singularity_monitor, singularity_step
 from lagcli.simulation.stepping import interpolate_rows
 from lagcli.start import initial
 
@@ -462,7 +462,7 @@ def test_rank_is_lost_only_where_branches_meet(gap):
     ready = cache.compiled(lagcli.loads(PLANE.format(1, -1, gap, gap, f"x*y = {gap!r}")))
     before = initial.declared(ready.system)
     there = dataclasses.replace(before, t=1.0, q=np.zeros(2))
-    found = singular_point.loss(ready.numeric, before, there, 1e-13)
+    found = singularity_step.loss(ready.numeric, before, there, 1e-13)
     assert (found is None) == (gap > 0)
     assert found is None or (found.t, found.number, found.participants) == (1.0, 1, (0,))
 
@@ -471,7 +471,7 @@ def test_rank_is_lost_only_where_branches_meet(gap):
 def test_a_zero_within_a_step_is_seen_wherever_it_lies(turn):
     """A root like |sin|, of an angle that turns by so much in a step; beside it a row that stays."""
     at = np.array([*(dop853_tableau.C[s] for s in dop853.WATCHED), 1.0])
-    hidden = dop853._hidden(dop853.PARAMETERS.dip)
+    hidden = dop853._hidden()
     for place in np.linspace(0.03, 0.97, 95):
         squares = np.sin(turn * (at - place)) ** 2
         assert float(hidden(np.stack([squares, np.full(8, 3.0)]))) < 0, place

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.simulation.events.contact_changes import ContactChanges
+from lagcli.simulation.events.contact_decision import ContactChanges
 from lagcli.simulation.events.step_watch import StepWatch
 
 pytestmark = pytest.mark.numeric

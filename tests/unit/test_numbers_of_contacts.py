@@ -20,7 +20,7 @@ from lagcli.contact.least_distance import ContradictoryRows
 from lagcli.contact.zero_search import first_crossing
 from lagcli.linear.metric import Metric
 from lagcli.simulation.closed_contacts import contact_change, impact_series
-from lagcli.simulation.events import crowded_impacts
+from lagcli.simulation.events import run_contacts
 
 EPS = doubles.EPS
 
@@ -240,12 +240,12 @@ def is_crowd(count, time, end, restitution=1.0):
     """True where impacts of one contact at the times of their numbers would have no end, once there are so many."""
     crowds = ()
     for number in range(count):
-        crowds = crowded_impacts.counted(crowds, [0], [restitution], time(number))
+        crowds = run_contacts.counted(crowds, [0], [restitution], time(number))
         _, since, _, times = crowds[0]
-    between = crowded_impacts.between(restitution)
+    between = run_contacts.between(restitution)
     if since or len(times) < 4:
         return False
-    return crowded_impacts.to_come(times, between, end) > crowded_impacts.PARAMETERS.most
+    return run_contacts.to_come(times, between, end) > run_contacts.MOST
 
 
 def test_three_thousand_impacts_of_a_contact_may_crowd():
@@ -273,10 +273,10 @@ def test_impacts_that_thin_out_are_no_crowd():
 
 
 def test_a_contact_that_comes_to_rest_after_many_rebounds_may_have_them():
-    assert crowded_impacts.between(0.99) == 1_201
+    assert run_contacts.between(0.99) == 1_201
     # ln(1e-15)/ln(0.9999) impacts are left when a part of 1e-15 of the speed is.
-    assert 3 * crowded_impacts.between(0.9999) > math.log(1e-15) / math.log(0.9999)
-    assert crowded_impacts.between(1 - 1e-9) == 1_000
+    assert 3 * run_contacts.between(0.9999) > math.log(1e-15) / math.log(0.9999)
+    assert run_contacts.between(1 - 1e-9) == 1_000
 
 
 @pytest.mark.parametrize(("far", "is_next"), [(3e-10, True), (3e-9, False)])

@@ -450,7 +450,7 @@ def test_the_smallest_angle_falls_all_the_way_to_the_instant(at, is_alone, monke
 def test_a_step_from_a_singular_start_has_its_velocities(off, is_along, monkeypatch):
     step = SimpleNamespace(state=lambda x: np.zeros(3), slope=lambda x: np.array([1.0 + off, 0, 0]))
     monkeypatch.setattr(singularity_step, "_start", lambda *_: SimpleNamespace(step=step))
-    monkeypatch.setattr(singularity_step.singular_point, "loss", lambda *_: "loss")
+    monkeypatch.setattr(singularity_step, "loss", lambda *_: "loss")
     state = State(0.0, np.zeros(1), np.ones(1), NOTHING)
     here = SimpleNamespace(t=0.0, y=np.zeros(3), state=lambda t, y: state, tolerance=np.zeros(6))
     numeric = SimpleNamespace(sizes=lambda *_: ca.DM([1, 1, 1, 1]))

@@ -15,8 +15,6 @@ from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Fl
 from lagcli.smoothness import sides
 from lagcli.start.initial import State
 
-# The tail of a series of rebounds is left out where its coefficient is below this.
-ELASTIC = 1.0
 NO_GRADIENT = (
     "there is no finite gradient where the contact closes (write the condition with a slope at its surface, as"
     " `x >= 0` in place of `sqrt(x) >= 0`)"
@@ -76,9 +74,9 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     found = onward = law(here, near, e)
     # Each turn ends the series of some contact, so that there are few: of those that rebound, and are pressed so that
     # they rise no higher than rounding.
-    for _ in near[(e[near] > 0) & (e[near] < ELASTIC)]:
+    for _ in near[(e[near] > 0) & (e[near] < 1.0)]:
         after = here.moved(onward.x)
-        bouncing = near[(after.speeds[near] > 0) & (e[near] > 0) & (e[near] < ELASTIC)]
+        bouncing = near[(after.speeds[near] > 0) & (e[near] > 0) & (e[near] < 1.0)]
         # They rise at most as their largest acceleration lets them: most are decided at once.
         bouncing = bouncing[_is_low(after, bouncing, after.pull[bouncing])]
         if not bouncing.size:
@@ -86,7 +84,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
         small, pull = _pressed(after, bouncing, is_low=True)
         if not small.size:
             break
-        lasting[small] = 2 * after.speeds[small] / (pull * (ELASTIC - e[small]))
+        lasting[small] = 2 * after.speeds[small] / (pull * (1.0 - e[small]))
         ended[small] = approaching[small]
         e[small] = 0.0
         onward = law(here, near, e)
@@ -102,7 +100,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
         if lifted.size:
             lifted, pull = _pressed(after, lifted)
             # With e = 1 there is no end: of that one flight is reported.
-            left = np.where(restitution[lifted] < ELASTIC, ELASTIC - restitution[lifted], 1.0)
+            left = np.where(restitution[lifted] < 1.0, 1.0 - restitution[lifted], 1.0)
             lasting[lifted], ended[lifted] = 2 * reported.speeds[lifted] / (pull * left), True
     impulses = np.zeros(e.size)
     impulses[near] = found.of_contacts
@@ -241,12 +239,11 @@ class GradientParameters:
     """Two sides of a jump are so many times what counts as closed apart.
     `test_sides_of_a_jump_are_ten_closed_gaps_apart`."""
     farther: float = 100.0
-    """They are looked at again this much farther off. `test_a_jump_stays_from_a_hundred_times_farther_off`."""
+    """They, and the two sides of an edge that a motion could not pass, are looked at again this much farther off.
+    `test_a_jump_stays_from_a_hundred_times_farther_off`,
+    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state`."""
     pairs: int = 3
     """Pairs of points on both sides that are compared. `test_three_pairs_of_sides_are_compared`."""
-    far: float = 1e-4
-    """An edge is looked for that a motion could not pass, so far before and behind a state, and nearer by.
-    `test_an_edge_is_looked_for_a_little_before_and_behind_a_state`."""
 
 
 PARAMETERS = GradientParameters()
@@ -289,7 +286,9 @@ def edges(numeric: NumericSystem, state: State, kinked: Flags, span: float) -> t
         one, other = (G[[i - first for i in closed]] for G in both)
         return np.asarray(np.abs(other - one).max(axis=1) / (1e-300 + np.abs(one).max(axis=1)))
 
-    jumps = sides.differ(change(doubles.ROOT), change(PARAMETERS.far), np.array(doubles.ROOT))
+    jumps = sides.differ(
+        change(doubles.ROOT), change(PARAMETERS.farther * doubles.ROOT), np.array(doubles.ROOT)
+    )
     return tuple(i for i, is_edge in zip(closed, jumps, strict=True) if is_edge)
 
 

@@ -18,24 +18,10 @@ from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
 
-
-class SeriesParameters:
-    """Limits of series of impacts; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
-    """
-
-    __slots__ = ()
-
-    farther: float = 10.0
-    """Gaps that open to so many times what is not told apart from closed are left to steps again.
-    `test_a_series_that_opens_tenfold_is_left_to_steps`."""
-    most: int = 5_000
-    """Impacts of one series that are looked at: a heavy body that light ones bring to rest before a wall has thousands.
-    `test_a_series_is_followed_for_five_thousand_impacts`."""
-
-
-PARAMETERS = SeriesParameters()
+# Gaps that open to so many times what is not told apart from closed are left to steps again.
+FARTHER = 10.0
+# Impacts of one series that are looked at: a heavy body that light ones bring to rest before a wall has thousands.
+MOST = 5_000
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +103,7 @@ class _Series:
             now, times = self._now, np.full(closing.size, np.inf)
             times[closing] = self._gaps[closing] / -now.speeds[closing]
             struck = closing & (times <= times.min())
-            far = PARAMETERS.farther if len(self._impacts) > 1 else 1.0
+            far = FARTHER if len(self._impacts) > 1 else 1.0
             if (self._gaps > far * now.unresolved)[struck].all():
                 if (now.g <= now.noise)[closing].any():
                     # The same impacts would follow at once, from the gaps at the begin of the series.
@@ -127,7 +113,7 @@ class _Series:
             if own is not None:
                 self._end(own)
                 continue
-            if len(self._impacts) > PARAMETERS.most:
+            if len(self._impacts) > MOST:
                 raise ContactsUndecided(
                     f"{len(self._impacts)} impacts within {self._took:.1g} of time, and no end of them",
                     np.flatnonzero(self._struck),

@@ -29,7 +29,7 @@ Flags = npt.NDArray[np.bool_]
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10
 # Roundings by which a number is moved to the side of a switch to which a motion at rest on it is led.
-FEW_ROUNDINGS = tuple(2.0**power for power in range(12))
+FEW_ROUNDINGS = tuple(2**power for power in range(12))
 
 
 class EdgeEvent(Event):

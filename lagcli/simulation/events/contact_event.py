@@ -21,8 +21,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import declared_events, step_watch
-from lagcli.simulation.events.contact_changes import ContactChanges
-from lagcli.simulation.events.contact_decision import SwitchSide
+from lagcli.simulation.events.contact_decision import ContactChanges, SwitchSide
 from lagcli.simulation.events.declared_events import EventSizes
 from lagcli.simulation.events.event import Event, InstantLines
 from lagcli.simulation.events.step_watch import SingularStepWatch, StateAhead, StepWatch

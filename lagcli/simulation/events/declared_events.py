@@ -24,13 +24,11 @@ from lagcli.simulation.stepping.stepper import Stepper
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
-# So many times its rounding from zero on both sides of a switch a declared function is at zero there; whether it
-# crosses, values tell by this part of a step farther off.
+# So many times its rounding from zero, or that of the time, a declared function is at zero; whether it crosses at a
+# switch, values tell by this part of a step farther off.
 TOUCHED, BESIDE = 4.0, 1e-5
 # Newton steps for an instant.
 REFINED = 4
-# An event may be reported so many roundings of the time away from its zero.
-IN_TIME = 4.0
 
 
 class EventSizes(NamedTuple):
@@ -155,5 +153,5 @@ def crossed(
     if not chosen.any():
         return {}
     slopes = np.abs(watch.inside(x)[1][indices]) / step.taken
-    known = noise + IN_TIME * math.ulp(run.t + step.taken) * slopes
+    known = noise + TOUCHED * math.ulp(run.t + step.taken) * slopes
     return dict(zip(kinds.numbers[indices[chosen]].tolist(), known[chosen].tolist(), strict=True))

@@ -38,7 +38,7 @@ def found(stepper: Stepper) -> tuple[Event, ...]:
         events.append(ContactEvent(stepper))
     switches = enforced.plain.functions.numeric.force_switches
     if switches is not None:  # of forces in the velocities
-        from lagcli.simulation.events.sticking_event import StickingEvent
+        from lagcli.simulation.events.switch_event import StickingEvent
 
         events.append(StickingEvent(stepper, switches))
     return tuple(events)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.event import Event
-from lagcli.simulation.scheme.method import Method
+from lagcli.simulation.scheme.method import WRITTEN_OUT, Method
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness.sized_function import SizedFunction
@@ -27,8 +27,6 @@ Floats = npt.NDArray[np.float64]
 PARTS = np.linspace(0, 1, 17)
 # Every fourth is enough where a switch is farther from zero than so many times what it changes by there.
 FEW, FAR = PARTS[::4], 2.0
-# Up to this many operations stand in one graph.
-EXPANDED = 20_000
 
 
 class CurveFunctions:
@@ -93,7 +91,7 @@ class CurveFunctions:
         found = [ca.SX.sym("u", switches.numel()) for _ in parts]
         whole = SizedFunction(name, found, [combined(found)])
         function = SizedFunction(name, given, [whole(*(switches_at(part, *given) for part in parts))])
-        is_small = switches_at.n_instructions() * len(parts) <= EXPANDED
+        is_small = switches_at.n_instructions() * len(parts) <= WRITTEN_OUT
         return SizedFunction(function.expand()) if is_small else function
 
 

@@ -30,7 +30,7 @@ Numbers = npt.NDArray[np.intp]
 MANY = 256
 # Rounding of the state: of each of its numbers so many roundings, and of the size of the motion; of what it makes of a
 # function, the largest of some random samples, as many times.
-OF_EACH, OF_ALL, SAMPLES, TIMES = 16.0, 4.0, 4, 4.0
+OF_EACH, OF_ALL, SAMPLES = 16.0, 4.0, 4
 # Parts of the step before the instant, and of that behind it, at which multipliers are looked at: at the instant they
 # have no values.
 SINGULAR_PARTS = tuple((np.arange(1, 5) / 4).tolist())
@@ -148,7 +148,7 @@ class StepWatch:
             for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, y.size + 1)):
                 beside = self._watched(t * (1.0 + doubles.EPS * OF_ALL * signs[-1]), y + room * signs[:-1])
                 most = np.fmax(most, np.abs(beside - here))
-            found.append(TIMES * most)
+            found.append(SAMPLES * most)
         return np.median(found, axis=0)
 
     def end(self, t: float) -> Floats:

@@ -8,9 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.compiled.bound_function import BoundFunction
+from lagcli.compiled.force_switches import ForceSwitches
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.run_state.run_stop import StepFailure
-from lagcli.simulation.stepping import stop_diagnosis
+from lagcli.simulation.scheme.bound_scheme import BoundStep
+from lagcli.simulation.stepping import sticking, stop_diagnosis
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -47,7 +50,8 @@ class SwitchEvent(Event):
         acceleration = stop_diagnosis.of_forces(bound.numeric, here)
         for t, away in ((run.t, -dt), (after, dt)):
             # Does y' grow without bound towards a switch, half of this way behind?
-            if stop_diagnosis.is_pole(run, [t + part * away for part in (0.0, 1.0, 4.0)], acceleration):
+            rates = run.rates([t + part * away for part in (0.0, 1.0, 4.0)])
+            if stop_diagnosis.is_pole(rates, acceleration):
                 raise StepFailure(*stop_diagnosis.POLE)
 
         def is_same(new: Floats, rate: Floats) -> bool:
@@ -96,3 +100,28 @@ def opened(run: Stepper, t: float, y: Floats) -> list[Floats]:
     found = enforced.functions.numeric.project(t, y, enforced.parameters)[:2]
     run.count(1)
     return [np.array(each).ravel() for each in found]
+
+
+class StickingEvent(Event):
+    """A switch of a force that the motion cannot leave."""
+
+    def __init__(self, stepper: Stepper, switches: ForceSwitches) -> None:
+        self._stepper, self._switches = stepper, switches
+        self._drawn: tuple[BoundStep, BoundFunction] | None = None
+
+    def found(self, step: FoundStep) -> None:
+        """See `Event`."""
+        run, bound = self._stepper, self._stepper.bound
+        if not step.is_ordinary:
+            return
+        if self._drawn is None or self._drawn[0] is not bound:
+            _, h, y, k, _, _ = bound.step.arguments
+            function = self._switches.drawn
+            p = bound.p[: function.size1_in(6)]
+            arguments = [np.zeros(1), h, y, k, bound.new, bound.k_new, p]
+            self._drawn = bound, BoundFunction(function, arguments)
+        drawn = self._drawn[1]
+        drawn.arguments[0][0] = run.origin + run.t
+        drawn.trigger()
+        if drawn.results[0].any():
+            sticking.require_step(bound, self._switches, run.origin + run.t)

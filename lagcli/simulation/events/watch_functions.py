@@ -14,7 +14,7 @@ from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_bounds, zero_search
 from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
-from lagcli.simulation.scheme.method import Method
+from lagcli.simulation.scheme.method import WRITTEN_OUT, Method
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.smoothness.sized_function import SizedFunction
 
@@ -23,8 +23,6 @@ Numbers = npt.NDArray[np.intp]
 LARGEST = float(np.finfo(float).max)
 # The hull of a step is made wider by this part of itself on all sides.
 WIDER = 1 / 16
-# Instructions of gaps up to which the functions made of them are written out in one graph.
-WRITTEN_OUT = 20_000
 # Points in a step at which the watched functions are looked at before its dense output is made; those within are no
 # fractions of a period.
 NODES = (0, (3 - math.sqrt(5)) / 2, math.sqrt(1 / 2), 1)

@@ -27,7 +27,7 @@ class ContactState:
     between them; size: the largest size of the motion at incidents; ending: contacts whose rebounds end at a time
     ahead, with the time; postponed: declared events that the contacts which close with them bring about, with that
     time; deepest: the largest -g_j so far; shared: rows whose multipliers or impulses were not unique at some time;
-    crowds: contacts that were struck of late, see `crowded_impacts.Crowd`."""
+    crowds: contacts that were struck of late, see `run_contacts.Crowd`."""
 
     touching: tuple[int, ...] = ()
     apart: tuple[int, ...] = ()

@@ -19,26 +19,14 @@ from lagcli.simulation.scheme.step_end import Curve, Expression
 from lagcli.smoothness.sized_function import SizedFunction
 
 # Polynomials of the dense output.
-DENSE_ROWS = 7
+DENSE_ROWS = 3 + len(dop853_tableau.D_DENSE)
 # Stages at which the distance of the rows from dependent ones is looked at, in the order of their times.
 WATCHED = (1, 3, 6, 5, 9, 8, 10)
 
 
-class Dop853Parameters:
-    """The signs in the stages of a step that rows were dependent within it.
-
-    The test is of `tests/unit/test_numbers_of_schemes.py`.
-    """
-
-    __slots__ = ()
-
-    dip: float = 0.3
-    """An angle between rows that is less than this part of both beside it may have gone through zero beside it, and so
-    may one that lines through others lead to the other side of zero, by this part of itself.
-    `test_an_angle_that_went_to_zero_is_seen_by_a_third_of_it_on_the_other_side`."""
-
-
-PARAMETERS = Dop853Parameters()
+# An angle between rows that is less than this part of both beside it may have gone through zero beside it, and so may
+# one that lines through others lead to the other side of zero, by this part of itself.
+DIP = 0.3
 
 
 class DormandPrince853:
@@ -75,9 +63,7 @@ class DormandPrince853:
             return h * e5 * e5 / ca.sqrt(e5 * e5 + 0.01 * e3 * e3 + doubles.TINY)
 
         end = step_end.ended(numeric, step, y + h * change, (e5, e3), combined)
-        hidden = (
-            _hidden(PARAMETERS.dip)(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
-        )
+        hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
         return SizedFunction("step", list(step), end.outputs(hidden, stages[1:]))
 
     def dense(self, numeric: NumericSystem) -> ca.Function:
@@ -119,7 +105,7 @@ def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
 
 
 @memory.remembered()
-def _hidden(dip: float) -> ca.Function:
+def _hidden() -> ca.Function:
     """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> how far they are from having
     gone through zero within the step and come back; below zero where they may have.
 
@@ -137,9 +123,9 @@ def _hidden(dip: float) -> ca.Function:
     gaps = [line(0, 1, 0.0)]
     for i in range(last + 1):
         if 0 < i < last:
-            gaps.append(roots[:, i] - dip * ca.fmin(roots[:, i - 1], roots[:, i + 1]))
+            gaps.append(roots[:, i] - DIP * ca.fmin(roots[:, i - 1], roots[:, i + 1]))
         if i > 1:
-            gaps.append(line(i - 2, i - 1, at[i]) + dip * roots[:, i])
+            gaps.append(line(i - 2, i - 1, at[i]) + DIP * roots[:, i])
         if i < last - 1:
-            gaps.append(line(i + 1, i + 2, at[i]) + dip * roots[:, i])
+            gaps.append(line(i + 1, i + 2, at[i]) + DIP * roots[:, i])
     return SizedFunction("hidden", [squares], [ca.mmin(ca.vertcat(*gaps))])

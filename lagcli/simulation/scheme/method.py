@@ -12,6 +12,7 @@ from typing import Protocol
 
 import casadi as ca
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.model import settings
 from lagcli.model.settings import Simulation
@@ -25,6 +26,8 @@ FIGURES = 5
 BEYOND = FIGURES + 1
 # A function that calls another for each of thousands of rows copies its arguments: `always_inline`, not `never_inline`.
 INLINED = True, False
+# Instructions up to which what is watched in a step is written out in one graph.
+WRITTEN_OUT = 20_000
 # The index of the Jacobi energy in a line.
 JACOBI = -4
 
@@ -123,7 +126,7 @@ class Scheme:
         state = method.interpolated(y, coefficients, x)
         rate = numeric.rhs(t, state, p)
         off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)
-        noise = step_end.PARAMETERS.time_rounding * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
+        noise = doubles.EPS * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
         n = size // 2
         own = numeric.sizes.numel_in(
             3

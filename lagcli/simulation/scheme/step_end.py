@@ -33,10 +33,6 @@ class StepEndParameters:
     `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`."""
     moved_rounding: float = 1e-10
     """And by this part of its size. `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`."""
-    time_rounding: float = 2**-52
-    """Stages are taken at times rounded to doubles: where t occurs, y' is off by this part of |t| times its change over
-    the step, divided by the step, in each of them. The same part of energies is rounding.
-    `test_the_work_of_forces_that_balance_is_judged_by_their_rounding`."""
     jump: int = 1024
     """A step of so many roundings of the time may hold a jump.
     `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump`."""
@@ -116,8 +112,8 @@ def ended(
     tiny = doubles.TINY
     part = ca.if_else(q < doubles.ROOT * h * h * a, v / (v + doubles.ROOT * h * a + tiny), 1)
     status = ca.vertcat(part * status[0], status[1:])
-    # The doubles around t may be so far apart that the state is not known better.
-    near_t = PARAMETERS.time_rounding * ca.fabs(t + h) if numeric.has_time else 0.0
+    # Stages are taken at times rounded to doubles, which may be so far apart that the state is not known better.
+    near_t = doubles.EPS * ca.fabs(t + h) if numeric.has_time else 0.0
     noise = near_t * _within(near_t, h, (y, k, k_new)) * ca.fabs(k_new - k) if numeric.has_time else 0.0 * k
     noise = noise + _amplified(numeric.n, status[1], sizes, h)
     # Rows that move are where they are at one of these times.
@@ -171,7 +167,7 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
     moved = _moved(projected - new, scale + room, sizes)
     # The energy at hand: what has been done up to here, or that of the motion; and what rounding makes of rest.
     energy = ca.fabs(y[2 * n]) + sizes[n + 1] ** 2
-    rounded = PARAMETERS.time_rounding * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
+    rounded = doubles.EPS * ca.fmax(sizes[n + 2], tolerance[4]) * sizes[n]
     of_work = combined(h, *(ca.fabs(estimate[2 * n]) for estimate in estimates)) / (
         tolerance[0] * energy + rounded + doubles.TINY
     )

@@ -66,7 +66,7 @@ PARAMETERS = ToleranceParameters()
 # twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
 COARSE_WORK = 300.0
 # Numbers of a tolerance, those of them that are `blurred`; the unit of rounding.
-COUNT, BLURRED, UNIT = 8, slice(5, 8), 2**-53
+COUNT, BLURRED, UNIT = 8, slice(5, 8), doubles.EPS / 2
 
 
 def of_steps(settings: Simulation, balanced: float = 0.0) -> Floats:

@@ -40,12 +40,6 @@ class WorkParameters:
     gain: float = 4.0
     """Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by this though it is
     small, it is rounding. `test_an_error_that_stays_and_is_small_is_rounding`."""
-    time_roundoff: float = 2**-50
-    """Times are rounded to this part, and what the power does in a panel is seen at times that far off.
-    `test_the_rounding_of_the_time_is_seen_in_a_power_that_rises`."""
-    perturbed: float = 2**-51
-    """The part by which states and times are moved to see the rounding of a power whose terms cancel.
-    `test_states_are_moved_by_two_roundings`."""
     doubted: float = 100.0
     """The work is not known where it is off by more than so many tolerances of a step, and a millionth of the energy.
     `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances`."""
@@ -107,8 +101,10 @@ def within(
         return projected(times, states((times - t) / h))
 
     def perturbed(times: Floats) -> tuple[Floats, float] | None:
-        signs = np.where(np.arange(2 * n + 1) % 2, -PARAMETERS.perturbed, PARAMETERS.perturbed)
-        return projected(times + PARAMETERS.perturbed * (abs(t) + h), states((times - t) / h) * (1 + signs))
+        # States and times moved by two roundings show that of a power whose terms cancel.
+        part = 2 * doubles.EPS
+        signs = np.where(np.arange(2 * n + 1) % 2, -part, part)
+        return projected(times + part * (abs(t) + h), states((times - t) / h) * (1 + signs))
 
     return WorkIntegral(powers, rtol, perturbed).over(t, h, float(y[-1]))
 
@@ -166,7 +162,7 @@ class WorkIntegral:
         powers = np.concatenate([first.slopes, second.slopes])
         largest = float(np.abs(powers).max())
         seen = (
-            PARAMETERS.time_roundoff * (abs(whole.t) + whole.h) * float(np.ptp(powers))
+            4 * doubles.EPS * (abs(whole.t) + whole.h) * float(np.ptp(powers))
             + 4 * doubles.EPS * whole.h * largest
         )
         seen += self._rounding * whole.h

@@ -23,6 +23,9 @@ class MonitorParameters:
 
     __slots__ = ()
 
+    fewer_nodes: int = 8
+    """Gauss nodes of the step that one across is compared with: the order of its error is twice that.
+    `test_an_instant_is_found_again_until_it_is_centered`."""
     narrow: float = 0.9
     """An angle (rad) between rows that is smaller is followed. `test_angles_that_are_wide_are_not_followed`."""
     ahead: float = 0.85
@@ -59,8 +62,6 @@ class MonitorParameters:
 
 
 PARAMETERS = MonitorParameters()
-# Gauss nodes of the step that `singularity_step` compares its own with: the order of its error is twice that.
-FEWER_NODES = 8
 # Indices in the status of `project`.
 SMALLEST_ANGLE, SMALLEST_DIAGONAL = 1, 2
 STANDING = -1  # in place of them, at a start at which rows are dependent
@@ -100,7 +101,7 @@ class Prediction(NamedTuple):
         rounding is amplified: it may not come too close for its tolerance. Soon after the start of a run steps are
         short for no reason of the motion, and grow.
         """
-        reach = PARAMETERS.ahead * h * rtol ** (1 / (2 * FEWER_NODES) - 1 / order)
+        reach = PARAMETERS.ahead * h * rtol ** (1 / (2 * PARAMETERS.fewer_nodes) - 1 / order)
         if self.angle < (step_end.PARAMETERS.amplified / rtol) ** (1 / 3):
             reach *= PARAMETERS.earlier
         if h > PARAMETERS.growing * self.step:

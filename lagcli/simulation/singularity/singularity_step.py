@@ -3,8 +3,7 @@
 At a crossing of the branches of a constraint surface (a parallelogram linkage with its rods in line) the rank of B
 drops, and S = B M^-1 B^T is singular there and ill-conditioned around. The motion on its own branch stays smooth. So
 the instant is predicted (`singularity_monitor`), and one step of collocation leads across it with the instant in its
-middle, where no node lies. What is lost there is looked at (`singular_point`), and where other rows would lose nothing
-these are taken. What failed in `tests/physics/test_crossing.py` when a number was moved stands with it.
+middle, where no node lies. Where other rows would lose nothing there these are taken.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ import dataclasses
 import itertools
 import math
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -20,12 +20,12 @@ from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
-from lagcli.linear import independent_rows
-from lagcli.linear.metric_rows import MetricRows
+from lagcli.linear import independent_rows, rank
+from lagcli.linear.metric_rows import LocalRows, MetricRows
 from lagcli.simulation.run_state.statistics import RankDrop
 from lagcli.simulation.scheme import collocation
-from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.singularity.singularity_monitor import FEWER_NODES, SMALLEST_ANGLE, Prediction
+from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONITOR
+from lagcli.simulation.singularity.singularity_monitor import SMALLEST_ANGLE, Prediction
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
@@ -43,9 +43,6 @@ class SingularStepParameters:
     nodes: int = 10
     """Gauss nodes of the step, even: no node lies in the middle, where the instant is.
     `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance`."""
-    fewer_nodes: int = FEWER_NODES
-    """Nodes of the step it is compared with; the difference is the estimate of its error.
-    `test_an_instant_is_found_again_until_it_is_centered`."""
     roundoff: float = 1e-13
     """What a step of this many nodes loses by rounding, as part of the sizes.
     `test_steps_agree_to_rounding_which_dependent_rows_amplify`."""
@@ -63,15 +60,11 @@ class SingularStepParameters:
     too_close: float = 0.03
     """The angle (rad) below which a step begins so close that all parts are tried.
     `test_all_distances_from_the_instant_are_tried_from_close_by`."""
-    far: tuple[float, float] = (0.15, 0.3)
-    """Points beside the instant, as parts of twice the time up to it, where the smallest angle is read first.
-    `test_the_instant_is_read_closer_and_closer`."""
-    close: tuple[float, float] = (0.02, 0.04)
-    """The same closer by, about the zero that the first have found.
-    `test_the_smallest_angle_is_a_line_through_zero`."""
-    closest: tuple[float, float] = (0.001, 0.002)
-    """The same once more, where rows can be followed so close: what a cubic leaves out falls with the fourth power.
-    `test_a_contact_whose_multiplier_has_a_pole_opens_there`."""
+    looks: tuple[float, ...] = (0.15, 0.02, 0.001)
+    """Points beside the instant where the smallest angle is read, at these parts, and twice these, of twice the time up
+    to it, about the zero that those before have found; the last where rows can be followed so close: what a cubic
+    leaves out falls with the fourth power. `test_the_instant_is_read_closer_and_closer`,
+    `test_the_smallest_angle_is_a_line_through_zero`, `test_a_contact_whose_multiplier_has_a_pole_opens_there`."""
     bent: float = 0.1
     """The smallest angle is a line through zero there, but for this part.
     `test_the_smallest_angle_is_a_line_through_zero`, `test_a_crossing_soon_after_the_start`."""
@@ -157,8 +150,8 @@ def across(
     others = _others(numeric, there)
     if others is not None:
         return others
-    loss = singular_point.loss(numeric, here.state(here.t, here.y), there, here.tolerance[0])
-    return Crossing(found, loss) if loss is not None else None
+    lost = loss(numeric, here.state(here.t, here.y), there, here.tolerance[0])
+    return Crossing(found, lost) if lost is not None else None
 
 
 def away(numeric: NumericSystem, project: BoundFunction, here: Point, h: float) -> Crossing | None:
@@ -168,13 +161,11 @@ def away(numeric: NumericSystem, project: BoundFunction, here: Point, h: float) 
     for _ in range(PARAMETERS.halvings):
         found = _start(project, here, h)
         if found is not None:
-            loss = singular_point.loss(
-                numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0]
-            )
+            lost = loss(numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0])
             units = np.array(numeric.sizes(start.t, start.q, start.v, start.p)).ravel()[: start.v.size]
             off = float((np.abs(found.step.slope(0.0)[: start.v.size] - start.v) / units).max())
             is_along = off <= PARAMETERS.same_velocity * float((np.abs(start.v) / units).max())
-            return Crossing(found, loss) if loss is not None and is_along else None
+            return Crossing(found, lost) if lost is not None and is_along else None
         h /= 2
     return None
 
@@ -218,7 +209,7 @@ def _placed(project: BoundFunction, here: Point, predicted: Prediction, part: fl
         if abs(found[0] - instant) <= PARAMETERS.centered * part * h:
             if not _is_only_one(project, step, predicted.component, found[0]):
                 return None
-            fewer = collocation.improved(project, step, h, PARAMETERS.fewer_nodes, rtol)
+            fewer = collocation.improved(project, step, h, MONITOR.fewer_nodes, rtol)
             closest = float(np.abs(collocation.gauss(PARAMETERS.nodes)[0] - part).min())
             delta = found[1] * h * closest / predicted.most
             agree = fewer is not None and _agree(project, (step, fewer), tolerance, delta)
@@ -234,7 +225,7 @@ def _start(project: BoundFunction, here: Point, h: float) -> SingularStep | None
     guess = collocation.rising(t, y, h, np.concatenate([y[n : 2 * n], np.zeros(n + 1)]))
     step, fewer = (
         collocation.improved(project, guess, h, count, tolerance[0])
-        for count in (PARAMETERS.nodes, PARAMETERS.fewer_nodes)
+        for count in (PARAMETERS.nodes, MONITOR.fewer_nodes)
     )
     if step is None or fewer is None:
         return None
@@ -265,26 +256,32 @@ def _instant(
 ) -> tuple[float, float] | None:
     """The instant at which the smallest angle vanishes within a width around a guess, and the slope of its root there;
     None where it does not vanish in a line."""
-    instant = guess.instant
-    for offsets in (PARAMETERS.far, PARAMETERS.close):
-        looked = _beside(project, step, guess.component, instant, np.array(offsets) * width)
+    instant, (*looks, closest) = guess.instant, PARAMETERS.looks
+    for offset in looks:
+        looked = _beside(project, step, guess.component, instant, offset, width)
         if looked is None:
             return None
         taus, roots, zero, slope = looked
         instant += zero
     if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
         return None
-    looked = _beside(project, step, guess.component, instant, np.array(PARAMETERS.closest) * width)
+    looked = _beside(project, step, guess.component, instant, closest, width)
     if looked is not None:
         instant += looked[2]
     return instant, abs(slope)
 
 
 def _beside(
-    project: BoundFunction, step: collocation.Step, component: int, instant: float, offsets: Floats
+    project: BoundFunction,
+    step: collocation.Step,
+    component: int,
+    instant: float,
+    offset: float,
+    width: float,
 ) -> tuple[Floats, Floats, float, float] | None:
     """Times beside an instant (4,), roots of the smallest angle there, and the zero between them with its slope;
     None where there is none."""
+    offsets = np.array([offset, 2 * offset]) * width
     taus = np.concatenate([-offsets[::-1], offsets])
     roots = np.array([_root(project, step, component, instant + tau) for tau in taus])
     signed = roots * np.sign(-taus)
@@ -332,3 +329,103 @@ def _root(project: BoundFunction, step: collocation.Step, component: int, at: fl
     if collocation.projected(project, at, step.state((at - step.t) / step.h)) is None:
         return math.nan
     return math.sqrt(max(0.0, project.results[2][component]))
+
+
+# Of more rows than these the singular values would take many seconds.
+MOST_ROWS = 1500
+# Singular values of unit rows, by the eigenvalues of their Gram matrix: what is below at the instant is lost. The
+# instant is known to rounding only.
+LOST = 1e-5
+# Where branches meet, the part of f that has no gradient left vanishes like the square of the error of the position;
+# where they only come close it is the square of their distance.
+GAP_ROUNDOFF, ERRORS = 1e-13, 10.0
+STRONG_STEPS = 3
+# Of rows that are close to dependent ones those with this part of the largest weight are named.
+PART = 1e-2
+# Unit rows whose smallest singular value is larger are independent in themselves, whatever the masses.
+INDEPENDENT = 0.1
+
+
+def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> RankDrop | None:
+    """The loss of the independent rows at a state; None where they lose nothing, or where the branches do not meet.
+
+    before: a state of the same motion at which rows have their lengths; rtol: relative error of positions.
+    """
+    independent = list(numeric.selection.independent)
+    holonomic = [i for i in independent if i < numeric.holonomic.size1_out(0)]
+    if len(independent) > MOST_ROWS:
+        return RankDrop(there.t, 1, tuple(independent))
+    metric = metric_at(numeric, before)
+    lengths = LocalRows(metric.whitened(_rows(numeric, before)[independent, :])).divisors
+    q = there.q.copy()
+    # f over the lengths of rows in the metric is a length in it.
+    size = metric.length(q) or 1.0
+    unit = ca.mtimes(ca.diag(ca.DM(1 / lengths)), metric.whitened(_rows(numeric, there)[independent, :]))
+    squares, left = np.linalg.eigh(np.array(ca.densify(ca.mtimes(unit, unit.T))))
+    strong = squares > LOST**2
+    if strong.all():
+        return None
+    lost, other = left[:, ~strong], left[: len(holonomic), strong]
+    for _ in range(STRONG_STEPS):
+        f = np.array(numeric.holonomic(there.t, q, there.p)[0]).ravel()[holonomic] / lengths[: len(holonomic)]
+        # Newton's steps along what is not lost leave what the lost rows say.
+        stresses = left[:, strong] @ ((other.T @ f) / squares[strong])
+        q = q - metric.unwhitened(np.array(ca.mtimes(unit.T, ca.DM(stresses))).ravel())
+    gap = float(np.abs(lost[: len(holonomic)].T @ f).max(initial=0.0))
+    if gap > size * max(GAP_ROUNDOFF, (ERRORS * rtol) ** 2):
+        return None
+    weights = np.abs(lost).max(axis=1)
+    taking_part = np.flatnonzero(weights > LOST * weights.max())
+    return RankDrop(there.t, int(lost.shape[1]), tuple(independent[i] for i in taking_part))
+
+
+def closest(numeric: NumericSystem, state: State, is_alone: bool) -> tuple[int, ...]:
+    """The independent rows that are closest to dependent ones at a state; is_alone: one row is, which vanishes."""
+    independent = list(numeric.selection.independent)
+    rows = MetricRows(_rows(numeric, state)[independent, :], metric_at(numeric, state))
+    if is_alone:
+        return (independent[int(np.argmin(rows.lengths))],)
+    if rows.is_large:
+        weights = np.abs(rows.weakest)
+    else:
+        weights = np.abs(rank.nearest_dependence(rows)[1])
+    return tuple(independent[i] for i in np.flatnonzero(weights > PART * weights.max()))
+
+
+def apart(numeric: NumericSystem, state: State) -> float | None:
+    """The ratio of the largest inertia to the least, where the independent rows are so in themselves and only the mass
+    metric brings them close to dependent ones; None where they are close to dependent ones without it."""
+    independent = list(numeric.selection.independent)
+    if len(independent) > MOST_ROWS:
+        return None
+    rows = _rows(numeric, state)[independent, :]
+    unit = np.array(ca.densify(rows)) / LocalRows(rows).divisors[:, None]
+    inertias = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
+    if not (np.isfinite(unit).all() and np.isfinite(inertias).all() and inertias.min() > 0):
+        return None
+    if np.linalg.eigvalsh(unit @ unit.T)[0] < INDEPENDENT**2:
+        return None
+    return float(inertias.max() / inertias.min())
+
+
+def departed(numeric: NumericSystem, state: State, limit: float) -> tuple[int, ...]:
+    """A row left out that a state violates by more than this part of its sizes, after the rows it followed from;
+    none where all of them still follow."""
+    B, b = numeric.rows(state.t, state.q, state.v, state.p)
+    rows, f = LocalRows(B), np.array(numeric.holonomic(state.t, state.q, state.p)[0]).ravel()
+    off = (
+        np.abs(rows.times(state.v) + np.array(b).ravel())
+        / rows.divisors
+        / (np.abs(state.v).max(initial=0.0) or 1.0)
+    )
+    residuals = np.abs(f) / rows.divisors[: f.size] / (np.abs(state.q).max(initial=0.0) or 1.0)
+    off[: f.size] = np.maximum(off[: f.size], residuals)
+    for row, *others in numeric.selection.dependencies:
+        if off[row] > limit:
+            return (*others, row)
+    return ()
+
+
+def _rows(numeric: NumericSystem, state: State) -> ca.DM:
+    B: ca.DM = numeric.rows(state.t, state.q, state.v, state.p)[0]
+    return B

@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from lagcli.simulation.closed_contacts import contact_change
-from lagcli.simulation.run_state.run_stop import CONTACT, NO_SOLUTION, SINGULAR, Reason, StepFailure
-from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
-from lagcli.simulation.singularity import singular_point
-from lagcli.simulation.stepping import sticking, stop_diagnosis
+from lagcli.simulation.run_state.run_stop import CONTACT, NO_SOLUTION, SINGULAR, Reason
+from lagcli.simulation.singularity import singularity_step
+from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.stop_diagnosis import BELOW_ROUNDING, PARAMETERS, Rejection, named
 from lagcli.smoothness import named_functions
-from lagcli.start.initial import State
-
-if TYPE_CHECKING:
-    from lagcli.simulation.stepping.stepper import Stepper
-
-# A singular configuration, or a pole, is the reason of a stop where one is predicted within this part of the run.
-SOON = 1e-4
 
 
 def _dependent_rows(tried: Rejection) -> Reason | None:
@@ -28,7 +19,7 @@ def _dependent_rows(tried: Rejection) -> Reason | None:
     is_behind = run.start < last and tried.here.t - last < PARAMETERS.behind * run.duration
     if not (tried.are_dependent and (tried.is_soon or is_behind) and tried.apart is None):
         return None
-    rows = named(tried.system, singular_point.closest(tried.numeric, tried.here, tried.is_alone))
+    rows = named(tried.system, singularity_step.closest(tried.numeric, tried.here, tried.is_alone))
     what = f"the gradient of {rows} vanishes" if tried.is_alone else f"the rows {rows} become dependent"
     behind = f", or one too close behind the incident at t = {last:.9g}" if is_behind else ""
     return Reason(
@@ -77,42 +68,6 @@ CAUSES: tuple[Callable[[Rejection], Reason | None], ...] = (
 )
 
 
-def _is_before_pole(run: Stepper, here: State) -> bool:
-    """True if a function of t ahead is the reason: y' grows without bound towards its switch."""
-    switch = run.timetable.ahead(run.t, run.t + _soon(run))
-    if switch is None:
-        return False
-    # At the distance from it, three times and nine times as far.
-    times = [switch - part * (switch - run.t) for part in (1.0, 3.0, 9.0)]
-    return stop_diagnosis.is_pole(run, times, stop_diagnosis.of_forces(run.bound.numeric, here))
-
-
-def _soon(run: Stepper) -> float:
-    return SOON * (run.grid.end - run.grid.start)
-
-
-def too_slow(run: Stepper, advanced: float) -> StepFailure:
-    """The failure where the last steps advanced by so little of what is left of the run."""
-    here, left = run.state_at(run.t, run.bound.y), run.grid.end - run.t
-    if _is_before_pole(run, here):
-        return StepFailure(*stop_diagnosis.POLE)
-    return stop_diagnosis.hopeless(run.bound.enforced, here, LENGTH.pace, advanced, left)
-
-
-def no_step(run: Stepper, error: float, residual: float) -> StepFailure:
-    """The failure where no step can be taken, by what the last one that was tried had: its cause, or what these numbers
-    say. Raises it where the motion sticks at a switch of a force."""
-    bound = run.bound
-    here, ahead = run.state_at(run.t, bound.y), run.state_at(run.t + bound.h[0], bound.new)
-    switches = bound.enforced.plain.functions.numeric.force_switches
-    if switches is not None:
-        sticking.require_step(bound, switches, here.t)
-    if _is_before_pole(run, here):
-        return StepFailure(*stop_diagnosis.POLE)
-    is_soon, last = run.watch.foreseen.instant - run.t < _soon(run), run.origin + run.contacts.last
-    tried = Rejection(bound.enforced, error, residual, here, ahead, *run.rank_margin, is_soon, last)
-    for cause in CAUSES:
-        reason = cause(tried)
-        if reason is not None:
-            return StepFailure(*reason)
-    return StepFailure(*tried.verdict)
+def reason(tried: Rejection) -> Reason:
+    """The cause for which a step was rejected, or what its numbers say."""
+    return next(filter(None, (cause(tried) for cause in CAUSES)), tried.verdict)

@@ -23,26 +23,11 @@ Floats = npt.NDArray[np.float64]
 Curve = Callable[[float], Floats]
 
 
-class NarrowPlaceParameters:
-    """The search for the places of features in a step.
-
-    The tests are of `tests/physics/test_narrow_places.py`.
-    """
-
-    __slots__ = ()
-
-    cuts: int = 12
-    """A piece of a step in which an argument waves is cut so often in turn.
-    `test_a_rotor_among_many_walls_stays_between_two`."""
-    halves: int = 36
-    """Halved steps down to which a way counts: 1e-11 of a step.
-    `test_a_wall_between_two_rows_turns_back_what_is_too_slow`."""
-    beside: float = 0.125
-    """Part of a unit by which an argument has left its turn, or up to four times as much: there its function changes.
-    `test_a_wall_between_two_rows_turns_back_what_is_too_slow`."""
-
-
-PARAMETERS = NarrowPlaceParameters()
+# A piece of a step in which an argument waves is cut so often in turn; halved steps down to which a way counts, 1e-11
+# of a step.
+CUTS, HALVES = 12, 36
+# Part of a unit by which an argument has left its turn, or up to four times as much: there its function changes.
+BESIDE = 0.125
 
 
 class _Sample(NamedTuple):
@@ -105,7 +90,7 @@ class NarrowPlaces:
             return _Sample(x, u.copy(), self._h[0] * rate)
 
         every = np.ones(len(known.absolute), dtype=bool)
-        pieces = [(sample(0.0), sample(end), every, PARAMETERS.cuts)]
+        pieces = [(sample(0.0), sample(end), every, CUTS)]
         while pieces and self._values.used - used < zero_search.PARAMETERS.most_evaluations:
             left, right, wanted, cuts = pieces.pop()
             inner, width = (
@@ -114,7 +99,7 @@ class NarrowPlaces:
             )
             ends = left.u, width * left.slope, inner.u, right.u, width * right.slope
             # A part of a wave is smaller than the wave.
-            units = narrow_arguments.PARAMETERS.units if cuts == PARAMETERS.cuts else 0.0
+            units = narrow_arguments.PARAMETERS.units if cuts == CUTS else 0.0
             waves = wanted & (np.array(known.waves(*ends, units)).ravel() > 0.0) & (cuts > 0)
             for a, b in ((inner, right), (left, inner)):
                 if waves.any():
@@ -127,7 +112,7 @@ class NarrowPlaces:
                     at = _found(sample, a, b, k, is_turn=bool(turns[k]))
                     unit = known.absolute[k] + known.relative[k] * abs(at.u[k]) * bool(turns[k])
                     # At the feature itself its force may vanish: a step that ends there would see none again.
-                    before, behind = _beside(sample, at, k, PARAMETERS.beside * unit)
+                    before, behind = _beside(sample, at, k, BESIDE * unit)
                     yield from (before, at.x, behind)
 
 
@@ -140,9 +125,9 @@ def _found(sample: Callable[[float], _Sample], a: _Sample, b: _Sample, k: int, i
     low, high = height(a), height(b)
     if (low > 0.0) == (high > 0.0):  # it turns at an end
         return a if abs(low) < abs(high) else b
-    for _ in range(2 * PARAMETERS.halves):
+    for _ in range(2 * HALVES):
         x = b.x - high * (b.x - a.x) / (high - low)
-        if abs(x - b.x) < math.ldexp(1.0, -PARAMETERS.halves):
+        if abs(x - b.x) < math.ldexp(1.0, -HALVES):
             break
         middle = sample(x)
         at = height(middle)
@@ -157,7 +142,7 @@ def _beside(sample: Callable[[float], _Sample], at: _Sample, k: int, change: flo
     """The fractions before and behind a sample, the nearest of halved ways, at which an argument has changed by so
     much."""
     for side in (-1.0, 1.0):
-        near, far = PARAMETERS.halves, 0 if change else PARAMETERS.halves - 1
+        near, far = HALVES, 0 if change else HALVES - 1
         while near - far > 1:
             halves = (near + far) // 2
             changed = abs(sample(at.x + side * math.ldexp(1.0, -halves)).u[k] - at.u[k]) > change

@@ -60,6 +60,8 @@ class ComparedTimes:
 
 # A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 MOST_RESIDUAL = doubles.ZERO
+# What comes is seen by this part of a step ahead, and a row without a value as a limit from points beside it.
+BESIDE = 1e-4
 # A step in which rows have been dependent unseen counts as one of this error, which halves it; down to this part of
 # the step proposed, for rounding may look the same.
 HIDDEN, HIDING = 100.0, 1e-3

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.between_steps import RunState, Turns
 from lagcli.simulation.run_state.run_stop import StepFailure
@@ -32,9 +34,6 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-# A step of this error is right, and so are rows that are independent: where its projection fails, integrals may be the
-# reason.
-CERTAIN = 1e-6
 NONE_TRIED: invariants.Tried = frozenset()
 
 
@@ -164,8 +163,9 @@ class Stepper:
                 h = shorter
                 continue
             self._rejected += 1
-            if self.bound.enforced.is_any and error != UNSEEN and status[0] < CERTAIN:
-                # Its projection failed though it is right: integrals may be the reason, which are left then.
+            if self.bound.enforced.is_any and error != UNSEEN and status[0] < doubles.ROOT:
+                # Its projection failed though it is right, and so are rows that are independent: integrals may be the
+                # reason, which are left then.
                 new = self.trial.plain_end()
                 if new is not None:
                     if last:
@@ -175,9 +175,7 @@ class Stepper:
                     continue
             grow = 1.0
             if self.trial.is_too_short(smaller, reached):
-                from lagcli.simulation.stepping import causes_of_stops
-
-                raise causes_of_stops.no_step(self, error, status[3])
+                raise self._no_step(error, status[3])
             if is_cut:
                 shorter = smaller
             else:
@@ -188,6 +186,42 @@ class Stepper:
         watch = self.watch.after(reached, status[4], status[5])
         step = FoundStep(reached, taken, proposed, watch, self._rejected)
         return self.trial.with_work(step) if status[7] > step_tolerance.COARSE_WORK else step
+
+    def _no_step(self, error: float, residual: float) -> StepFailure:
+        """The failure where no step can be taken, by what the last one that was tried had. Raises it where the motion
+        sticks at a switch of a force, or a function of t has a pole."""
+        from lagcli.simulation.stepping import causes_of_stops, sticking, stop_diagnosis
+
+        bound = self.bound
+        here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
+        switches = bound.enforced.plain.functions.numeric.force_switches
+        if switches is not None:
+            sticking.require_step(bound, switches, here.t)
+        self._require_no_pole()
+        soon = stop_diagnosis.SOON * (self.grid.end - self.grid.start)
+        is_soon, last = self.watch.foreseen.instant - self.t < soon, self.origin + self.contacts.last
+        tried = (error, residual, here, ahead, *self.rank_margin, is_soon, last)
+        return StepFailure(*causes_of_stops.reason(stop_diagnosis.Rejection(bound.enforced, *tried)))
+
+    def _require_no_pole(self) -> None:
+        """Raise `StepFailure` where y' grows without bound towards a switch of a function of t ahead."""
+        from lagcli.simulation.stepping import stop_diagnosis
+
+        soon = stop_diagnosis.SOON * (self.grid.end - self.grid.start)
+        switch = self.timetable.ahead(self.t, self.t + soon)
+        if switch is None:
+            return
+        # At the distance from it, three times and nine times as far.
+        rates = self.rates([switch - part * (switch - self.t) for part in (1.0, 3.0, 9.0)])
+        here = self.state_at(self.t, self.bound.y)
+        if stop_diagnosis.is_pole(rates, stop_diagnosis.of_forces(self.bound.numeric, here)):
+            raise StepFailure(*stop_diagnosis.POLE)
+
+    def rates(self, times: Sequence[float]) -> list[Floats]:
+        """y' (2n + 1,) of the state where the run stands at some times."""
+        bound = self.bound
+        self.count(len(times))
+        return [np.array(bound.numeric.rhs(t, bound.y, bound.p)).ravel() for t in times]
 
     def still(self, reached: float, y: Floats, k: Floats) -> FoundStep:
         """A step over a switch to a time, and a state with its rate (2n + 1,) there."""
@@ -253,9 +287,11 @@ class Stepper:
             advanced = control.is_too_slow(self.t, self.grid.end, self.grid.step)
             if advanced is not None and not self.contacts.crowd(self.t - advanced):
                 # Steps like the last ones would never lead to the end.
-                from lagcli.simulation.stepping import causes_of_stops
+                from lagcli.simulation.stepping import stop_diagnosis
 
-                raise causes_of_stops.too_slow(self, advanced)
+                self._require_no_pole()
+                here, left = self.state_at(self.t, bound.y), self.grid.end - self.t
+                raise stop_diagnosis.hopeless(bound.enforced, here, LENGTH.pace, advanced, left)
         for act in step.acts:
             act()
 

@@ -7,7 +7,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -28,15 +27,14 @@ from lagcli.simulation.run_state.run_stop import (
 )
 from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
-from lagcli.simulation.singularity import singular_point
+from lagcli.simulation.singularity import singularity_step
 from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
 from lagcli.smoothness.sides import Sides
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-if TYPE_CHECKING:
-    from lagcli.simulation.stepping.stepper import Stepper
-
+# A singular configuration, or a pole, is the reason of a stop where one is predicted within this part of the run.
+SOON = 1e-4
 Floats = npt.NDArray[np.float64]
 
 
@@ -222,7 +220,7 @@ class Rejection:
     def apart(self) -> float | None:
         """By how much inertias differ, where it is these that bring the rows close; else None."""
         is_asked = self.are_dependent and not self.is_alone
-        return singular_point.apart(self.numeric, self.here) if is_asked else None
+        return singularity_step.apart(self.numeric, self.here) if is_asked else None
 
     @property
     def verdict(self) -> Reason:
@@ -235,7 +233,7 @@ class Rejection:
             )
         if not self.residual > MOST_RESIDUAL:
             return BELOW_ROUNDING
-        if parting := singular_point.departed(self.numeric, self.ahead, MOST_RESIDUAL):
+        if parting := singularity_step.departed(self.numeric, self.ahead, MOST_RESIDUAL):
             rows = named(self.system, parting)
             return Reason(f"the rows {rows} contradict each other beyond: they agree up to here", NO_SOLUTION)
         return Reason("the constraints have no solution after this time", NO_SOLUTION)
@@ -280,13 +278,10 @@ def impact(enforced: EnforcedInvariants, here: State, beyond: State) -> StepFail
     )
 
 
-def is_pole(run: Stepper, times: Sequence[float], acceleration: float) -> bool:
-    """True if y' (2n + 1,) at the state of a run grows without bound towards a time: `times` are nearby, three times,
-    and nine times as far away; acceleration: that of `of_forces`, whose rounding is all that is left where rows hold
-    all still."""
-    bound, n = run.bound, run.bound.y.size // 2
-    rates = [np.array(bound.numeric.rhs(t, bound.y, bound.p)).ravel() for t in times]
-    run.count(len(rates))
+def is_pole(rates: Sequence[Floats], acceleration: float) -> bool:
+    """True if y' (2n + 1,) grows without bound towards a time, from its values nearby, three times, and nine times as
+    far away; acceleration: that of `of_forces`, whose rounding is all that is left where rows hold all still."""
+    n = rates[0].size // 2
     near, *_ = sizes = [float(np.abs(k[n : 2 * n]).max(initial=0.0)) for k in rates]
     is_noise = near <= doubles.SUM * acceleration
     order = PARAMETERS.order

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.smoothness.time_functions import TimeFunctions
 
 Floats = npt.NDArray[np.float64]
@@ -41,24 +42,21 @@ class TimetableParameters:
     most_values: int = 2**21
     """Values in all cells at a time, each of 16 bytes. `test_no_more_than_two_million_values_are_made_at_once`."""
     run: int = 16
-    """A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more than this.
-    `test_cells_in_a_long_row_are_not_halved_below_nine_digits`."""
-    fine: float = 2.0**-30
-    """Then they stay as they are from this part of the time on.
-    `test_cells_in_a_long_row_are_not_halved_below_nine_digits`."""
+    """A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more than this: then
+    they stay as they are from the digits of zeros on. `test_cells_in_a_long_row_are_not_halved_below_nine_digits`."""
     offset: int = 4
     """Steps keep so many roundings of the time away from a switch.
     `test_steps_keep_four_roundings_of_the_time_from_a_switch`."""
     still: int = 256
     """States stand still across a switch that is known to so many roundings of the time, and across no wider one.
     `test_states_stand_still_across_a_few_hundred_roundings`."""
-    grain: float = 2.0**-62
+    grain: float = doubles.EPS / 1024
     """Near t = 0 this part of a piece takes the place of a rounding.
     `test_near_zero_a_part_of_a_piece_takes_the_place_of_a_rounding`."""
     change: float = 0.25
     """A cell is halved until no function changes by more than this part of its range in it.
     `test_cells_are_halved_until_functions_change_by_a_quarter`."""
-    shortest: float = 2.0**-36
+    shortest: float = doubles.EPS * 2**16
     """But not below this part of the piece. `test_cells_of_a_jump_are_halved_thirty_six_times`."""
     between: float = 0.5
     """Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step
@@ -228,7 +226,7 @@ def _switches(functions: TimeFunctions, span: tuple[float, float], grain: float)
         whole = (right - left <= grain) | (right <= np.nextafter(left, np.inf))
         if whole.all():
             break
-        fine = right - left <= PARAMETERS.fine * np.maximum(np.abs(left), np.abs(right))
+        fine = right - left <= doubles.ZERO * np.maximum(np.abs(left), np.abs(right))
         if fine.any():
             # Cells in a row of many without a gap.
             numbers = np.cumsum(np.concatenate([[0], left[1:] > right[:-1]]))
