@@ -32,23 +32,22 @@ class IndependentRowsParameters:
 
     early: float = 0.3
     """The next independent row is the first in the file's order that is this part as far from the others as the
-    farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest` fails at 0.03 and 3."""
+    farthest. `test_the_next_row_is_the_first_that_is_a_third_as_far_as_the_farthest`."""
     better: float = 4.0
-    """Other rows are taken where their angle is this many times as large, or, of many, where one that follows from
-    the independent ones has a larger weight than this: each time the volume that they span grows by so much.
-    `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones` fails at 0.4 and 40."""
+    """Other rows are taken where their angle is this many times as large, or, of many, where one that follows from the
+    independent ones has a larger weight than this: each time the volume that they span grows by so much.
+    `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones`."""
     near: int = 60
     """Of many rows a dependency is looked for among up to so many before all are asked, which costs more.
-    `test_a_dependency_is_looked_for_among_sixty_near_rows` fails at 6 and 600."""
+    `test_a_dependency_is_looked_for_among_sixty_near_rows`."""
     together: int = 40
     """Rows whose weights over all independent ones are found at once: more take memory, fewer time.
-    `test_weights_over_all_rows_are_found_for_forty_at_once` fails at 4 and 400."""
+    `test_weights_over_all_rows_are_found_for_forty_at_once`."""
     most_listed: int = 6
     """Dependencies that are reported one by one.
-    `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named` fails at 0 and 60."""
+    `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named`."""
     most_named: int = 20
-    """Rows of a dependency that are named.
-    `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named` fails at 2 and 200."""
+    """Rows of a dependency that are named. `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named`."""
 
 
 PARAMETERS = IndependentRowsParameters()

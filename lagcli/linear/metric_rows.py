@@ -32,26 +32,25 @@ class MetricRowsParameters:
     __slots__ = ()
 
     iterations: int = 12
-    """Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close
-    to it, and then any of them will do. `test_the_smallest_singular_value_is_found_in_twelve_iterations`
-    fails at 1 and 120."""
+    """Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close to it,
+    and then any of them will do. `test_the_smallest_singular_value_is_found_in_twelve_iterations`."""
     dense: int = 150
-    """More rows than these, over more coordinates than these, are never looked at densely: their singular
-    values would take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many` fails at 15 and 1500."""
+    """More rows than these, over more coordinates than these, are never looked at densely: their singular values would
+    take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many`."""
     most_dense: int = 3000
     """Of more rows than these over few coordinates not all dependences are given (72 MB).
-    `test_up_to_three_thousand_rows_over_few_coordinates_are_looked_at_densely` fails at 300 and 30000."""
+    `test_up_to_three_thousand_rows_over_few_coordinates_are_looked_at_densely`."""
     filled: float = 0.1
     """A Gram matrix with this part of its entries is factored faster as a dense one.
-    `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 0.01 and 1."""
+    `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense`."""
     most_filled: int = 4000
-    """Up to so many rows (128 MB). `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense` fails at 400 and 40000."""
+    """Up to so many rows (128 MB). `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense`."""
     few: int = 40
     """The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
-    `test_the_gram_matrix_of_forty_rows_is_inverted` fails at 4 and 400."""
+    `test_the_gram_matrix_of_forty_rows_is_inverted`."""
     hanging: float = 1e-2
     """A row hangs on a coordinate that no other row holds where the entry is this part of its length.
-    `test_a_row_hangs_on_a_coordinate_of_its_own_by_a_hundredth` fails at 0.001 and 0.1."""
+    `test_a_row_hangs_on_a_coordinate_of_its_own_by_a_hundredth`."""
 
 
 PARAMETERS = MetricRowsParameters()

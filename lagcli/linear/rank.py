@@ -27,11 +27,10 @@ class RankParameters:
     __slots__ = ()
 
     large: float = 3e-6
-    """Singular values above this count. `test_singular_values_count_or_are_rounding_with_a_gap` fails at 3e-7
-    and 3e-5."""
+    """Singular values above this count. `test_singular_values_count_or_are_rounding_with_a_gap`."""
     small: float = 1e-7
     """Singular values below this are rounding; between the two is undecided.
-    `test_singular_values_count_or_are_rounding_with_a_gap` fails at 1e-8 and 1e-6."""
+    `test_singular_values_count_or_are_rounding_with_a_gap`."""
 
 
 PARAMETERS = RankParameters()

@@ -39,42 +39,37 @@ class SurfaceParameters:
     __slots__ = ()
 
     newton_steps: int = 40
-    """Newton's steps: beside a double zero each halves the distance. `test_forty_newton_steps_are_made` fails at 4 and
-    400."""
+    """Newton's steps: beside a double zero each halves the distance. `test_forty_newton_steps_are_made`."""
     arrived: float = 1e-13
-    """The distance at which Newton's steps end. `test_newton_ends_at_thirteen_digits` fails at 1e-14 and 1e-12."""
+    """The distance at which Newton's steps end. `test_newton_ends_at_thirteen_digits`."""
     roundings: int = 64
-    """Roundings of the values that may be left. `test_values_may_hold_some_roundings` fails at 6 and 640."""
+    """Roundings of the values that may be left. `test_values_may_hold_some_roundings`."""
     squared: float = 0.02
     """What the last two steps leave of a distance, where they square it: beside a double zero they leave a quarter.
-    `test_a_point_is_met_where_the_last_two_steps_square_the_distance` fails at 0.002 and 0.2."""
+    `test_a_point_is_met_where_the_last_two_steps_square_the_distance`."""
     most_steps: int = 200
-    """Steps of a descent from far. `test_a_descent_has_two_hundred_steps` fails at 20 and 2000."""
+    """Steps of a descent from far. `test_a_descent_has_two_hundred_steps`."""
     most_halvings: int = 30
-    """Halvings of one of them. `test_a_step_of_a_descent_is_damped_thirty_times` fails at 3 and 300."""
+    """Halvings of one of them. `test_a_step_of_a_descent_is_damped_thirty_times`."""
     bottom: float = 1e-14
     """The distance at which a descent ends, as a part of the size of the point: below the rounding of rows whose own
-    coordinates are smaller. `test_a_descent_ends_at_fourteen_digits` fails at 1e-15 and 1e-13."""
+    coordinates are smaller. `test_a_descent_ends_at_fourteen_digits`."""
     first_damping: float = 1e-3
-    """Damping, on rows of length one: where it begins. `test_a_step_of_a_descent_is_damped_thirty_times`
-    fails at 0.0001 and 0.01."""
+    """Damping, on rows of length one: where it begins. `test_a_step_of_a_descent_is_damped_thirty_times`."""
     stronger: float = 4.0
-    """The factor by which it grows if a step goes up. `test_a_step_of_a_descent_is_damped_thirty_times` fails
-    at 0.4 and 40."""
+    """The factor by which it grows if a step goes up. `test_a_step_of_a_descent_is_damped_thirty_times`."""
     weaker: float = 2 * stronger
-    """The factor by which it wanes if a step goes down. `test_damping_wanes_by_eight_down_to_nine_digits`
-    fails at 0.8 and 80."""
+    """The factor by which it wanes if a step goes down. `test_damping_wanes_by_eight_down_to_nine_digits`."""
     slow_steps: int = 20
-    """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend
-    in fewer. `test_a_descent_that_is_slow_for_twenty_steps_ends` fails at 2 and 200."""
+    """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend in fewer.
+    `test_a_descent_that_is_slow_for_twenty_steps_ends`."""
     slow: float = 0.8
-    """That part of the residual. `test_a_descent_that_is_slow_for_twenty_steps_ends` fails at 0.08 and 8."""
+    """That part of the residual. `test_a_descent_that_is_slow_for_twenty_steps_ends`."""
     nearest_steps: int = 60
-    """Steps to the point that is nearest to another one. `test_sixty_steps_lead_to_the_nearest_point` fails at 6 and
-    600."""
+    """Steps to the point that is nearest to another one. `test_sixty_steps_lead_to_the_nearest_point`."""
     shortest: float = 2e-4
     """The shortest step along a surface: shorter ones would be within rounding of a singular place, where the rank
-    cannot be seen. `test_a_step_along_a_surface_is_halved_down_to_four_digits` fails at 2e-5 and 2e-3."""
+    cannot be seen. `test_a_step_along_a_surface_is_halved_down_to_four_digits`."""
 
 
 PARAMETERS = SurfaceParameters()

@@ -35,30 +35,29 @@ class ManifoldParameters:
     __slots__ = ()
 
     walks: int = 3
-    """Walks over the surface at the start's time. `test_three_walks_of_three_steps_are_made_over_a_manifold`
-    fails at 0 and 30."""
+    """Walks over the surface at the start's time. `test_three_walks_of_three_steps_are_made_over_a_manifold`."""
     steps: int = 3
-    """Steps of each. `test_three_walks_of_three_steps_are_made_over_a_manifold` fails at 0 and 30."""
+    """Steps of each. `test_three_walks_of_three_steps_are_made_over_a_manifold`."""
     step: float = 0.5
-    """The first try of a step. `test_a_step_over_a_manifold_is_a_half_at_first` fails at 0.05 and 5."""
+    """The first try of a step. `test_a_step_over_a_manifold_is_a_half_at_first`."""
     roundings: int = 64
-    """Roundings of the coordinates that a value may hold. `test_values_may_hold_some_roundings` fails at 6 and 640."""
+    """Roundings of the coordinates that a value may hold. `test_values_may_hold_some_roundings`."""
     written: float = 100.0
     """By which factor values may be larger than those at the begin.
-    `test_a_start_in_decimals_leaves_more_than_rounding` fails at 10."""
+    `test_a_start_in_decimals_leaves_more_than_rounding`."""
     far: tuple[float, ...] = (1e1, 1e2, 1e3, 1e4)
     """Far steps where the manifold is as flat: what is small over a unit is not over many.
-    `test_a_row_that_follows_does_so_far_along_a_straight_line` fails without the last."""
+    `test_a_row_that_follows_does_so_far_along_a_straight_line`."""
     branch_points: int = 16
-    """Points sought. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 1 and 160."""
+    """Points sought. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
     branch_walks: int = 4
     """Those of them that are reached by walks of several steps.
-    `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 40."""
+    `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
     branch_steps: int = 3
-    """Steps of these. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 30."""
+    """Steps of these. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
     closer: int = 4
     """Steps are 1, 1/2, ... of it by turns, in so many sizes: a branch that bends away is seen close by only.
-    `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes` fails at 0 and 40."""
+    `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
 
 
 PARAMETERS = ManifoldParameters()

@@ -34,17 +34,16 @@ class ScalingParameters:
     __slots__ = ()
 
     curled: float = 1e-4
-    """The radius of curvature of rows counts as a unit of length if it is not less than this part of the
-    extent. `test_a_radius_of_curvature_is_a_unit_down_to_four_digits` fails at 1e-5 and 0.001."""
+    """The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent.
+    `test_a_radius_of_curvature_is_a_unit_down_to_four_digits`."""
     equilibrations: int = 10
     """Rounds that make generalized coordinates move the rows alike.
-    `test_coordinates_are_measured_alike_after_ten_rounds` fails at 1 and 100."""
+    `test_coordinates_are_measured_alike_after_ten_rounds`."""
     bent: float = 1e-3
-    """It changes by second derivatives but for this part of them. `test_a_gradient_that_jumps_is_not_smooth` fails
-    at 1e-4 and 1e-2."""
+    """It changes by second derivatives but for this part of them. `test_a_gradient_that_jumps_is_not_smooth`."""
     roundings: int = 64
     """And but for so many roundings of the coordinates.
-    `test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates` fails at 6 and 640."""
+    `test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates`."""
 
 
 PARAMETERS = ScalingParameters()

@@ -39,21 +39,19 @@ class SecondOrderParameters:
     __slots__ = ()
 
     growth: float = 8.0
-    """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1)
-    / w. `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue` fails at 0.8 and 80."""
+    """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1) / w.
+    `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
     centerings: int = 60
-    """The most times it grows. `test_the_weight_of_the_barrier_grows_sixty_times` fails at 6 and 600."""
+    """The most times it grows. `test_the_weight_of_the_barrier_grows_sixty_times`."""
     sufficient: float = 0.3
     """An eigenvalue that is known to this part of itself is known well enough.
-    `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue` fails at 0.03 and 3."""
+    `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
     newton_steps: int = 50
-    """To the minimum of the barrier at one weight. `test_newton_steps_to_the_minimum_of_the_barrier` fails at
-    5 and 500."""
+    """To the minimum of the barrier at one weight. `test_newton_steps_to_the_minimum_of_the_barrier`."""
     decrement: float = 1e-3
-    """Newton's steps end where the barrier would fall by less.
-    `test_newton_steps_to_the_minimum_of_the_barrier` fails at 0.0001 and 0.01."""
+    """Newton's steps end where the barrier would fall by less. `test_newton_steps_to_the_minimum_of_the_barrier`."""
     halvings: int = 40
-    """Of one of these steps. `test_newton_steps_to_the_minimum_of_the_barrier` fails at 4 and 400."""
+    """Of one of these steps. `test_newton_steps_to_the_minimum_of_the_barrier`."""
 
 
 PARAMETERS = SecondOrderParameters()

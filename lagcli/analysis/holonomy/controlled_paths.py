@@ -169,26 +169,24 @@ class PathOrbitParameters:
 
     beside: int = 3
     """Points looked at beside one that may be singular.
-    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not` fails at 0 and 30."""
+    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not`."""
     beside_by: float = 0.1
-    """How far they are from it. `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not` fails
-    at 0.01 and 1."""
+    """How far they are from it. `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not`."""
     most: float = 0.8
     """An orbit is explored where this part of the paths comes back.
-    `test_an_orbit_is_explored_where_four_in_five_paths_come_back` fails at 0.08 and 8."""
+    `test_an_orbit_is_explored_where_four_in_five_paths_come_back`."""
     paths: int = 40
-    """The most paths. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 4 and 400."""
+    """The most paths. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
     segments: int = 3
-    """Pieces of a path. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 0 and 30."""
+    """Pieces of a path. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
     steps: int = 2
     """Steps of a piece, which are doubled to see the error.
-    `test_an_orbit_is_explored_by_forty_paths_of_three_pieces` fails at 0 and 20."""
+    `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
     offset: float = 1e-4
-    """Of a difference quotient. `test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides` fails at
-    1e-5 and 0.001."""
+    """Of a difference quotient. `test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides`."""
     seen: float = 1e-5
     """Directions of this part are none: above the error of the quotient, the square of its step.
-    `test_a_direction_of_an_orbit_is_seen_to_five_digits` fails at 1e-6 and 0.0001."""
+    `test_a_direction_of_an_orbit_is_seen_to_five_digits`."""
 
 
 PARAMETERS = PathOrbitParameters()

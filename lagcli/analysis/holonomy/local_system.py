@@ -39,8 +39,7 @@ class UnitParameters:
     __slots__ = ()
 
     steepest: float = 1e5
-    """Units lie between 1 over this and this. `test_units_of_a_part_are_within_five_digits_of_one` fails at
-    10000 and 1e6."""
+    """Units lie between 1 over this and this. `test_units_of_a_part_are_within_five_digits_of_one`."""
 
 
 PARAMETERS = UnitParameters()

@@ -32,33 +32,31 @@ class LoopWordParameters:
 
     few: int = 1
     """Steps in each segment to choose a word.
-    `test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelve` fails at 0 and 10."""
+    `test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelve`."""
     steps: int = 2
     """Steps in each segment to come near with its lengths.
-    `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones` fails at 0 and 20."""
+    `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
     sure: int = 12
-    """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`
-    fails at 1 and 120."""
+    """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
     coarse: float = controlled_paths.PARAMETERS.seen
-    """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits` fails at 1e-6
-    and 0.0001."""
+    """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits`."""
     iterations: int = 16
-    """Turns with rough paths. `test_rough_paths_come_near_in_sixteen_turns` fails at 1 and 160."""
+    """Turns with rough paths. `test_rough_paths_come_near_in_sixteen_turns`."""
     polish: int = 10
-    """Turns with fine ones. `test_fine_paths_close_in_ten_turns` fails at 1 and 100."""
+    """Turns with fine ones. `test_fine_paths_close_in_ten_turns`."""
     contracts: float = 0.7
     """A start that misses by more of what it missed before is left.
-    `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0.07 and 7."""
+    `test_a_start_that_does_not_contract_after_three_turns_is_left`."""
     free_turns: int = 3
-    """After so many turns. `test_a_start_that_does_not_contract_after_three_turns_is_left` fails at 0 and 30."""
+    """After so many turns. `test_a_start_that_does_not_contract_after_three_turns_is_left`."""
     starts: int = 4
-    """Starts for a path of any shape. `test_a_path_of_any_shape_is_solved_for_from_four_starts` fails at 0 and 40."""
+    """Starts for a path of any shape. `test_a_path_of_any_shape_is_solved_for_from_four_starts`."""
     at_random: int = 12
     """Trials where all combinations would be too many.
-    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random` fails at 1 and 120."""
+    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
     halves: tuple[float, ...] = (1.0, 2.0, -1.0, -2.0)
     """Lengths of trials, in units of the coordinates.
-    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random` fails at a tenth and at ten times of it."""
+    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
 
 
 PARAMETERS = LoopWordParameters()

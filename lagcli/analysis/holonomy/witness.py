@@ -33,30 +33,28 @@ class WitnessParameters:
     __slots__ = ()
 
     clear: float = 0.04
-    """The least amount worth showing. `test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size` fails
-    at 0.004 and 0.4."""
+    """The least amount worth showing. `test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size`."""
     shown: int = 12
-    """Points of a segment that are kept. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at 120."""
+    """Points of a segment that are kept. `test_a_path_is_followed_in_finer_steps_to_ninety_six`."""
     coarsest: int = 48
     """Steps in a segment from which on a path that still changes by more than `hopeless` is given up.
-    `test_a_path_that_still_changes_at_forty_eight_steps_is_given_up` fails at 4 and 480."""
+    `test_a_path_that_still_changes_at_forty_eight_steps_is_given_up`."""
     finest: int = 96
-    """The most steps in a segment. `test_a_path_is_followed_in_finer_steps_to_ninety_six` fails at 9 and 960."""
+    """The most steps in a segment. `test_a_path_is_followed_in_finer_steps_to_ninety_six`."""
     far: float = 25.0
-    """The farthest that a loop may reach. `test_a_loop_reaches_twenty_five_sizes_at_most` fails at 2.5 and 250."""
+    """The farthest that a loop may reach. `test_a_loop_reaches_twenty_five_sizes_at_most`."""
     near: int = 8
-    """Words whose lengths are solved for. `test_the_lengths_of_eight_words_are_solved_for` fails at 0 and 80."""
+    """Words whose lengths are solved for. `test_the_lengths_of_eight_words_are_solved_for`."""
     near_miss: float = 1.5
-    """The most that they miss by, of the amount they move.
-    `test_words_that_miss_by_what_they_move_are_solved_for` fails at 0.15 and 15."""
+    """The most that they miss by, of the amount they move. `test_words_that_miss_by_what_they_move_are_solved_for`."""
     sampled: int = 200
-    """Closed paths that are looked at. `test_two_hundred_closed_paths_are_looked_at` fails at 20 and 2000."""
+    """Closed paths that are looked at. `test_two_hundred_closed_paths_are_looked_at`."""
     smooth: float = 1e-4
     """The change of their ends with finer steps that is allowed: near a pole the steps do not converge.
-    `test_the_end_of_a_path_stays_with_finer_steps` fails at 1e-5 and 0.001."""
+    `test_the_end_of_a_path_stays_with_finer_steps`."""
     enough: int = 2
     """Solutions among which the simplest is taken, of starts taken at random.
-    `test_the_simplest_of_two_shapes_is_taken` fails at 0 and 20."""
+    `test_the_simplest_of_two_shapes_is_taken`."""
 
 
 PARAMETERS = WitnessParameters()

@@ -38,40 +38,34 @@ class WitnessSearchParameters:
 
     usual: tuple[float, ...] = (1.0, 0.5, 0.2, 0.1)
     """Sizes of loops, in the order in which they are tried.
-    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones` fails at a tenth and at ten times of it."""
+    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
     far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
     """Sizes that come last, with round lengths alone: few systems need them.
-    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones` fails at a tenth and at ten times of it."""
+    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
     shifts: int = 4
-    """Configurations tried, the start first.
-    `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside` fails at 0 and 40."""
+    """Configurations tried, the start first. `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside`."""
     bends: int = 3
     """Bent configurations tried between the start and the configurations beside it.
-    `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside` fails at 0 and 30."""
+    `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside`."""
     bent: float = 0.5
-    """The angle by which holonomic rows are turned in them, rad.
-    `test_holonomic_rows_are_turned_by_half_a_radian` fails at 0.05 and 5."""
+    """The angle by which holonomic rows are turned in them, rad. `test_holonomic_rows_are_turned_by_half_a_radian`."""
     drawn: float = 0.7
     """The part that is left of the distances of particles from those of the row.
-    `test_particles_are_drawn_together_to_seven_tenths` fails at 0.07 and 7."""
+    `test_particles_are_drawn_together_to_seven_tenths`."""
     together: int = 2
     """Parts among which the simplest witness is looked for.
-    `test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time` fails at 0 and 20."""
+    `test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time`."""
     movable: int = 3
-    """Coordinates that are tried as the one that moves.
-    `test_three_coordinates_are_tried_as_the_one_that_moves` fails at 0 and 30."""
+    """Coordinates that are tried as the one that moves. `test_three_coordinates_are_tried_as_the_one_that_moves`."""
     choices: int = 4
-    """Choices of led coordinates tried for one goal. `test_four_choices_of_led_coordinates_are_tried` fails
-    at 0 and 40."""
+    """Choices of led coordinates tried for one goal. `test_four_choices_of_led_coordinates_are_tried`."""
     combinations: int = 200
-    """Sets of coordinates up to which all are tried.
-    `test_up_to_two_hundred_sets_of_coordinates_all_are_tried` fails at 20 and 2000."""
+    """Sets of coordinates up to which all are tried. `test_up_to_two_hundred_sets_of_coordinates_all_are_tried`."""
     many: int = 1
     """Conditions up to which all words of round lengths are tried.
-    `test_of_one_condition_two_goals_are_tried_and_of_more_one` fails at 0 and 10."""
+    `test_of_one_condition_two_goals_are_tried_and_of_more_one`."""
     segments: tuple[int, ...] = (4, 6)
-    """Pieces of a loop of any shape. `test_a_loop_of_any_shape_has_four_pieces_or_six` fails at a tenth and
-    at ten times of it."""
+    """Pieces of a loop of any shape. `test_a_loop_of_any_shape_has_four_pieces_or_six`."""
 
 
 PARAMETERS = WitnessSearchParameters()

@@ -35,10 +35,9 @@ class BracketParameters:
 
     off: float = 100.0
     """A value that vanishes on the orbit is less than this many times its size and how far the point is off.
-    `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point` fails at 10 and 1000."""
+    `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point`."""
     looked_at: int = 3
-    """So many pairs of fields show the sizes of terms. `test_three_pairs_of_fields_show_the_sizes_of_terms`
-    fails at 0 and 30."""
+    """So many pairs of fields show the sizes of terms. `test_three_pairs_of_fields_show_the_sizes_of_terms`."""
 
 
 PARAMETERS = BracketParameters()

@@ -45,36 +45,33 @@ class FlowParameters:
     __slots__ = ()
 
     step: float = 0.1
-    """The reach of one flow. `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`
-    fails at 0.01 and 1."""
+    """The reach of one flow. `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`."""
     later: float = initial.PARAMETERS.later
     """Its length in time, as a part of the duration.
-    `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration` fails at 0.001 and 0.1."""
+    `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`."""
     shorter: int = 8
-    """The times it is shortened. `test_a_flow_is_made_shorter_eight_times_by_four` fails at 0 and 80."""
+    """The times it is shortened. `test_a_flow_is_made_shorter_eight_times_by_four`."""
     factor: int = 4
-    """By which factor. `test_a_flow_is_made_shorter_eight_times_by_four` fails at 0 and 40."""
+    """By which factor. `test_a_flow_is_made_shorter_eight_times_by_four`."""
     few: int = 3
-    """If the first so many extrapolations differ by more than `hopeless`, the others would not come down to
-    it. `test_a_flow_that_is_off_after_three_extrapolations_is_left` fails at 0 and 30."""
+    """If the first so many extrapolations differ by more than `hopeless`, the others would not come down to it.
+    `test_a_flow_that_is_off_after_three_extrapolations_is_left`."""
     hopeless: float = 1e-3
-    """That difference, as a part of the step. `test_a_flow_that_is_off_after_three_extrapolations_is_left`
-    fails at 0.0001 and 0.01."""
+    """That difference, as a part of the step. `test_a_flow_that_is_off_after_three_extrapolations_is_left`."""
     substeps: tuple[int, ...] = (2, 4, 6, 8, 10, 12, 14, 16)
     """Substeps of the midpoint rule that are extrapolated.
-    `test_a_flow_is_extrapolated_from_eight_numbers_of_substeps` fails at a tenth and at ten times of it."""
+    `test_a_flow_is_extrapolated_from_eight_numbers_of_substeps`."""
     roughly: float = 1e-5
-    """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits` fails at
-    1e-6 and 0.0001."""
+    """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits`."""
     flows: int = 2
     """One after the other, each from the point before; of many rows one, which takes long.
-    `test_two_flows_follow_each_other` fails at 0 and 20."""
+    `test_two_flows_follow_each_other`."""
     lines: int = 4
     """Straight lines through a start on switches, which are looked at on both sides.
-    `test_both_sides_of_switches_are_looked_at_on_four_lines` fails at 0 and 40."""
+    `test_both_sides_of_switches_are_looked_at_on_four_lines`."""
     looks: int = 32
     """Points of a flow at which it is looked at whether it stays on its piece.
-    `test_a_flow_is_looked_at_in_thirty_two_points` fails at 3 and 320."""
+    `test_a_flow_is_looked_at_in_thirty_two_points`."""
 
 
 PARAMETERS = FlowParameters()
