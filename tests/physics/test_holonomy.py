@@ -95,7 +95,7 @@ def area(path: witness.Path, i: int, j: int) -> float:
 def test_the_contact_form_moves_by_the_area_of_the_rectangle() -> None:
     result = verified(of_reference("pfaff_contact"), "n1")
     assert result.coordinate == "z"
-    assert result.is_drawn
+    assert result.free
     assert len(result.paths[0].corners) == 5
     assert result.amount == pytest.approx(area(result.paths[0], 0, 1), abs=1e-13)
     assert abs(result.amount) == pytest.approx(1, abs=1e-12)
@@ -199,7 +199,7 @@ def test_two_trailers() -> None:
 @pytest.mark.parametrize("row", ["rear", "front", "trailer"])
 def test_the_car_with_a_trailer_parks(row: str) -> None:
     result = verified((ROOT / "models" / "car-with-trailer.yaml").read_text(encoding="utf-8"), row, limit=20)
-    assert result.is_drawn
+    assert result.free
     assert abs(result.amount) == pytest.approx(0.5, abs=1e-9)
 
 

@@ -187,7 +187,7 @@ def test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelv
     words.offsets = lambda goal, X, count: steps.append(count) or np.full((1, 3), np.nan)
     trial = LoopTrial(goal(), words, np.ones((1, 1)))
     assert trial.ends
-    trial.first(np.ones((1, 1)), True)
+    trial.first(np.ones((1, 1)))
     assert steps == [1, 2, 12]
 
 
@@ -199,7 +199,7 @@ def test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size(moved, is_cl
 
 @pytest.mark.parametrize(("miss", "closes"), [(3e-6, True), (3e-5, False)])
 def test_a_coordinate_has_come_back_to_five_digits(miss, closes, monkeypatch):
-    monkeypatch.setattr(LoopTrial, "first", lambda trial, X, is_drawn: len(X) > 0)
+    monkeypatch.setattr(LoopTrial, "first", lambda trial, X: len(X) > 0)
     assert LoopTrial(goal(), Words([[1.0, miss, 0.0]]), np.ones((1, 1))).closing() is closes
 
 
@@ -224,13 +224,13 @@ def test_the_lengths_of_eight_words_are_solved_for(solved_for):
 
 
 def test_the_simplest_of_two_shapes_is_taken(solved_for):
-    LoopTrial(goal(), Words([[1.0, 0.0, 0.0]]), np.ones((1, 1))).free()
+    LoopTrial(goal(), Words([[1.0, 0.0, 0.0]]), np.ones((1, 1))).shaped()
     assert solved_for[0][-1] == 2
 
 
 def test_two_hundred_closed_paths_are_looked_at(monkeypatch):
     words = Words([[0.0, 0.0, 0.0]])
-    LoopTrial(goal(), words, np.ones((3000, 1))).first(np.ones((3000, 1)), True)
+    LoopTrial(goal(), words, np.ones((3000, 1))).first(np.ones((3000, 1)))
     assert words.asked == [200, 200]
 
 
@@ -239,7 +239,7 @@ def test_the_end_of_a_path_stays_with_finer_steps(change, is_smooth, monkeypatch
     proofs = []
     monkeypatch.setattr(witness, "proved", lambda *given: proofs.append(given))
     words = Words([[1.0, 0.0, 0.0]], [[1.0, change, 0.0]])
-    LoopTrial(goal(), words, np.ones((1, 1))).first(np.ones((1, 1)), True)
+    LoopTrial(goal(), words, np.ones((1, 1))).first(np.ones((1, 1)))
     assert bool(proofs) is is_smooth
 
 
@@ -312,7 +312,7 @@ def proved(monkeypatch):
         monkeypatch.setattr(witness, "_followed", followed)
         monkeypatch.setattr(witness, "_row_residual", lambda *_: residual)
         monkeypatch.setattr(witness, "_crosses", lambda *_: True)
-        return witness.proved(ProvedWords(), goal(), np.array(lengths), True), moves
+        return witness.proved(ProvedWords(), goal(), np.array(lengths)), moves
 
     return made
 
@@ -362,20 +362,25 @@ def test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside(monkeyp
 
 def test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones(monkeypatch):
     tried = []
-    for stage in ("closing", "solved", "shaped", "freely"):
+    for kind in ("words", "long_words", "paths"):
         monkeypatch.setattr(
             witness_search._WitnessSearch,
-            stage,
-            lambda search, stage=stage: tried.append((stage, search.size)),
+            kind,
+            lambda search, kind=kind: [(kind, search.size)],
+        )
+    for attempt in ("closing", "solved", "shaped"):
+        monkeypatch.setattr(
+            LoopTrial, attempt, lambda trial, attempt=attempt: tried.append((trial[0], attempt, trial[1]))
         )
     monkeypatch.setattr(witness_search.controlled_paths, "is_singular", lambda *_: False)
     assert witness_search._found([Part()], True, 0) is None
     usual = (1.0, 0.5, 0.2, 0.1)
     assert tried == [
-        *((stage, size) for stage in ("closing", "solved", "shaped") for size in usual),
-        ("freely", 1.0),
-        ("freely", 0.5),
-        *(("closing", size) for size in (0.02, 10.0, 100.0, 1e-3)),
+        *(("words", attempt, size) for attempt in ("closing", "solved") for size in usual),
+        *(("long_words", "shaped", size) for size in usual),
+        ("paths", "shaped", 1.0),
+        ("paths", "shaped", 0.5),
+        *(("words", "closing", size) for size in (0.02, 10.0, 100.0, 1e-3)),
     ]
 
 
@@ -419,7 +424,7 @@ def test_particles_are_drawn_together_to_seven_tenths():
 
 def test_three_coordinates_are_tried_as_the_one_that_moves():
     orbit = SimpleNamespace(tangent=np.eye(7)[:, :1])
-    assert search(Part(6), orbit)._movable == [0, 1, 2]
+    assert search(Part(6), orbit)._movable == [(orbit, 0), (orbit, 1), (orbit, 2)]
 
 
 def frames(A, k, rank, along=0):
@@ -466,9 +471,9 @@ def test_a_loop_of_any_shape_has_four_pieces_or_six(monkeypatch):
     monkeypatch.setattr(
         loop_words, "free_paths", lambda frame, size, timed, count: pieces.append(count) or (None, None)
     )
-    monkeypatch.setattr(witness_search._WitnessSearch, "_any_goals", lambda *_: [goal()])
-    list(search(orbit=SimpleNamespace(kernel=None))._free_trials(0))
-    assert pieces == [4, 6]
+    monkeypatch.setattr(witness_search._WitnessSearch, "_goals", lambda *_: [goal()])
+    list(search(orbit=SimpleNamespace(kernel=None, tangent=np.ones((4, 1)))).paths())
+    assert pieces == [4, 6] * 3  # of three coordinates
 
 
 # Lengths that are solved for
@@ -561,7 +566,7 @@ def test_a_path_of_any_shape_is_solved_for_from_four_starts():
 
 @pytest.mark.parametrize(("angle", "has_lift"), [(3e-6, False), (3e-5, True)])
 def test_a_direction_of_an_orbit_is_seen_to_five_digits(angle, has_lift):
-    orbit = controlled_paths.PathOrbit(np.array([[1.0], [angle]]), np.zeros((1, 1)), False, True)
+    orbit = controlled_paths.PathOrbit(np.array([[1.0], [angle]]), np.zeros((1, 1)), True)
     assert (orbit.lift(np.array([1])) is not None) is has_lift
 
 
@@ -582,8 +587,8 @@ def test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not(monkey
     assert np.linalg.norm(outs[0][0]) / 30 == pytest.approx(0.1, rel=0.1)
 
 
-def carried(monkeypatch, off, count=1, size=50):
-    """Fields carried back along paths of which `count` in 20 are this much off, and what was asked for."""
+def explored(monkeypatch, off, count=1):
+    """An orbit by paths of which `count` in 20 are this much off, and what was asked for."""
     asked = []
 
     def returned(frame, point, out, control, size, steps):
@@ -593,19 +598,19 @@ def carried(monkeypatch, off, count=1, size=50):
         return found
 
     monkeypatch.setattr(controlled_paths, "_returned", returned)
-    found, is_explored = controlled_paths._carried(None, np.zeros(size), np.eye(1, 2), 1.0)
-    return found.shape[1], is_explored, asked
+    monkeypatch.setattr(controlled_paths, "_kernel", lambda part, point: np.zeros((49, 1)))
+    return controlled_paths.through(None, np.zeros(50), 1.0, False).is_explored, asked
 
 
 def test_an_orbit_is_explored_by_forty_paths_of_three_pieces(monkeypatch):
-    _, _, asked = carried(monkeypatch, 0.0)
+    _, asked = explored(monkeypatch, 0.0)
     assert [shape[:2] for shape, _ in asked] == [(40, 3)] * 2
     assert [steps for _, steps in asked] == [2, 4]
 
 
 @pytest.mark.parametrize(("lost", "is_explored"), [(3, True), (5, False)])
 def test_an_orbit_is_explored_where_four_in_five_paths_come_back(lost, is_explored, monkeypatch):
-    assert carried(monkeypatch, 1.0, lost)[1] is is_explored
+    assert explored(monkeypatch, 1.0, lost)[0] is is_explored
 
 
 def test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides(monkeypatch):

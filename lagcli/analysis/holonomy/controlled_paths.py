@@ -63,18 +63,17 @@ class Axes:
 
     @cached_property
     def steps(self) -> paths.PathSteps:
-        """Return the steps as `Frame` does."""
-        part = self.part
+        """As of `ControlledFrame`."""
 
         def build() -> paths.PathSteps:
-            z, A = part.expressions
+            z, A = self.part.expressions
             return paths.PathSteps(paths.axes(z, A[self.chosen.tolist(), :], self.led, self.free), SCHEME)
 
-        return part.once((*self.chosen, -1, *self.led, -1, *self.free), build)
+        return self.part.once((*self.chosen, -1, *self.led, -1, *self.free), build)
 
     @cached_property
     def controls(self) -> Floats:
-        """Return the controls as `Frame` does."""
+        """As of `ControlledFrame`."""
         return np.eye(self.free.size)
 
 
@@ -90,12 +89,12 @@ class Projected:
 
     @cached_property
     def steps(self) -> paths.PathSteps:
-        """Return the steps as `Frame` does; U (N, m + 1)."""
+        """As of `ControlledFrame`; U (N, m + 1)."""
         return self.part.once((), lambda: paths.PathSteps(paths.projected(*self.part.expressions), SCHEME))
 
     @cached_property
     def controls(self) -> Floats:
-        """Return the controls as `Frame` does."""
+        """As of `ControlledFrame`."""
         k, m = self.directions.shape
         found = np.zeros((k + 1, m + 1))
         found[:k, :m], found[k, m] = self.directions, 1.0
@@ -198,13 +197,11 @@ SEED = 1973
 class PathOrbit:
     """`tangent` (k + 1, a): an orthonormal basis; `kernel` (k, m): directions of the rows with t fixed.
 
-    `timed`: paths in time; otherwise t is fixed. `is_explored`: most random paths came back, so that a smaller
-    distance shows no more.
+    `is_explored`: most random paths came back, so that a smaller distance shows no more.
     """
 
     tangent: Floats
     kernel: Floats
-    timed: bool
     is_explored: bool
 
     def lift(self, closed: npt.NDArray[np.int64]) -> Floats | None:
@@ -220,22 +217,29 @@ class PathOrbit:
 def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrbit | None:
     """The orbit of a point (k + 1,), explored over the distance `size`; None where the rows are not finite."""
     kernel = _kernel(part, point)
-    if kernel is None:
+    m = 0 if kernel is None else kernel.shape[1] + timed
+    if kernel is None or m == 0:
         return None
     frame = Projected(part, kernel)
-    m = kernel.shape[1] + timed
-    if m == 0:
-        return None
-    control = np.zeros((m, kernel.shape[1] + 1))
-    control[: kernel.shape[1], : kernel.shape[1]] = np.eye(kernel.shape[1])
-    if timed:
-        control[-1, -1] = 1.0
-    vectors, is_explored = _carried(frame, point, control, size)
+    control = np.eye(kernel.shape[1] + 1)[:m]  # of each field, the last in time
+    # The fields at the ends of random paths, carried back to the point.
+    random = np.random.default_rng(SEED)
+    count = min(PARAMETERS.paths, 2 * point.size + 4)
+    out = size * random.uniform(-1, 1, (count, PARAMETERS.segments, m)) @ control
+    out[0] = 0.0
+    rough, fine = (
+        _returned(frame, point, out, control, size, steps)
+        for steps in (PARAMETERS.steps, 2 * PARAMETERS.steps)
+    )
+    with np.errstate(invalid="ignore"):
+        # Beside a pole the difference of paths is that of their errors.
+        sure = np.abs(fine - rough).max(axis=1) <= doubles.ROOT * np.abs(fine).max(axis=1)
+    vectors = fine[sure].T
     lengths = np.linalg.norm(vectors, axis=0)
     vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
     sigma, left = decompositions.column_axes(vectors / np.linalg.norm(vectors, axis=0))
     many = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
-    return PathOrbit(left[:, :many], kernel, timed, is_explored)
+    return PathOrbit(left[:, :many], kernel, bool(sure.mean() > PARAMETERS.most))
 
 
 def is_singular(part: LocalPart, point: Floats) -> bool:
@@ -265,30 +269,10 @@ def _kernel(part: LocalPart, point: Floats) -> Floats | None:
         return None
 
 
-def _carried(frame: Projected, point: Floats, control: Floats, size: float) -> tuple[Floats, bool]:
-    """Fields of `control` (m, m + 1) at the ends of random paths, carried back to the point: columns (k + 1, .).
-
-    And whether most of them came back.
-    """
-    random = np.random.default_rng(SEED)
-    m = len(control)
-    count = min(PARAMETERS.paths, 2 * point.size + 4)
-    out = size * random.uniform(-1, 1, (count, PARAMETERS.segments, m)) @ control
-    out[0] = 0.0
-    rough, fine = (
-        _returned(frame, point, out, control, size, steps)
-        for steps in (PARAMETERS.steps, 2 * PARAMETERS.steps)
-    )
-    with np.errstate(invalid="ignore"):
-        # Beside a pole the difference of paths is that of their errors.
-        sure = np.abs(fine - rough).max(axis=1) <= doubles.ROOT * np.abs(fine).max(axis=1)
-    return np.asarray(fine[sure].T), bool(sure.mean() > PARAMETERS.most)
-
-
 def _returned(
     frame: Projected, point: Floats, out: Floats, control: Floats, size: float, steps: int
 ) -> Floats:
-    """The fields carried back along each path `out` (N, S, m + 1), (N m, k + 1), some not finite."""
+    """The fields of `control` (m, .) carried back along each path `out` (N, S, .), (N m, k + 1), some not finite."""
     far = ends(frame, point, out, steps)
     back, offset = -out[:, ::-1], PARAMETERS.offset * size
     shifted_ends = []

@@ -75,8 +75,8 @@ class Witness:
     One path is a closed loop with t fixed; of two the second is the one on which the coordinates rest, and the amount
     is the difference of their ends. `follow` are coordinates that constraints tie to the one that moved.
     `row_residual`: the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure` the
-    largest distance of a coordinate in `back` from where it should be. `is_drawn`: each move changes one free
-    coordinate. `is_shifted`: the base is not the declared start; `is_bent`: nor is the `configuration` (n,) of the
+    largest distance of a coordinate in `back` from where it should be. Each move changes one of `free`; a path of any
+    shape has none. `is_shifted`: the base is not the declared start; `is_bent`: nor is the `configuration` (n,) of the
     whole system, of which what is not in `names` rests. `holds_time`: the rows depend on t, which a closed loop holds.
     """
 
@@ -92,7 +92,6 @@ class Witness:
     row_residual: float
     surface_residual: float
     closure: float
-    is_drawn: bool
     is_shifted: bool
     is_bent: bool
     configuration: Floats
@@ -114,7 +113,7 @@ class Witness:
         return self.names.index(name)
 
 
-def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness | None:
+def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
     """The path integrated ever finer until its end stands, and everything about it measured; None if not so."""
     part = words.frame.part
     controls = words.controls(x[None])[0]
@@ -156,7 +155,6 @@ def proved(words: LoopWords, goal: Goal, x: Floats, is_drawn: bool) -> Witness |
         row_residual=residual,
         surface_residual=max(part.residual(p[:: max(1, len(p) // 100)] / scale) for p in points),
         closure=float(np.abs(end * scale)[goal.closed].max(initial=0.0)),
-        is_drawn=is_drawn,
         is_shifted=False,
         is_bent=False,
         configuration=part.whole(goal.start[None])[0],
@@ -234,7 +232,7 @@ class LoopTrial:
         amount, miss = self.ends
         with np.errstate(invalid="ignore"):
             closing = np.isfinite(amount) & (miss < loop_words.PARAMETERS.coarse * self.goal.size)
-        return self.first(self.lengths[closing], is_drawn=True)
+        return self.first(self.lengths[closing])
 
     def solved(self) -> Witness | None:
         """A word that closes after its lengths are solved for."""
@@ -250,23 +248,15 @@ class LoopTrial:
         subsets = np.concatenate([each, np.ones((1, count), dtype=bool)])
         X = np.repeat(self.lengths[near], len(subsets), axis=0)
         varied = np.tile(subsets, (len(near), 1))
-        return self.first(loop_words.solved(self.words, self.goal, X, varied), is_drawn=True)
+        return self.first(loop_words.solved(self.words, self.goal, X, varied))
 
     def shaped(self) -> Witness | None:
-        """A word from lengths taken at random that closes and moves the coordinate by half the size."""
-        return self._by_half(is_drawn=True)
-
-    def free(self) -> Witness | None:
-        """A path that closes and moves the coordinate by half the size."""
-        return self._by_half(is_drawn=False)
-
-    def _by_half(self, is_drawn: bool) -> Witness | None:
+        """A path from lengths taken at random that closes and moves the coordinate by half the size."""
         goal = dataclasses.replace(self.goal, amount=self.goal.size / 2)
         varied = np.ones(self.lengths.shape, dtype=bool)
-        found = loop_words.solved(self.words, goal, self.lengths, varied, PARAMETERS.enough)
-        return self.first(found, is_drawn)
+        return self.first(loop_words.solved(self.words, goal, self.lengths, varied, PARAMETERS.enough))
 
-    def first(self, X: Floats, is_drawn: bool) -> Witness | None:
+    def first(self, X: Floats) -> Witness | None:
         """The simplest of paths that close, if its proof holds."""
         if not len(X):
             return None
@@ -282,7 +272,7 @@ class LoopTrial:
             smooth = np.abs(fine - rough).max(axis=1) < PARAMETERS.smooth * size
             clear = np.flatnonzero((np.abs(amount) > PARAMETERS.clear * size) & smooth)
         for number in sorted(clear, key=lambda i: _effort(self.words, X[i], float(amount[i]), size))[:3]:
-            found = proved(self.words, self.goal, X[number], is_drawn)
+            found = proved(self.words, self.goal, X[number])
             if found is not None:
                 return found
         return None

@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -141,21 +141,22 @@ def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None
     for first in range(0, len(parts), PARAMETERS.together):
         group = parts[first : first + PARAMETERS.together]
         searches = list(_searches(group, shift, is_whole and group[-1] is parts[-1]))
-        # Words that close by themselves have round lengths; then those whose lengths must be solved for. Sizes
-        # far from one come last: few systems need them.
+        # Words that close by themselves have round lengths; then those whose lengths must be solved for, at last so
+        # that the coordinate moves by a round amount. Sizes far from one come last: few systems need them.
         usual, far = PARAMETERS.usual, PARAMETERS.far
         stages = (
-            (_WitnessSearch.closing, usual),
-            (_WitnessSearch.solved, usual),
-            (_WitnessSearch.shaped, usual),
-            (_WitnessSearch.freely, usual[:2]),
-            (_WitnessSearch.closing, far),
+            (_WitnessSearch.words, LoopTrial.closing, usual),
+            (_WitnessSearch.words, LoopTrial.solved, usual),
+            (_WitnessSearch.long_words, LoopTrial.shaped, usual),
+            (_WitnessSearch.paths, LoopTrial.shaped, usual[:2]),
+            (_WitnessSearch.words, LoopTrial.closing, far),
         )
-        for stage, sizes in stages:
+        for trials, attempt, sizes in stages:
             for search in searches:
-                found = stage(search) if search.size in sizes else None
-                if found is not None:
-                    return found
+                for trial in trials(search) if search.size in sizes else ():
+                    found = attempt(trial)
+                    if found is not None:
+                        return found
     return None
 
 
@@ -201,29 +202,28 @@ class _WitnessSearch:
     timed: bool
     orbits: dict[tuple[int, bool, bytes], PathOrbit]
 
-    def closing(self) -> Witness | None:
-        """A word of moves along axes, of round lengths."""
-        return self._first(trial.closing for trial in self._everything if trial.extra <= PARAMETERS.many)
+    def words(self) -> list[LoopTrial]:
+        """Words of moves along axes."""
+        return [trial for trial in self._every_word if trial.extra <= PARAMETERS.many]
 
-    def solved(self) -> Witness | None:
-        """A word of moves along axes, of lengths that are solved for."""
-        return self._first(trial.solved for trial in self._everything if trial.extra <= PARAMETERS.many)
+    def long_words(self) -> list[LoopTrial]:
+        """Those of which all round lengths would be too many."""
+        return [trial for trial in self._every_word if trial.extra > PARAMETERS.many]
 
-    def shaped(self) -> Witness | None:
-        """A longer word of moves along axes, solved so that the coordinate moves by a round amount."""
-        return self._first(trial.shaped for trial in self._everything if trial.extra > PARAMETERS.many)
-
-    def freely(self) -> Witness | None:
-        """A path of any shape, solved so that the coordinate moves by a round amount."""
-        if self._orbit is None:
-            return None
-        return self._first(trial.free for along in self._movable for trial in self._free_trials(along))
-
-    def _first(self, tries: Iterable[Callable[[], Witness | None]]) -> Witness | None:
-        for attempt in tries:
-            if (found := attempt()) is not None:
-                return found
-        return None
+    def paths(self) -> Iterator[LoopTrial]:
+        """Paths of any shape; of too many goals, those of the coordinates in which the orbit's points differ most."""
+        free = np.array([self.part.k] if self.timed else [], dtype=np.int64)
+        for found, along in self._movable:
+            frame = controlled_paths.Projected(self.part, found.kernel)
+            others = max(0, found.tangent.shape[1] - free.size - 1)
+            if math.comb(self.part.k - 1, others) <= PARAMETERS.combinations:
+                goals = list(self._goals(found, along, free))
+            else:
+                closed = _pivots(found.tangent.T, along)[1 : found.tangent.shape[1]]
+                is_crossed = self._is_crossed(found.lift(np.append(closed, along)))
+                goals = [Goal(self.base, along, closed, self.size)] if is_crossed else []
+            for goal, segments in itertools.product(goals, PARAMETERS.segments):
+                yield LoopTrial(goal, *loop_words.free_paths(frame, self.size, self.timed, segments))
 
     @cached_property
     def _orbit(self) -> PathOrbit | None:
@@ -236,12 +236,27 @@ class _WitnessSearch:
         return self.orbits[key]
 
     @cached_property
-    def _everything(self) -> list[LoopTrial]:
-        return [trial for along in self._movable for trial in self._trials(along)]
+    def _every_word(self) -> list[LoopTrial]:
+        """Words of moves along free coordinates, for each choice of them."""
+        turns = np.pi / 4 * min(1.0, self.size) / self.part.scale[:-1]
+        units = np.append(np.where(self.part.angles, turns, self.size), self.size)
+        trials = []
+        for found, along in self._movable:
+            for axes in self._frames(found, along):
+                own, m = units[axes.free], axes.free.size
+                for goal in self._goals(found, along, axes.free):
+                    extra = goal.closed.size - m
+                    if self.timed:
+                        tries = [loop_words.words_in_time(axes, m, i, own, extra) for i in range(m - 1)]
+                    else:
+                        pairs = itertools.permutations(range(m), 2)
+                        tries = [loop_words.loops(axes, m, pair, own, extra) for pair in pairs]
+                    trials += [LoopTrial(goal, words, grid) for words, grid in tries]
+        return trials
 
     @cached_property
-    def _movable(self) -> list[int]:
-        """Coordinates of the row that a reachable direction moves across it, the clearest first."""
+    def _movable(self) -> list[tuple[PathOrbit, int]]:
+        """The orbit, and each coordinate of the row that a reachable direction moves across it, the clearest first."""
         found = self._orbit
         if found is None or not found.tangent.shape[1]:
             return []
@@ -251,16 +266,17 @@ class _WitnessSearch:
             return []
         clearest = np.argsort(-np.abs(omega[:-1]), kind="stable").tolist()
         seen = [i for i in clearest if abs(omega[i]) > controlled_paths.PARAMETERS.seen]
-        return seen[: PARAMETERS.movable]
+        return [(found, i) for i in seen[: PARAMETERS.movable]]
 
     def _omega(self, z: Floats) -> Floats:
         """The row (k + 1,) at a point, of length one."""
         form = self.part.forms(z[None])[0, self.part.row]
         return np.asarray(form / (np.linalg.norm(form) or 1.0))
 
-    def _is_crossed(self, lift: Floats) -> bool:
-        """True if the last of some tangent vectors (k + 1, a) crosses the row."""
-        return bool(abs(self._omega(self.base) @ lift[:, -1]) > 10 * controlled_paths.PARAMETERS.seen)
+    def _is_crossed(self, lift: Floats | None) -> bool:
+        """True if there are tangent vectors (k + 1, a), and the last of them crosses the row."""
+        clearly = 10 * controlled_paths.PARAMETERS.seen
+        return lift is not None and bool(abs(self._omega(self.base) @ lift[:, -1]) > clearly)
 
     def _goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
         """The coordinates to close besides the free ones; those with the fewest that follow first."""
@@ -276,25 +292,6 @@ class _WitnessSearch:
                 goals.append((np.count_nonzero(lift[:, -1]), Goal(self.base, along, closed, self.size)))
         goals.sort(key=lambda one: one[0])
         yield from (goal for _, goal in goals[: 2 if missing <= PARAMETERS.many else 1])
-
-    def _trials(self, along: int) -> Iterator[LoopTrial]:
-        """Words of moves along free coordinates, for each choice of them."""
-        turns = np.pi / 4 * min(1.0, self.size) / self.part.scale[:-1]
-        units = np.append(np.where(self.part.angles, turns, self.size), self.size)
-        found = self._orbit
-        assert found is not None
-        for axes in self._frames(found, along):
-            for goal in self._goals(found, along, axes.free):
-                extra = goal.closed.size - axes.free.size
-                m = axes.free.size
-                if self.timed:
-                    tries = [
-                        loop_words.words_in_time(axes, m, i, units[axes.free], extra) for i in range(m - 1)
-                    ]
-                else:
-                    pairs = itertools.permutations(range(m), 2)
-                    tries = [loop_words.loops(axes, m, pair, units[axes.free], extra) for pair in pairs]
-                yield from (LoopTrial(goal, words, grid) for words, grid in tries)
 
     def _frames(self, found: PathOrbit, along: int) -> list[controlled_paths.Axes]:
         """Choices of free coordinates, `along` being led; those that steer best first."""
@@ -331,27 +328,6 @@ class _WitnessSearch:
                 )
         ranked.sort(key=lambda entry: entry[:2])
         return [axes for *_, axes in ranked[: PARAMETERS.choices]]
-
-    def _free_trials(self, along: int) -> Iterator[LoopTrial]:
-        """Paths of any shape."""
-        found = self._orbit
-        assert found is not None
-        frame = controlled_paths.Projected(self.part, found.kernel)
-        free = np.array([self.part.k] if self.timed else [], dtype=np.int64)
-        for goal, segments in itertools.product(self._any_goals(found, along, free), PARAMETERS.segments):
-            yield LoopTrial(goal, *loop_words.free_paths(frame, self.size, self.timed, segments))
-
-    def _any_goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
-        """Goals as of `_goals`; of too many, those of the coordinates in which the orbit's points differ most."""
-        others = max(0, found.tangent.shape[1] - free.size - 1)
-        if math.comb(self.part.k - 1, others) <= PARAMETERS.combinations:
-            yield from self._goals(found, along, free)
-            return
-        order = _pivots(found.tangent.T, along)
-        closed = order[1 : found.tangent.shape[1]]
-        lift = found.lift(np.append(closed, along))
-        if lift is not None and self._is_crossed(lift):
-            yield Goal(self.base, along, closed, self.size)
 
 
 def _pivots(rows: Floats, first: int) -> Numbers:

@@ -321,7 +321,7 @@ def _moves(found: Witness, path: Path) -> Iterator[str]:
         for name, a, b in zip(found.names, before, after, strict=True):
             if abs(b - a) > 1e-12 * max(1.0, abs(a), abs(b)):
                 text = f"{name} from {number(a)} to {number(b)}"
-                (free if name in found.free or not found.is_drawn else led).append(text)
+                (free if name in found.free or not found.free else led).append(text)
         follows = f"; so {', '.join(led)}" if led else ""
         yield (", ".join(free) or "nothing moves") + follows
 
