@@ -288,7 +288,7 @@ def _beside_deficient(system: System, surface: Codimension) -> tuple[frozenset[s
         return frozenset(), ""
     numbers, coordinates = row_block.coordinates(system)
     among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
-    names = initial.names_of(system, list(surface.rows))
+    names = initial.names_of(system, surface.rows)
     return (
         frozenset(system.rows.rows[int(i)].name for i in numbers[among]),
         f"it meets coordinates of the rows {names}, whose gradients leave more directions than there are",

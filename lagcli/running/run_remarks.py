@@ -152,7 +152,7 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
         first, count = report.crossings[0], len(report.crossings)
         times = ", ".join(f"{crossing.t:.7g}" for crossing in report.crossings[:MOST_LISTED])
         times += f" and {count - MOST_LISTED} more" if count > MOST_LISTED else ""
-        names = initial.names_of(system, list(first.participants))
+        names = initial.names_of(system, first.participants)
         loss = f"the row {names} has no direction"
         if len(first.participants) > 1:
             loss = f"the rows {names} lose {first.number} of their rank"

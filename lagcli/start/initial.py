@@ -337,7 +337,7 @@ def contradiction(system: System, rows: list[int], at: str = "") -> diagnostics.
     return diagnostics.error("contradictory-constraints", message, system.rows.rows[rows[-1]].location)
 
 
-def names_of(system: System, rows: list[int]) -> str:
+def names_of(system: System, rows: Sequence[int]) -> str:
     """The names of rows, the first of them where they are many."""
     return quoted([system.multiplier_rows[i].name for i in rows])
 

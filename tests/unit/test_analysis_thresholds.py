@@ -75,8 +75,8 @@ def test_a_gradient_that_jumps_is_not_smooth(jump: float, answer: bool) -> None:
 
 def test_newton_converges_slowly_to_a_point_that_is_not_regular() -> None:
     with pytest.raises(manifold._SlowConvergence):
-        manifold._nearby(part_of("x**2"), np.array([0.1, 0.0])[:1], 0.0)
-    assert manifold._nearby(part_of("x**2 + x"), np.array([0.1]), 0.0) is not None
+        manifold._nearby(part_of("x**2"), 0.0, np.array([0.1, 0.0])[:1])
+    assert manifold._nearby(part_of("x**2 + x"), 0.0, np.array([0.1])) is not None
 
 
 @pytest.mark.parametrize(("second", "chosen"), [(1 - 1e-10, 1), (1 - 1e-8, 0)])

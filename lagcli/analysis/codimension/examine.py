@@ -61,18 +61,6 @@ class Codimension:
 
 
 @frozen_value
-class _Set:
-    """Rows that share coordinates, their rank and codimension, and those among them that are dependent."""
-
-    kind: Kind
-    rank: int
-    codimension: int
-    rows: Rows
-    coordinates: Rows
-    follow: Rows
-
-
-@frozen_value
 class _Case:
     """A system at a state, and the later times at which rows are looked at again."""
 
@@ -116,7 +104,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     dependencies = [dependency for dependency in chosen.dependencies if several.issuperset(dependency)]
     if len(dependencies) > MOST_DEPENDENCIES:
         left_out = tuple(dependency[0] for dependency in dependencies)
-        such_as = initial.names_of(system, list(left_out[:1]))
+        such_as = initial.names_of(system, left_out[:1])
         reason = (
             f"{len(left_out)} rows depend on others at the start, such as {such_as}:"
             f" that they follow from them is proved of {MOST_DEPENDENCIES} rows at most"
@@ -135,9 +123,9 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
         ]
         several = {i for group in failing for i in group}
     dependent = sorted({i for dependency in chosen.dependencies for i in dependency})
-    sets = [_Set("redundant", 0, 0, dependent, [], follow)]
+    sets = [Codimension("redundant", 0, 0, tuple(dependent), (), tuple(follow))]
     for among in _around(B, set(follow)) if failing else ():
-        some = sorted({i for group in failing for i in group}.intersection(among))
+        some = tuple(sorted({i for group in failing for i in group}.intersection(among)))
         if some:
             sets.append(_examined(case, among, some, independent))
     flat = {dependency[0] for dependency in chosen.dependencies if len(dependency) == 1}
@@ -217,22 +205,21 @@ def _batches(groups: list[Rows]) -> list[list[Rows]]:
     return lots
 
 
-def _examined(case: _Case, among: Rows, some: Rows, independent: set[int]) -> _Set:
+def _examined(case: _Case, among: Rows, some: tuple[int, ...], independent: set[int]) -> Codimension:
     """Examine rows that share coordinates, of which `some` depend on one another."""
     from lagcli.analysis.codimension import manifold, scaled_equations, second_order
 
     row_rank = len(independent.intersection(among))
-    unknown = _Set("undecided", row_rank, row_rank, some, [], [])
+    unknown = Codimension("undecided", row_rank, row_rank, some)
     if len(among) > metric_rows.PARAMETERS.dense:
         return unknown
     part = case.part(among)
-    unknown = dataclasses.replace(unknown, coordinates=part.coordinates)
+    unknown = dataclasses.replace(unknown, coordinates=tuple(part.coordinates))
     if not scaled_equations.is_smooth(part):
         return unknown
     if manifold.is_regular(part, row_rank, case.times):
-        return dataclasses.replace(
-            unknown, kind="redundant", follow=[i for i in some if i not in independent]
-        )
+        follow = tuple(i for i in some if i not in independent)
+        return dataclasses.replace(unknown, kind="redundant", follow=follow)
     dimension = second_order.dimension(part, row_rank, case.times)
     if dimension is not None:
         return dataclasses.replace(unknown, kind="deficient", codimension=len(part.coordinates) - dimension)
@@ -242,7 +229,7 @@ def _examined(case: _Case, among: Rows, some: Rows, independent: set[int]) -> _S
     return unknown
 
 
-def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Codimension:
+def _joined(system: System, found: int, sets: list[Codimension], flat: set[int]) -> Codimension:
     """The answer for all sets; flat: rows whose gradients vanish."""
     kind = max((one.kind for one in sets), key=ORDER.index)
     rows = tuple(sorted({i for one in sets if one.kind == kind for i in one.rows}))
@@ -268,7 +255,7 @@ def _joined(system: System, found: int, sets: list[_Set], flat: set[int]) -> Cod
             " surface"
         )
         return Codimension(kind, found, None, rows, coordinates, follow, reason, notes)
-    codimension = found + sum(one.codimension - one.rank for one in sets)
+    codimension = found + sum((one.codimension or 0) - one.rank for one in sets)
     return Codimension(kind, found, codimension, rows, coordinates, follow, "", notes)
 
 

@@ -10,6 +10,7 @@ B is lower than on the surface around it.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -66,10 +67,13 @@ SEED = 20061
 
 
 class Look:
-    """Equations F (E,) at a point with the lengths of their gradients (E,), and those that cut out the manifold."""
+    """Equations F (E,) at a point with the lengths of their gradients (E,), and those that cut out the manifold.
 
-    def __init__(self, F: Floats, lengths: Floats, chosen: Linearized) -> None:
-        self.F, self.lengths, self.chosen = F, lengths, chosen
+    left: what Newton's method leaves of these, where others are sums of many.
+    """
+
+    def __init__(self, F: Floats, lengths: Floats, chosen: Linearized, left: float = 0.0) -> None:
+        self.F, self.lengths, self.chosen, self.left = F, lengths, chosen, left
         self.is_finite = bool(np.isfinite(F).all() and np.isfinite(lengths).all() and chosen.is_finite)
 
     def tangent(self, direction: Floats) -> Floats:
@@ -89,10 +93,6 @@ class Manifold:
         B = metric_rows.of_dense(self._matrix @ J)
         chosen = Linearized(self._matrix @ F, B, Metric.unit(z.size), rounding=self.rounding)
         return Look(F, np.asarray(np.linalg.norm(J, axis=1)), chosen)
-
-    def left(self, look: Look) -> float:
-        """What Newton's method leaves of the equations that cut out the manifold, where others are sums of many."""
-        return 0.0
 
     def reached(self, z: Floats, t: float) -> Floats | None:
         """The point of the manifold that Newton's method reaches from z, or None."""
@@ -114,11 +114,9 @@ class Manifold:
     def holds_all(self, z: Floats, t: float, off: float) -> bool:
         """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
         look = self.look(z, t)
-        F, off = look.F, max(off, self.left(look))
-        limit = (
-            min(doubles.VALUE + PARAMETERS.written * off, doubles.ZERO) + PARAMETERS.roundings * self.rounding
-        )
-        return bool(np.abs(F).max(initial=0.0) <= limit) and limit < rank.PARAMETERS.small
+        most = min(doubles.VALUE + PARAMETERS.written * max(off, look.left), doubles.ZERO)
+        limit = most + PARAMETERS.roundings * self.rounding
+        return bool(np.abs(look.F).max(initial=0.0) <= limit) and limit < rank.PARAMETERS.small
 
     def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
         """True if some equations do not vanish at points of the manifold far along a straight line from z."""
@@ -144,15 +142,12 @@ class LargeManifold(Manifold):
     def __init__(self, part: ScaledPart, chosen: list[int]) -> None:
         self._part, self._chosen, self.rounding = part, chosen, part.rounding
 
-    def left(self, look: Look) -> float:
-        """The largest of them."""
-        return float(np.abs(look.chosen.f).max(initial=0.0))
-
     def look(self, z: Floats, t: float) -> Look:
         """The rows at a point."""
         F, J = self._part.entries_at(z, t)
-        B = J.B[self._chosen, :]
-        return Look(F, J.norms, Linearized(F[self._chosen], B, Metric.unit(z.size), rounding=self.rounding))
+        f, B = F[self._chosen], J.B[self._chosen, :]
+        chosen = Linearized(f, B, Metric.unit(z.size), rounding=self.rounding)
+        return Look(F, J.norms, chosen, float(np.abs(f).max(initial=0.0)))
 
 
 def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | None:
@@ -224,46 +219,35 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     failed = 0
     random = np.random.default_rng(BRANCH_SEED)
     for point in range(PARAMETERS.branch_points):
-        z: Floats | None = part.begin
+        z = part.begin
         t = times[point % len(times)] if times else part.state.t
         size = projection.PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
-        try:
-            for _ in range(PARAMETERS.branch_steps if point < PARAMETERS.branch_walks else 1):
-                z = None if z is None else _step(part, z, t, random, size)
-        except _SlowConvergence:
-            return {None}
-        if z is None:
-            failed += 1
+        for _ in range(PARAMETERS.branch_steps if point < PARAMETERS.branch_walks else 1):
+            # A random step along the kernel of B, and back to the surface.
+            tangent = rank.null_basis(decompositions.unit(part.at(z, t)[1]))
+            direction = tangent @ random.standard_normal(tangent.shape[1])
+            largest = float(np.abs(direction).max(initial=0.0))
+            step = size * direction / largest if largest > 0 else direction
+            try:
+                there = surface.walk(functools.partial(_nearby, part, t), z, step)
+            except _SlowConvergence:
+                return {None}
+            if there is None:
+                failed += 1
+                break
+            z = there
         else:
-            found.add(_at(part.moved(z, t), [time for time in times if time > t]))
+            here = part.moved(z, t)
+            count = rank.space(decompositions.unit(here.at(here.begin, t)[1])).value
+            later = [time for time in times if time > t]
+            is_proved = count is not None and (count == len(part.rows) or is_regular(here, count, later))
+            found.add(count if is_proved else None)
         if None in found or len(found) > 1 or failed > PARAMETERS.branch_points // 2:
             return {None}
     return found
 
 
-def _at(part: ScaledPart, times: Sequence[float]) -> int | None:
-    """The codimension at a point, or None."""
-    _, J = part.at(part.begin, part.state.t)
-    count = rank.space(decompositions.unit(J)).value
-    if count is None:
-        return None
-    return count if count == len(part.rows) or is_regular(part, count, times) else None
-
-
-def _step(part: ScaledPart, z: Floats, t: float, random: np.random.Generator, size: float) -> Floats | None:
-    """A random step along the kernel of B, back to the surface where Newton's method squares the residual.
-
-    Raises `_SlowConvergence`.
-    """
-    _, J = part.at(z, t)
-    tangent = rank.null_basis(decompositions.unit(J))
-    direction = tangent @ random.standard_normal(tangent.shape[1])
-    largest = float(np.abs(direction).max(initial=0.0))
-    step = size * direction / largest if largest > 0 else direction
-    return surface.walk(lambda there: _nearby(part, there, t), z, step)
-
-
-def _nearby(part: ScaledPart, z: Floats, t: float) -> Floats | None:
+def _nearby(part: ScaledPart, t: float, z: Floats) -> Floats | None:
     """The point that Newton's steps reach, each squaring a small residual, or None. Raises `_SlowConvergence`."""
 
     def at(z: Floats) -> Linearized | None:

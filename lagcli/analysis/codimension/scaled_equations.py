@@ -153,8 +153,22 @@ class _Second:
 def _second(plain: ScaledPart, J: LocalRows) -> _Second:
     """Rows over other coordinates each are looked at together."""
     k, m = J.count, len(plain.coordinates)
+    columns: list[list[int]] = [[] for _ in range(k)]
+    for i, j in zip(J.row.tolist(), J.column.tolist(), strict=True):
+        columns[i].append(j)
+    # Sets of rows that have no coordinate in common, each row in the first that has room for it
+    apart: list[Indices] = []
+    sets_of: dict[int, set[int]] = {}
+    for i, own in enumerate(columns):
+        taken = set().union(*(sets_of.get(j, set()) for j in own))
+        number = next(n for n in range(len(apart) + 1) if n not in taken)
+        if number == len(apart):
+            apart.append([])
+        apart[number].append(i)
+        for j in own:
+            sets_of.setdefault(j, set()).add(number)
     indices, sizes = [], []
-    for rows in _apart(J):
+    for rows in apart:
         chosen, owner = np.zeros(k), np.full(m, -1, dtype=np.intp)
         chosen[rows] = 1.0
         among = chosen[J.row] > 0
@@ -165,24 +179,6 @@ def _second(plain: ScaledPart, J: LocalRows) -> _Second:
         sizes.append(np.abs(values[there]))
     row, one, other = np.concatenate(indices, axis=1)
     return _Second(row, one, other, np.concatenate(sizes), (k, m))
-
-
-def _apart(J: LocalRows) -> list[Indices]:
-    """Sets of rows that have no coordinate in common, each row in the first that has room for it."""
-    columns: list[list[int]] = [[] for _ in range(J.count)]
-    for row, column in zip(J.row.tolist(), J.column.tolist(), strict=True):
-        columns[row].append(column)
-    found: list[Indices] = []
-    sets_of: dict[int, set[int]] = {}
-    for row, own in enumerate(columns):
-        taken = set().union(*(sets_of.get(column, set()) for column in own))
-        number = next(n for n in range(len(found) + 1) if n not in taken)
-        if number == len(found):
-            found.append([])
-        found[number].append(row)
-        for column in own:
-            sets_of.setdefault(column, set()).add(number)
-    return found
 
 
 def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> ScaledPart:

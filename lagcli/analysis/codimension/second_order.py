@@ -16,7 +16,6 @@ omega(y) . f(y + u) + c |f(y + u)|^2 is positive for small u across Y and c larg
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -99,26 +98,17 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
         return None
     stress, kernel = rigid
     deflated = Deflated(part, stress, stresses)
-    found = manifold.along(deflated, deflated.begin, t, deflated.begin.size - kernel)
-    if (
-        found is None
-        or _shift(found, deflated, t) > doubles.SUM + manifold.PARAMETERS.roundings * part.rounding
-    ):
-        return None
-    if not manifold.satisfies_all(found, deflated.begin, t, times):
-        return None
-    return kernel
-
-
-def _shift(found: manifold.Manifold, deflated: Deflated, t: float) -> float:
-    """The distance of the start from the manifold, in its coordinates; inf where Newton's method finds no way to it."""
     begin = deflated.begin
+    found = manifold.along(deflated, begin, t, begin.size - kernel)
+    if found is None:
+        return None
+    # The start is on the manifold, in its coordinates.
     F, J = deflated.at(begin, t)
-    step = rank.space(J, is_whole=False).step(F)
-    there = found.reached(begin - step, t)
-    if there is None:
-        return math.inf
-    return float(np.abs((there - begin)[: len(deflated.part.coordinates)]).max(initial=0.0))
+    there = found.reached(begin - rank.space(J, is_whole=False).step(F), t)
+    off = doubles.SUM + manifold.PARAMETERS.roundings * part.rounding
+    if there is None or np.abs((there - begin)[: len(part.coordinates)]).max(initial=0.0) > off:
+        return None
+    return kernel if manifold.satisfies_all(found, begin, t, times) else None
 
 
 def _rigid_stress(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:
